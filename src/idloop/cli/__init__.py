@@ -1,0 +1,1 @@
+"""The command `idloop`: one file per verb, loaded when the verb is used."""

@@ -1,0 +1,280 @@
+"""What the verbs share: arguments (MODEL, BAG, --set, --effect, --plot), --json, tables, progress."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import enum
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+# ---------------------------------------------------------------- arguments
+
+
+class ModelArgument(click.ParamType):
+    """MODEL: the name of a preset or the path of a model file."""
+
+    name = "MODEL"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ARG002
+        """Load it; an InputError says in one line what is wrong with it."""
+        from idloop.physics import load_model
+
+        # A default may already be a model.
+        return load_model(value) if isinstance(value, str) else value
+
+
+class BagArgument(click.ParamType):
+    """BAG: a recording that exists (a folder or a file)."""
+
+    name = "BAG"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:  # noqa: ARG002
+        """Check that it is there."""
+        path = Path(value)
+        if not path.exists():
+            raise InputError(f"no bag {value}: check the path (recordings go to bags/ by default)")
+        return path
+
+
+class PlotArgument(click.ParamType):
+    """FILE of --plot: its suffix chooses the format."""
+
+    name = "FILE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:  # noqa: ARG002
+        """Check suffix and folder before the work is done, not after it."""
+        path = Path(value)
+        if path.suffix.lower() not in PLOT_SUFFIXES:
+            raise InputError(f"--plot {value}: the suffix must be one of {', '.join(PLOT_SUFFIXES)}")
+        return check_folder(path, "--plot")
+
+
+MODEL = ModelArgument()
+BAG = BagArgument()
+PLOT = PlotArgument()
+
+
+def check_folder(path: Path, what: str) -> Path:
+    """Return `path` when its folder exists.
+
+    Raises
+    ------
+    InputError
+        When a file could not be written there.
+    """
+    if not path.parent.is_dir():
+        raise InputError(f"{what} {path}: there is no folder {path.parent}, make it first")
+    if path.is_dir():
+        raise InputError(f"{what} {path}: this is a folder, name a file")
+    return path
+
+
+def plot_option(function: Function) -> Function:
+    """Add `--plot FILE`, given to the verb as `plot` (a path or None)."""
+    return click.option("--plot", type=PLOT, metavar="FILE", help="Write the figure (.png, .svg, .pdf).")(function)
+
+
+def model_options(function: Function) -> Function:
+    """Add `--set NAME=VALUE` and `--effect NAME@SITE(...)`, for `apply_options`."""
+    function = click.option(
+        "--effect",
+        "effects",
+        multiple=True,
+        metavar="NAME@SITE[(PARAMETER=VALUE,...)]",
+        help="Add an effect to the model, as in --effect 'dead_zone@input(width=0.1)'. May be repeated.",
+    )(function)
+    return click.option(
+        "--set",
+        "settings",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help="Change a parameter of the model, as in --set motor.inertia=0.5. May be repeated.",
+    )(function)
+
+
+def parse_setting(text: str) -> tuple[str, float]:
+    """Split "motor.inertia=0.5" into its name and its value.
+
+    Raises
+    ------
+    InputError
+        When there is no "=" or the value is not a finite number.
+    """
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise InputError(f"--set {text}: write NAME=VALUE, as in --set motor.inertia=0.5")
+    try:
+        number = float(value)
+    except ValueError:
+        raise InputError(f"--set {text}: {value.strip()!r} is not a number") from None
+    if not math.isfinite(number):
+        raise InputError(f"--set {text}: the value must be finite")
+    return name.strip(), number
+
+
+def apply_options(model: Model, settings: Sequence[str], effects: Sequence[str]) -> Model:
+    """Model with the effects of `--effect` added and then the values of `--set` in place."""
+    if effects:
+        model = model.with_effects(list(effects))
+    if settings:
+        model = model.with_values(dict(map(parse_setting, settings)))
+    return model
+
+
+def read_records(bags: Iterable[Path], model: Model) -> list[Record]:
+    """Read the streams that the model names from each bag."""
+    from idloop.records import read_record
+
+    return [read_record(bag, model) for bag in bags]
+
+
+class ListOptionCommand(click.Command):
+    """A command whose repeatable path options also take several values at once: `--validate A B C`.
+
+    Only options in `list_options` do so: they take the words up to the next option.
+    """
+
+    list_options: tuple[str, ...] = ("--validate",)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Write the option again before each further value, which is what click understands."""
+        spelled: list[str] = []
+        option = ""
+        values = 0
+        for word in args:
+            if word.startswith("-") and word != "-":
+                option, values = (word if word in self.list_options else ""), 0
+                spelled.append(word)
+                continue
+            values += 1
+            spelled.extend([option, word] if option and values > 1 else [word])
+        return super().parse_args(ctx, spelled)
+
+
+# ---------------------------------------------------------------- output
+
+
+def json_option(function: Function) -> Function:
+    """Add `--json`, given to the verb as `as_json`."""
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON document on stdout, nothing else.")(
+        function
+    )
+
+
+def to_json(value: Any) -> Any:
+    """Plain JSON types of anything the library returns; a number that is not finite becomes null."""
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, enum.Enum):
+        return to_json(value.value)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_json(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    # NumPy's arrays and scalars, told by what they can do so that NumPy need not be imported.
+    if hasattr(value, "tolist"):
+        return to_json(value.tolist())
+    if isinstance(value, set | frozenset):
+        return [to_json(item) for item in sorted(value)]
+    if isinstance(value, Iterable):
+        return [to_json(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, int):
+        return value
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def print_json(document: Any) -> None:
+    """Print the one document of a verb called with `--json`."""
+    click.echo(json.dumps(to_json(document), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def log(text: str) -> None:
+    """Write one line for the reader on stderr, where it disturbs neither tables nor JSON."""
+    click.echo(text, err=True)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Text of a number in tables; "-" where there is none."""
+    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def format_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Text of aligned columns: words to the left, numbers to the right.
+
+    The same on a terminal and in a pipe, so that scripts and eyes see one thing.
+    """
+    cells = [list(map(str, row)) for row in rows]
+    columns = list(zip(header, *cells, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    numeric = [bool(column[1:]) and all(_looks_numeric(cell) for cell in column[1:]) for column in columns]
+
+    def line(row: Sequence[str]) -> str:
+        padded = (
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, numeric, strict=True)
+        )
+        return "  ".join(padded).rstrip()
+
+    return "\n".join([line(header), line(["-" * width for width in widths]), *map(line, cells)])
+
+
+def _looks_numeric(cell: str) -> bool:
+    return cell in {"", "-"} or cell.lstrip("+-±").replace("%", "").strip()[:1].isdigit()
+
+
+def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print `format_table`."""
+    click.echo(format_table(header, rows))
+
+
+@contextlib.contextmanager
+def progress(text: str) -> Iterator[Callable[..., None]]:
+    """Bar on stderr while the block runs; nothing at all where stderr is no terminal.
+
+    Yields
+    ------
+    callable
+        `update(fraction, note="")` with the part done, from 0 to 1.
+    """
+    if not sys.stderr.isatty():
+        yield lambda *_, **__: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task(text, total=1.0, note="")
+
+        def update(fraction: float, note: str = "") -> None:
+            bars.update(task, completed=min(max(float(fraction), 0.0), 1.0), note=note)
+
+        yield update

@@ -1,0 +1,152 @@
+"""The command `idloop`: finds the verb, loads only that one, and turns every failure into one line."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from typing import NamedTuple, NoReturn
+
+import click
+
+from idloop import __version__
+from idloop.errors import IdloopError, InputError
+
+DONE, COULD_NOT, WRONG_USE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+COMPLETE = "_IDLOOP_COMPLETE"  # click's name for the variable by which a shell asks for completions
+
+
+class Verb(NamedTuple):
+    """Where a verb lives and what it does, in one line; its module has a click command `command`."""
+
+    module: str
+    summary: str
+
+
+VERBS: dict[str, Verb] = {
+    "model": Verb("idloop.cli.model", "Print a preset model, or check a model file and print it whole."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group that knows its verbs' names and summaries without importing any of them."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Verbs in the order of the table, which is that of the work."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import the verb; None when there is none of that name."""
+        if cmd_name not in VERBS:
+            return None
+        command: click.Command = importlib.import_module(VERBS[cmd_name].module).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the table of verbs from their summaries alone."""
+        with formatter.section("Verbs"):
+            formatter.write_dl([(name, verb.summary) for name, verb in VERBS.items()])
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the verb, or say which one was probably meant."""
+        name = args[0]
+        if name not in VERBS and not name.startswith("-"):
+            near = difflib.get_close_matches(name, VERBS, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"choose from {', '.join(VERBS)}"
+            raise click.UsageError(f"no verb {name!r}: {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=LazyGroup, invoke_without_command=True, no_args_is_help=False)
+@click.version_option(__version__, prog_name="idloop")
+@click.pass_context
+def group(ctx: click.Context) -> None:
+    """Identification in the loop: what a servo axis really does.
+
+    Every verb has --help. With --json it prints one JSON document on stdout; logs go to stderr.
+    Exit code 0: done, 1: could not, 2: wrong use or bad input.
+    """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())
+
+
+def _complain(verb: str, text: object) -> None:
+    sys.stderr.write(f"idloop {verb}".rstrip() + f": {_one_line(text)}\n")
+
+
+def _usage_line(error: click.ClickException, verb: str) -> str:
+    text = _one_line(error.format_message())
+    # Messages of our own already say how to mend it.
+    hint = "" if ": " in text or not isinstance(error, click.UsageError) else f" (see: idloop {verb} --help)"
+    return text + hint.replace("  ", " ")
+
+
+def _save_traceback() -> str:
+    with tempfile.NamedTemporaryFile("w", prefix="idloop-", suffix=".log", delete=False) as file:
+        traceback.print_exc(file=file)
+    return file.name
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit code; every failure is one line on stderr.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The command line without the program's name.
+
+    Returns
+    -------
+    int
+        0 done, 1 could not, 2 wrong use or bad input, 130 after Ctrl-C, 141 when the reader of stdout has gone.
+    """
+    # The group itself takes no option with a value, so the first word is the verb.
+    verb = next((word for word in arguments if not word.startswith("-")), "")
+    try:
+        # Not group.main: it would answer a closed pipe and Ctrl-C in its own way.
+        with group.make_context("idloop", list(arguments)) as context:
+            result = group.invoke(context)
+        sys.stdout.flush()
+    except click.exceptions.Exit as end:
+        sys.stdout.flush()
+        return end.exit_code
+    except InputError as error:
+        _complain(verb, error)
+        return WRONG_USE
+    except IdloopError as error:
+        _complain(verb, error)
+        return COULD_NOT
+    except click.ClickException as error:
+        _complain(verb if verb in VERBS else "", _usage_line(error, verb))
+        return WRONG_USE
+    except (click.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes stdout once more at its end: give it somewhere to go.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except Exception as error:
+        if os.environ.get("IDLOOP_DEBUG"):
+            raise
+        _complain(verb, f"a fault in idloop, {type(error).__name__}: {error} (traceback: {_save_traceback()})")
+        return COULD_NOT
+    return result if isinstance(result, int) else DONE
+
+
+def main() -> NoReturn:
+    """Run the command line of this process, or complete it for the shell."""
+    if instruction := os.environ.get(COMPLETE):
+        from click.shell_completion import shell_complete
+
+        sys.exit(shell_complete(group, {}, "idloop", COMPLETE, instruction))
+    sys.exit(run(sys.argv[1:]))
