@@ -1,0 +1,52 @@
+"""Every conversion between a message's bytes and the values the library works with.
+
+Nodes publish and subscribe raw CDR bytes: no message object is built on a control path, and the
+bytes of equal values are equal.
+"""
+
+from idloop_nodes.codec.cdr import CdrError
+from idloop_nodes.codec.diagnostics import Level, Status, decode_diagnostics, encode_diagnostics
+from idloop_nodes.codec.joints import (
+    JointReader,
+    JointSample,
+    JointWriter,
+    decode_header,
+    decode_joint_state,
+    decode_time,
+    encode_header,
+    encode_joint_state,
+    encode_time,
+    peek_stamp,
+)
+from idloop_nodes.codec.results import (
+    FitSummary,
+    ParameterSummary,
+    fit_from_statuses,
+    fit_to_statuses,
+    parameters_from_statuses,
+    parameters_to_statuses,
+)
+
+__all__ = [
+    "CdrError",
+    "FitSummary",
+    "JointReader",
+    "JointSample",
+    "JointWriter",
+    "Level",
+    "ParameterSummary",
+    "Status",
+    "decode_diagnostics",
+    "decode_header",
+    "decode_joint_state",
+    "decode_time",
+    "encode_diagnostics",
+    "encode_header",
+    "encode_joint_state",
+    "encode_time",
+    "fit_from_statuses",
+    "fit_to_statuses",
+    "parameters_from_statuses",
+    "parameters_to_statuses",
+    "peek_stamp",
+]

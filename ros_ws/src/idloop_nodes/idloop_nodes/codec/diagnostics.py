@@ -1,0 +1,93 @@
+"""diagnostic_msgs/DiagnosticArray: bytes to statuses and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from idloop_nodes.codec.cdr import CdrError, CdrReader, CdrWriter
+
+SECOND = 1_000_000_000
+
+
+class Level(IntEnum):
+    """Levels of a DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class Status:
+    """One diagnostic_msgs/DiagnosticStatus.
+
+    Attributes
+    ----------
+    name : str
+        ``node: check``.
+    message : str
+        One line a person reads.
+    level : Level
+        How bad it is.
+    values : dict of str to str
+        Key values, in order.
+    hardware_id : str
+        What the status is about.
+    """
+
+    name: str
+    message: str = ""
+    level: Level = Level.OK
+    values: dict[str, str] = field(default_factory=dict)
+    hardware_id: str = ""
+
+
+def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status], frame_id: str = "") -> bytes:
+    """Return a DiagnosticArray as bytes."""
+    writer = CdrWriter()
+    writer.int32(stamp_ns // SECOND)
+    writer.uint32(stamp_ns % SECOND)
+    writer.string(frame_id)
+    writer.uint32(len(statuses))
+    for status in statuses:
+        writer.uint8(int(status.level))
+        writer.string(status.name)
+        writer.string(status.message)
+        writer.string(status.hardware_id)
+        writer.uint32(len(status.values))
+        for key, value in status.values.items():
+            writer.string(key)
+            writer.string(value)
+    return writer.finish()
+
+
+def decode_diagnostics(data: bytes) -> tuple[int, list[Status]]:
+    """Return stamp in nanoseconds and statuses of a DiagnosticArray.
+
+    Raises
+    ------
+    CdrError
+        When the bytes are cut short or no DiagnosticArray.
+    """
+    reader = CdrReader(data)
+    stamp = reader.int32() * SECOND + reader.uint32()
+    reader.string()
+    statuses = []
+    for _ in range(_count(reader)):
+        level = reader.uint8()
+        if level not in tuple(Level):
+            raise CdrError(f"{level} is no diagnostic level")
+        name, message, hardware = reader.string(), reader.string(), reader.string()
+        values = {reader.string(): reader.string() for _ in range(_count(reader))}
+        statuses.append(Status(name, message, Level(level), values, hardware))
+    return stamp, statuses
+
+
+def _count(reader: CdrReader) -> int:
+    size = reader.uint32()
+    if size > len(reader.data):
+        raise CdrError(f"a sequence of {size} items cannot be in {len(reader.data)} bytes")
+    return size

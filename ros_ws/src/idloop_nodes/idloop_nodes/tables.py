@@ -1,0 +1,194 @@
+"""Every parameter of every node: the one place that declaration, checks and documentation read."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from idloop_nodes.parameters import NodeParameter as P
+from idloop_nodes.parameters import Table
+from idloop_nodes.wiring import RECORDED
+
+MODES = ("lockstep", "realtime")
+
+MODE = P(
+    "mode",
+    "str",
+    "lockstep",
+    "lockstep: deterministic, as fast as the machine allows; realtime: against the wall clock.",
+    choices=MODES,
+    read_only=True,
+)
+SAMPLE_TIME = P(
+    "sample_time", "float", 0.001, "Period of the loop.", unit="s", minimum=1e-4, maximum=10.0, read_only=True
+)
+PEERS = P(
+    "peers",
+    "strs",
+    (),
+    "Kinds of nodes in this graph; each waits until its streams are matched with all of them.",
+    read_only=True,
+)
+START_TIMEOUT = P(
+    "start_timeout", "float", 30.0, "Longest wait for the peers.", unit="s", minimum=0.1, read_only=True
+)
+MODEL = P("model", "str", "dc_motor", "Model: name of a preset or path of a model file.")
+EFFECTS = P("effects", "strs", (), "Effects added to the model: name@site or name@site(parameter=value,...).")
+AUTOSTART = P("autostart", "bool", True, "Configure and activate by itself.", read_only=True)
+WINDOW = P(
+    "listener_window",
+    "int",
+    1000,
+    "Samples that a listener may lag behind before the loop waits for it.",
+    minimum=10,
+    maximum=4000,
+    read_only=True,
+)
+LISTENERS = P(
+    "listeners", "strs", (), "Names of the nodes that must not lose a sample (lock-step).", read_only=True
+)
+DRAIN_TIMEOUT = P(
+    "drain_timeout",
+    "float",
+    300.0,
+    "Longest wait, at the end, for listeners to finish their work.",
+    unit="s",
+    minimum=0.0,
+)
+COMMON: Table = (MODE, SAMPLE_TIME, PEERS, START_TIMEOUT)
+
+PLANT: Table = (
+    *COMMON,
+    P(MODEL.name, "str", MODEL.default, MODEL.description, read_only=True),
+    P(EFFECTS.name, "strs", (), "Hidden effects: " + EFFECTS.description, read_only=True),
+    P("duration", "float", 0.0, "Length of the run; 0 runs until stopped.", unit="s", minimum=0.0, read_only=True),
+    P("start_time", "float", 1.0, "Stamp of the first sample (lock-step).", unit="s", minimum=0.0, read_only=True),
+    P("seed", "int", 0, "Seed of noise and disturbance.", minimum=0, maximum=2**53, read_only=True),
+    P("noise", "bool", True, "Measurement noise on or off.", read_only=True),
+    P(
+        "disturbance_std",
+        "float",
+        0.0,
+        "Standard deviation of the disturbance torque on the driven body, in the drive's unit.",
+        minimum=0.0,
+        read_only=True,
+    ),
+    P(
+        "disturbance_time_constant",
+        "float",
+        1.0,
+        "Correlation time of the disturbance.",
+        unit="s",
+        minimum=1e-3,
+        read_only=True,
+    ),
+    P("clock_rate", "float", 100.0, "Simulated rate of /clock (lock-step).", unit="Hz", minimum=1.0, read_only=True),
+    P("command_timeout", "float", 0.2, "Real time: command falls to zero after this silence.", unit="s", minimum=0.0),
+    LISTENERS,
+    WINDOW,
+    DRAIN_TIMEOUT,
+)
+
+CONTROLLER: Table = (
+    *COMMON,
+    AUTOSTART,
+    P("model", "str", "dc_motor", "Model whose input, outputs and controller section are used.", read_only=True),
+    P(
+        "controller",
+        "str",
+        "",
+        "Controller as YAML flow text, for instance {type: pid, kp: 8.4, ...}; empty takes the model's.",
+        read_only=True,
+    ),
+    P("use_reference", "bool", True, "Wait for and follow `reference`.", read_only=True),
+    P("use_excitation", "bool", False, "Wait for and add `excitation`.", read_only=True),
+    P("watchdog", "float", 0.05, "Real time: zero command after this silence.", unit="s", minimum=1e-3),
+    P("phase", "float", 0.5, "Real time: when in the period the command is computed.", minimum=0.1, maximum=0.9),
+)
+
+RECORDER: Table = (
+    *COMMON,
+    P("topics", "strs", RECORDED, "What to record.", read_only=True),
+    P("bag", "str", "", "Folder of the recording; refused when it exists. Empty: named by time.", read_only=True),
+    P("directory", "str", "bags", "Where recordings named by time go.", read_only=True),
+    P("prefix", "str", "run", "First part of a name by time.", read_only=True),
+    P("split_size", "float", 0.0, "New file after this much data; 0 never.", unit="MB", minimum=0.0),
+    P("split_duration", "float", 0.0, "New file after this long; 0 never.", unit="s", minimum=0.0),
+    P(
+        "queue_limit",
+        "int",
+        500_000,
+        "Messages that may wait for the disk; more are dropped and counted.",
+        minimum=1000,
+    ),
+)
+
+ESTIMATOR: Table = (
+    *COMMON,
+    MODEL,
+    EFFECTS,
+    P("window", "float", 20.0, "Length of the data a fit uses.", unit="s", minimum=0.05),
+    P("validation", "float", 10.0, "Length of the data after it on which the fit is judged.", unit="s", minimum=0.05),
+    P("fit_period", "float", 10.0, "Time between fits; 0 fits on request only.", unit="s", minimum=0.0),
+    P(
+        "criterion",
+        "str",
+        "auto",
+        "What a fit minimises.",
+        choices=("auto", "prediction", "simulation", "force"),
+    ),
+    P("recursive", "bool", True, "Predict every sample while parameters and state are estimated.", read_only=True),
+)
+
+REPLAY: Table = (
+    PEERS,
+    START_TIMEOUT,
+    P("bag", "str", "", "Recording to play.", read_only=True),
+    P("topics", "strs", ("reference", "excitation", "joint_command", "joint_states"), "What to play.", read_only=True),
+    P("rate", "float", 0.0, "Times real time; 0 plays as fast as the listeners acknowledge.", minimum=0.0),
+    LISTENERS,
+    WINDOW,
+    DRAIN_TIMEOUT,
+)
+
+
+@cache
+def excitation_table() -> Table:
+    """Return the excitation node's parameters: its own, the common ones of signals, those of every kind."""
+    from idloop.signals import COMMON_PARAMETERS, SIGNALS
+
+    common = {spec.name: spec for spec in COMMON_PARAMETERS}
+    rows = [
+        *COMMON,
+        AUTOSTART,
+        P("signal", "str", "prbs", "Kind of signal.", choices=tuple(SIGNALS)),
+        P(
+            "target",
+            "str",
+            "reference",
+            "Where it goes: the reference, added to the reference (position) or to the command (effort).",
+            choices=("reference", "position", "effort"),
+            read_only=True,
+        ),
+        P("joint", "str", "motor", "Joint that the messages name.", read_only=True),
+        P("ahead", "int", 200, "Samples published ahead of the clock.", minimum=2, maximum=4000, read_only=True),
+        P.adopt(common["duration"], "duration", 60.0),
+    ]
+    rows += [P.adopt(common[name], name, common[name].default) for name in ("amplitude", "offset", "seed", "ramp_in")]
+    rows += [
+        P.adopt(spec, f"{kind.name}.{spec.name}", None if spec.required else spec.default)
+        for kind in SIGNALS.values()
+        for spec in kind.parameters
+    ]
+    return tuple(rows)
+
+
+def tables() -> dict[str, Table]:
+    """Return the table of every node by its executable's name."""
+    return {
+        "excitation": excitation_table(),
+        "controller": CONTROLLER,
+        "plant": PLANT,
+        "recorder": RECORDER,
+        "estimator": ESTIMATOR,
+        "replay": REPLAY,
+    }

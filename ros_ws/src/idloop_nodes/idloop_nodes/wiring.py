@@ -1,0 +1,59 @@
+"""Which node publishes and subscribes which stream: for the start barrier and for the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+HEADER = "std_msgs/msg/Header"
+CLOCK = "rosgraph_msgs/msg/Clock"
+
+TOPICS: dict[str, tuple[str, str]] = {
+    "reference": (JOINT_STATE, "what the controller follows: position and velocity"),
+    "excitation": (JOINT_STATE, "added to the reference (position) or to the command (effort)"),
+    "joint_command": (JOINT_STATE, "command in the model's input unit; stamp = when it takes effect"),
+    "joint_states": (JOINT_STATE, "measurement; NaN where not measured"),
+    "estimator/prediction": (JOINT_STATE, "one step ahead, stamped like its measurement"),
+    "estimator/residual": (JOINT_STATE, "measurement minus prediction, stamped likewise"),
+    "estimator/fit": (DIAGNOSTICS, "newest fit, judged on samples it has not used (latched)"),
+    "estimator/parameters": (DIAGNOSTICS, "its parameters with standard errors (latched)"),
+    "progress": (HEADER, "how far each node has come: flow control and start barrier"),
+    "/clock": (CLOCK, "simulated time (lock-step only)"),
+    "/diagnostics": (DIAGNOSTICS, "health, once a second"),
+}
+
+RECORDED = tuple(list(TOPICS)[:8])
+RESULTS = ("estimator/fit", "estimator/parameters")
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Streams of one kind of node; `progress` and `/diagnostics` are common to all."""
+
+    publishes: tuple[str, ...]
+    subscribes: tuple[str, ...]
+
+
+NODES: dict[str, Wiring] = {
+    "excitation": Wiring(("reference", "excitation"), ("/clock",)),
+    "controller": Wiring(("joint_command",), ("joint_states", "reference", "excitation")),
+    "plant": Wiring(("joint_states", "/clock"), ("joint_command",)),
+    "recorder": Wiring((), RECORDED),
+    "estimator": Wiring(
+        ("estimator/prediction", "estimator/residual", *RESULTS),
+        ("joint_states", "joint_command"),
+    ),
+    "replay": Wiring(("reference", "excitation", "joint_command", "joint_states"), ()),
+}
+
+
+def expected_subscribers(topic: str, peers: Iterable[str]) -> int:
+    """Return how many of `peers` subscribe `topic`."""
+    return sum(topic in NODES[peer].subscribes for peer in peers if peer in NODES)
+
+
+def expected_publishers(topic: str, peers: Iterable[str]) -> int:
+    """Return how many of `peers` publish `topic`."""
+    return sum(topic in NODES[peer].publishes for peer in peers if peer in NODES)
