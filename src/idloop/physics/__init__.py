@@ -1,0 +1,57 @@
+"""The axis model: bodies, couplings, drive, one file per physical effect, one compiled simulator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from idloop.physics.effect import Effect, ParameterSpec, catalogue
+    from idloop.physics.engine import Engine
+    from idloop.physics.hook import hook
+    from idloop.physics.model import Model, load_model, parse_effect, preset_names
+    from idloop.physics.parameter import Parameter
+    from idloop.physics.plant import Plant
+    from idloop.physics.simulate import Simulation, simulate
+
+__all__ = [
+    "Effect",
+    "Engine",
+    "Model",
+    "Parameter",
+    "ParameterSpec",
+    "Plant",
+    "Simulation",
+    "catalogue",
+    "hook",
+    "load_model",
+    "parse_effect",
+    "preset_names",
+    "simulate",
+]
+
+_WHERE = {
+    "Effect": "effect",
+    "Engine": "engine",
+    "Model": "model",
+    "Parameter": "parameter",
+    "ParameterSpec": "effect",
+    "Plant": "plant",
+    "Simulation": "simulate",
+    "catalogue": "effect",
+    "hook": "hook",
+    "load_model": "model",
+    "parse_effect": "model",
+    "preset_names": "model",
+    "simulate": "simulate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use, so that reading a model file does not start the compiler."""
+    if name not in _WHERE:
+        raise AttributeError(f"module 'idloop.physics' has no attribute '{name}'")
+    import importlib
+
+    value = getattr(importlib.import_module(f"idloop.physics.{_WHERE[name]}"), name)
+    globals()[name] = value
+    return value

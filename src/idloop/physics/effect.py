@@ -1,0 +1,247 @@
+"""What a physical effect is: equations at a site, parameters, and words for the user.
+
+An effect is one file that assigns ``EFFECT = Effect(...)``. The built-in ones lie in
+``idloop/physics/effects``; a user's own lie in a folder named ``effects`` beside the model
+file or in the folders of the environment variable ``IDLOOP_EFFECTS`` and take part in
+everything like the built-in ones.
+
+Arguments ``(a, b, c, elapsed, state, parameters)`` of the equations, by place:
+
+=============  ==========================  =========================  ======================
+place          a                           b                          c
+=============  ==========================  =========================  ======================
+``command``    command so far              velocity of body 0         command as sent
+``force``      position                    velocity                   inertia
+``friction``   direction (+1 or -1)        speed (0: breakaway)       torque that arrives
+``coupling``   torque so far               twist                      stiffness
+``reading``    reading so far              position                   velocity
+=============  ==========================  =========================  ======================
+
+An effect with memory also has ``settle``: called with the same arguments after each step, it
+writes the state that the next step starts from.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import importlib.util
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+
+from idloop.errors import InputError
+from idloop.physics.hook import Hook
+
+INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """A parameter of an effect.
+
+    Attributes
+    ----------
+    name : str
+        Name in model files.
+    unit : str
+        Unit; ``{input}``, ``{force}``, ``{position}``, ``{output}`` stand for the model's own.
+    start : float
+        Value when the user gives none; what a fit starts from.
+    neutral : float
+        Value at which the effect does nothing.
+    min, max : float
+        Physical bounds.
+    integer : bool
+        A whole number, chosen and not estimated.
+    optional : str
+        Name of the parameter whose value is taken when this one is not given.
+    """
+
+    name: str
+    unit: str
+    start: float = 0.0
+    neutral: float = 0.0
+    min: float = -float("inf")
+    max: float = float("inf")
+    integer: bool = False
+    optional: str = ""
+
+
+def _no_rate(values: Mapping[str, float], inertia: float, stiffness: float) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect of the catalogue.
+
+    Attributes
+    ----------
+    name : str
+        Name in model files; an interface that does not change.
+    site : {"input", "body", "coupling", "output"}
+        Where the effect acts.
+    text : str
+        One sentence of physics for the user.
+    parameters : tuple of ParameterSpec
+        In the order in which the equations index them.
+    command, force, friction, coupling, reading : Hook, optional
+        The equations, see the module's table.
+    settle : Hook, optional
+        Update of the effect's memory.
+    states : int
+        How many numbers the effect remembers.
+    order : int
+        Place in the chain of effects at one site, small first.
+    final : bool
+        An output effect that acts after the measurement noise (quantisation).
+    outputs : tuple of str
+        The outputs it fits: ``position``, ``velocity``.
+    looks_like : tuple of str
+        Effects that data often cannot tell from this one.
+    linear : bool
+        Linear in the motion: part of the linear model that observers are designed on.
+    rate, spatial_rate : callable
+        ``(values, inertia, stiffness)`` to the fastest rate that the effect adds, in rad/s and
+        in rad per unit of position: they choose the integration step.
+    delay : str
+        Parameter that is a pure delay of the input or output, handled by the simulator.
+    splits : bool
+        The effect splits its body in two; handled when the model is laid out.
+    """
+
+    name: str
+    site: str
+    text: str
+    parameters: tuple[ParameterSpec, ...]
+    command: Hook | None = None
+    force: Hook | None = None
+    friction: Hook | None = None
+    coupling: Hook | None = None
+    reading: Hook | None = None
+    settle: Hook | None = None
+    states: int = 0
+    order: int = 50
+    final: bool = False
+    outputs: tuple[str, ...] = ("position", "velocity")
+    looks_like: tuple[str, ...] = ()
+    linear: bool = False
+    rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
+    spatial_rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
+    delay: str = ""
+    splits: bool = False
+
+    def spec(self, name: str) -> ParameterSpec:
+        """Return a parameter's specification.
+
+        Raises
+        ------
+        InputError
+            The effect has no such parameter.
+        """
+        for spec in self.parameters:
+            if spec.name == name:
+                return spec
+        known = [spec.name for spec in self.parameters]
+        raise InputError(f"effect {self.name} has no parameter '{name}'{did_you_mean(name, known)}")
+
+
+def did_you_mean(word: str, known: list[str]) -> str:
+    """End of an error line: the nearest known word, or all of them."""
+    near = difflib.get_close_matches(word, known, n=1)
+    return f": did you mean '{near[0]}'?" if near else f": known are {', '.join(sorted(known))}"
+
+
+def _load_file(path: Path) -> ModuleType:
+    """Import one effect file under a name of its own."""
+    digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+    name = f"idloop_effect_{path.stem}_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path}: cannot be read as an effect file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise InputError(f"{path}: the effect file fails: {error}") from error
+    return module
+
+
+def _effects_of(module: ModuleType, where: str) -> tuple[Effect, ...]:
+    """Read ``EFFECT`` of a file: one effect, or one per site for an effect that fits several."""
+    assigned = getattr(module, "EFFECT", None)
+    several = assigned if isinstance(assigned, tuple) else (assigned,)
+    if not several or not all(isinstance(effect, Effect) for effect in several):
+        raise InputError(f"{where}: assigns no EFFECT = Effect(...)")
+    return several
+
+
+def _effects_in(folder: Path) -> dict[str, tuple[Effect, ...]]:
+    found: dict[str, tuple[Effect, ...]] = {}
+    for path in sorted(folder.glob("*.py")):
+        if not path.stem.startswith("_"):
+            several = _effects_of(_load_file(path), str(path))
+            found[several[0].name] = several
+    return found
+
+
+@lru_cache(maxsize=1)
+def built_in() -> dict[str, tuple[Effect, ...]]:
+    """The effects of the catalogue, by name; one for each site that a name fits."""
+    from idloop.physics import effects
+
+    return {
+        name: _effects_of(importlib.import_module(f"idloop.physics.effects.{name}"), name) for name in effects.NAMES
+    }
+
+
+def catalogue(*folders: Path) -> dict[str, tuple[Effect, ...]]:
+    """All effects that are known, by name: built in, from ``IDLOOP_EFFECTS``, and from folders.
+
+    Parameters
+    ----------
+    *folders : Path
+        Further folders of effect files, such as the one beside a model file.
+
+    Raises
+    ------
+    InputError
+        An effect file fails or takes the name of a built-in effect.
+    """
+    known = dict(built_in())
+    places = [Path(item) for item in os.environ.get("IDLOOP_EFFECTS", "").split(os.pathsep) if item]
+    for folder in [*places, *folders]:
+        if not folder.is_dir():
+            continue
+        for name, several in _effects_in(folder).items():
+            if name in built_in():
+                raise InputError(f"{folder}: effect '{name}' has the name of a built-in one: choose another name")
+            known[name] = several
+    return known
+
+
+def find_effect(name: str, site: str, *folders: Path) -> Effect:
+    """Look an effect up by name and kind of site.
+
+    Raises
+    ------
+    InputError
+        There is no such effect, or it does not act at such a site.
+    """
+    known = catalogue(*folders)
+    if name not in known:
+        raise InputError(f"unknown effect '{name}'{did_you_mean(name, list(known))}")
+    for effect in known[name]:
+        if effect.site == site:
+            return effect
+    fits = " or ".join(effect.site for effect in known[name])
+    raise InputError(f"effect {name} does not act at the site kind '{site}': it acts at {fits}")

@@ -1,0 +1,39 @@
+"""First-order lag of the drive."""
+
+import math
+from typing import Any
+
+from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """tau dv/dt = u - v, exact while u is held."""
+    if parameters[0] <= 0.0:
+        return value
+    return value + (state[0] - value) * math.exp(-elapsed / parameters[0])
+
+
+@hook
+def settle(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Keep the drive's output at the end of the step."""
+    if parameters[0] <= 0.0:
+        state[0] = value
+    else:
+        state[0] = value + (state[0] - value) * math.exp(-elapsed / parameters[0])
+    return state[0]
+
+
+EFFECT = Effect(
+    name="actuator_lag",
+    site=INPUT,
+    text="The drive follows a new command gradually, with one time constant: current loop or winding.",
+    parameters=(ParameterSpec("time_constant", "s", min=0.0, max=10.0),),
+    command=command,
+    settle=settle,
+    states=1,
+    order=60,
+    rate=lambda values, inertia, stiffness: 1.0 / max(values["time_constant"], 1e-3),
+    looks_like=("input_delay",),
+)

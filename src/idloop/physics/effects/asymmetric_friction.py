@@ -1,0 +1,25 @@
+"""Dry friction that differs between the two directions of motion."""
+
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def friction(direction: float, speed: float, arriving: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Level (1 + ratio sign w)."""
+    return parameters[0] * (1.0 + parameters[1] * direction)
+
+
+EFFECT = Effect(
+    name="asymmetric_friction",
+    site=BODY,
+    text="Dry friction is higher in one direction of motion than in the other: a worn screw, a preloaded bearing.",
+    parameters=(
+        ParameterSpec("level", "{force}", min=0.0),
+        ParameterSpec("ratio", "-", min=-1.0, max=1.0),
+    ),
+    friction=friction,
+    looks_like=("input_offset", "load_torque"),
+)

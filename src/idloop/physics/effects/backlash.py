@@ -1,0 +1,63 @@
+"""Lost motion: a gap between two bodies, or a play before the sensor."""
+
+from typing import Any
+
+from idloop.physics.effect import COUPLING, OUTPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def coupling(torque: float, twist: float, stiffness: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """No torque inside the gap, K (twist -+ gap/2) outside."""
+    half = 0.5 * parameters[0]
+    if twist > half:
+        return torque - stiffness * half
+    if twist < -half:
+        return torque + stiffness * half
+    return 0.0
+
+
+@hook
+def reading(value: float, position: float, velocity: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Play operator: the reading is dragged along by the walls of the gap."""
+    if state[1] == 0.0:
+        return value
+    half = 0.5 * parameters[0]
+    return min(max(state[0], value - half), value + half)
+
+
+@hook
+def settle(value: float, position: float, velocity: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Keep where the walls have dragged the reading; at the start it lies in the middle."""
+    half = 0.5 * parameters[0]
+    if state[1] == 0.0:
+        state[0] = value
+        state[1] = 1.0
+    state[0] = min(max(state[0], value - half), value + half)
+    return state[0]
+
+
+GAP = ParameterSpec("gap", "{position}", min=0.0)
+
+EFFECT = (
+    Effect(
+        name="backlash",
+        site=COUPLING,
+        text="There is a gap between the two sides: no torque passes until it is crossed.",
+        parameters=(GAP,),
+        coupling=coupling,
+        order=20,
+        looks_like=("compliance", "stribeck_friction"),
+    ),
+    Effect(
+        name="backlash",
+        site=OUTPUT,
+        text="The measured side is held by friction inside a gap, so it lags by the gap at every reversal.",
+        parameters=(GAP,),
+        reading=reading,
+        settle=settle,
+        states=2,
+        order=10,
+        outputs=("position",),
+    ),
+)

@@ -1,0 +1,27 @@
+"""A spring to the ground: cable, hose, spiral spring."""
+
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def force(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """-stiffness (position - rest)."""
+    return -parameters[0] * (position - parameters[1])
+
+
+EFFECT = Effect(
+    name="cable_spring",
+    site=BODY,
+    text="A cable, hose or return spring pulls the body towards a rest position.",
+    parameters=(
+        ParameterSpec("stiffness", "{force}/{position}", min=0.0),
+        ParameterSpec("rest", "{position}"),
+    ),
+    force=force,
+    linear=True,
+    rate=lambda values, inertia, stiffness: (values["stiffness"] / inertia) ** 0.5,
+    looks_like=("imbalance",),
+)

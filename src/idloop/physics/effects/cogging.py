@@ -1,0 +1,29 @@
+"""A force that repeats several times per turn: magnets and slots."""
+
+import math
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def force(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """-amplitude sin(n position + phase)."""
+    return -parameters[0] * math.sin(parameters[1] * position + parameters[2])
+
+
+EFFECT = Effect(
+    name="cogging",
+    site=BODY,
+    text="The rotor is drawn to several angles of the turn: magnets against slots, gear mesh.",
+    parameters=(
+        ParameterSpec("amplitude", "{force}", min=0.0),
+        ParameterSpec("harmonic", "-", start=2.0, neutral=2.0, min=2.0, integer=True),
+        ParameterSpec("phase", "rad", min=-7.0, max=7.0),
+    ),
+    force=force,
+    rate=lambda values, inertia, stiffness: (values["amplitude"] * values["harmonic"] / inertia) ** 0.5,
+    spatial_rate=lambda values, inertia, stiffness: values["harmonic"],
+    looks_like=("sensor_ripple",),
+)

@@ -1,0 +1,16 @@
+"""A body that is really two, joined by a spring."""
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+
+EFFECT = Effect(
+    name="compliance",
+    site=BODY,
+    text="A shaft, belt or coupling gives: what looks like one body is two, joined by a spring.",
+    parameters=(
+        ParameterSpec("stiffness", "{force}/{position}", start=float("inf"), neutral=float("inf"), min=0.0),
+        ParameterSpec("damping", "{force}·s/{position}", min=0.0),
+        ParameterSpec("split", "-", start=0.5, min=0.001, max=0.999),
+    ),
+    splits=True,
+    looks_like=("input_delay", "actuator_lag", "presliding_friction"),
+)

@@ -1,0 +1,22 @@
+"""Dry friction with one level, with true sticking."""
+
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def friction(direction: float, speed: float, arriving: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """The same level at every speed and at breakaway."""
+    return parameters[0]
+
+
+EFFECT = Effect(
+    name="coulomb_friction",
+    site=BODY,
+    text="Dry friction opposes motion with a constant level and holds the body at rest below it.",
+    parameters=(ParameterSpec("level", "{force}", min=0.0),),
+    friction=friction,
+    looks_like=("dead_zone", "stribeck_friction", "asymmetric_friction"),
+)

@@ -1,0 +1,30 @@
+"""Commands too small to act: dead zone of a motor or amplifier."""
+
+from typing import Any
+
+from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """v = 0 for -width_negative <= u <= width, else u minus the width passed."""
+    if value > parameters[0]:
+        return value - parameters[0]
+    if value < -parameters[1]:
+        return value + parameters[1]
+    return 0.0
+
+
+EFFECT = Effect(
+    name="dead_zone",
+    site=INPUT,
+    text="Small commands do nothing and larger ones act only with what exceeds the width.",
+    parameters=(
+        ParameterSpec("width", "{input}", min=0.0),
+        ParameterSpec("width_negative", "{input}", min=0.0, optional="width"),
+    ),
+    command=command,
+    order=50,
+    looks_like=("coulomb_friction",),
+)

@@ -1,0 +1,23 @@
+"""Gain that differs between positive and negative commands."""
+
+from typing import Any
+
+from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """v = u (1 + ratio sign u)."""
+    return value + parameters[0] * abs(value)
+
+
+EFFECT = Effect(
+    name="gain_asymmetry",
+    site=INPUT,
+    text="The drive pushes harder in one direction than in the other for the same size of command.",
+    parameters=(ParameterSpec("ratio", "-", min=-0.95, max=0.95),),
+    command=command,
+    order=30,
+    looks_like=("asymmetric_friction",),
+)

@@ -1,0 +1,23 @@
+"""A coupling that stiffens as it twists."""
+
+from typing import Any
+
+from idloop.physics.effect import COUPLING, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def coupling(torque: float, twist: float, stiffness: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """K twist + k3 twist^3."""
+    return torque + parameters[0] * twist * twist * twist
+
+
+EFFECT = Effect(
+    name="hardening_stiffness",
+    site=COUPLING,
+    text="The coupling grows stiffer the more it is twisted.",
+    parameters=(ParameterSpec("cubic", "{force}/{position}³"),),
+    coupling=coupling,
+    order=40,
+    looks_like=("compliance",),
+)

@@ -1,0 +1,28 @@
+"""A force that repeats once per turn: off-centre mass, gravity on an arm."""
+
+import math
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def force(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """-amplitude sin(position + phase)."""
+    return -parameters[0] * math.sin(position + parameters[1])
+
+
+EFFECT = Effect(
+    name="imbalance",
+    site=BODY,
+    text="An off-centre mass pulls towards one angle of the turn: gravity on an arm, a lopsided slip ring.",
+    parameters=(
+        ParameterSpec("amplitude", "{force}", min=0.0),
+        ParameterSpec("phase", "rad", min=-7.0, max=7.0),
+    ),
+    force=force,
+    rate=lambda values, inertia, stiffness: (values["amplitude"] / inertia) ** 0.5,
+    spatial_rate=lambda values, inertia, stiffness: 1.0,
+    looks_like=("input_offset", "cable_spring"),
+)

@@ -1,0 +1,13 @@
+"""Dead time between a command and its effect."""
+
+from idloop.physics.effect import INPUT, Effect, ParameterSpec
+
+EFFECT = Effect(
+    name="input_delay",
+    site=INPUT,
+    text="Every command takes effect a fixed time after it was given: bus, driver or conversion time.",
+    parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
+    delay="delay",
+    order=10,
+    looks_like=("actuator_lag", "sensor_delay", "compliance"),
+)

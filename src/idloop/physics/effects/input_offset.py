@@ -1,0 +1,23 @@
+"""Constant added to the command: amplifier or converter offset."""
+
+from typing import Any
+
+from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """v = u + offset."""
+    return value + parameters[0]
+
+
+EFFECT = Effect(
+    name="input_offset",
+    site=INPUT,
+    text="The drive acts as if a constant were added to every command: an offset of the amplifier or converter.",
+    parameters=(ParameterSpec("offset", "{input}"),),
+    command=command,
+    order=40,
+    looks_like=("load_torque", "imbalance", "asymmetric_friction"),
+)

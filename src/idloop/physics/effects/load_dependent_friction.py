@@ -1,0 +1,22 @@
+"""Dry friction that grows with the torque carried: gears, screws."""
+
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def friction(direction: float, speed: float, arriving: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Ratio abs(torque that arrives at the body)."""
+    return parameters[0] * arriving
+
+
+EFFECT = Effect(
+    name="load_dependent_friction",
+    site=BODY,
+    text="The harder the teeth or threads press, the higher their dry friction.",
+    parameters=(ParameterSpec("ratio", "-", min=0.0, max=0.99),),
+    friction=friction,
+    looks_like=("coulomb_friction",),
+)

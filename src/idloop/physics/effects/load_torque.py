@@ -1,0 +1,22 @@
+"""A constant torque or force on a body."""
+
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def force(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """A constant torque or force."""
+    return parameters[0]
+
+
+EFFECT = Effect(
+    name="load_torque",
+    site=BODY,
+    text="A constant load pulls in one direction: a hanging weight, a preload.",
+    parameters=(ParameterSpec("torque", "{force}"),),
+    force=force,
+    looks_like=("input_offset",),
+)

@@ -1,0 +1,67 @@
+"""Friction that is a spring before gross motion: Dahl and LuGre bristle models.
+
+Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with friction",
+IEEE Trans. Automatic Control 40(3), 1995.
+"""
+
+import math
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def force(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """-(stiffness z + damping dz/dt); z follows in closed form while the speed is held."""
+    level, stiffness = parameters[0], parameters[1]
+    if level <= 0.0 or stiffness <= 0.0:
+        return 0.0
+    speed = abs(velocity)
+    ratio = velocity / parameters[3]
+    limit = (level + (parameters[2] - level) * math.exp(-ratio * ratio)) / stiffness
+    bristle = state[0]
+    end = limit if velocity > 0.0 else -limit
+    if speed * elapsed > 1e-12 * limit:
+        bristle = end + (bristle - end) * math.exp(-speed * elapsed / limit)
+    rate = velocity - speed * bristle / limit
+    return -(stiffness * bristle + parameters[4] * rate)
+
+
+@hook
+def settle(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Move the bristles to the end of the step, with the mean speed of the step."""
+    level, stiffness = parameters[0], parameters[1]
+    if level <= 0.0 or stiffness <= 0.0:
+        state[1] = velocity
+        return 0.0
+    mean = 0.5 * (state[1] + velocity)
+    ratio = mean / parameters[3]
+    limit = (level + (parameters[2] - level) * math.exp(-ratio * ratio)) / stiffness
+    end = limit if mean > 0.0 else -limit
+    if abs(mean) * elapsed > 1e-12 * limit:
+        state[0] = end + (state[0] - end) * math.exp(-abs(mean) * elapsed / limit)
+    state[1] = velocity
+    return state[0]
+
+
+EFFECT = Effect(
+    name="presliding_friction",
+    site=BODY,
+    text="Before gross motion the contact gives like a stiff spring, so friction builds up over a small displacement.",
+    parameters=(
+        ParameterSpec("level", "{force}", min=0.0),
+        ParameterSpec("stiffness", "{force}/{position}", start=1e3, min=0.0),
+        ParameterSpec("static", "{force}", min=0.0, optional="level"),
+        ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6),
+        ParameterSpec("damping", "{force}·s/{position}", min=0.0),
+    ),
+    force=force,
+    settle=settle,
+    states=2,
+    rate=lambda values, inertia, stiffness: (
+        (values["stiffness"] / inertia) ** 0.5 + values["damping"] / inertia if values["level"] > 0.0 else 0.0
+    ),
+    spatial_rate=lambda values, inertia, stiffness: values["stiffness"] / max(values["level"], 1e-12) * 0.5,
+    looks_like=("compliance", "backlash"),
+)

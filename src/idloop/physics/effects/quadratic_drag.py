@@ -1,0 +1,22 @@
+"""Drag that grows with the square of speed."""
+
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def force(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """-c abs(w) w."""
+    return -parameters[0] * abs(velocity) * velocity
+
+
+EFFECT = Effect(
+    name="quadratic_drag",
+    site=BODY,
+    text="A drag that grows with the square of speed: fan, propeller, churning oil.",
+    parameters=(ParameterSpec("coefficient", "{force}·s²/{position}²", min=0.0),),
+    force=force,
+    looks_like=("viscous_friction", "stribeck_friction"),
+)

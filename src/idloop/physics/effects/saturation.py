@@ -1,0 +1,23 @@
+"""Limit of the command inside the drive."""
+
+from typing import Any
+
+from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """v = clip(u, -limit, +limit)."""
+    return min(max(value, -parameters[0]), parameters[0])
+
+
+EFFECT = Effect(
+    name="saturation",
+    site=INPUT,
+    text="Commands above the limit have no more effect than the limit itself.",
+    parameters=(ParameterSpec("limit", "{input}", start=float("inf"), neutral=float("inf"), min=0.0),),
+    command=command,
+    order=20,
+    looks_like=("speed_limit_voltage",),
+)

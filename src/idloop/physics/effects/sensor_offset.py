@@ -1,0 +1,22 @@
+"""Constant added to a measurement."""
+
+from typing import Any
+
+from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def reading(value: float, position: float, velocity: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Y = x + offset."""
+    return value + parameters[0]
+
+
+EFFECT = Effect(
+    name="sensor_offset",
+    site=OUTPUT,
+    text="The sensor reads a constant too much or too little.",
+    parameters=(ParameterSpec("offset", "{output}"),),
+    reading=reading,
+    order=60,
+)

@@ -1,0 +1,28 @@
+"""Error of a sensor that repeats over the turn: tachometer ripple, encoder eccentricity."""
+
+import math
+from typing import Any
+
+from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def reading(value: float, position: float, velocity: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Y = x (1 + amplitude sin(n position + phase))."""
+    return value * (1.0 + parameters[0] * math.sin(parameters[1] * position + parameters[2]))
+
+
+EFFECT = Effect(
+    name="sensor_ripple",
+    site=OUTPUT,
+    text="The sensor's gain varies over the turn: tachometer ripple, an eccentric encoder disc.",
+    parameters=(
+        ParameterSpec("amplitude", "-", min=0.0, max=1.0),
+        ParameterSpec("harmonic", "-", start=1.0, neutral=1.0, min=1.0, integer=True),
+        ParameterSpec("phase", "rad", min=-7.0, max=7.0),
+    ),
+    reading=reading,
+    order=50,
+    looks_like=("cogging",),
+)

@@ -1,0 +1,36 @@
+"""A coupling that lets go above a torque."""
+
+from typing import Any
+
+from idloop.physics.effect import COUPLING, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def coupling(torque: float, twist: float, stiffness: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Torque relative to the slipped angle, at most the limit."""
+    return min(max(torque - stiffness * state[0], -parameters[0]), parameters[0])
+
+
+@hook
+def settle(torque: float, twist: float, stiffness: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """The angle by which the limit was exceeded stays."""
+    carried = torque - stiffness * state[0]
+    if carried > parameters[0]:
+        state[0] += (carried - parameters[0]) / stiffness
+    elif carried < -parameters[0]:
+        state[0] += (carried + parameters[0]) / stiffness
+    return state[0]
+
+
+EFFECT = Effect(
+    name="slip",
+    site=COUPLING,
+    text="Above a torque the coupling slips and the two sides stay turned against each other.",
+    parameters=(ParameterSpec("limit", "{force}", start=float("inf"), neutral=float("inf"), min=0.0),),
+    coupling=coupling,
+    settle=settle,
+    states=1,
+    order=60,
+    looks_like=("saturation",),
+)

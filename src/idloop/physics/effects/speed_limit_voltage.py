@@ -1,0 +1,30 @@
+"""Supply voltage that back-EMF uses up at speed."""
+
+from typing import Any
+
+from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Current v such that abs(v R + Ke w) <= supply."""
+    supply, back_emf, resistance = parameters[0], parameters[1], parameters[2]
+    high = (supply - back_emf * velocity) / resistance
+    low = (-supply - back_emf * velocity) / resistance
+    return min(max(value, low), high)
+
+
+EFFECT = Effect(
+    name="speed_limit_voltage",
+    site=INPUT,
+    text="At speed the back-EMF leaves too little supply voltage for the commanded current, so the torque is cut.",
+    parameters=(
+        ParameterSpec("supply", "V", start=float("inf"), neutral=float("inf"), min=0.0),
+        ParameterSpec("back_emf", "V/({position}/s)", min=0.0),
+        ParameterSpec("resistance", "Ω", start=1.0, min=1e-6),
+    ),
+    command=command,
+    order=70,
+    looks_like=("saturation",),
+)

@@ -1,0 +1,29 @@
+"""Dry friction that falls from a static to a kinetic level as speed rises."""
+
+import math
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def friction(direction: float, speed: float, arriving: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Coulomb + (static - coulomb) exp(-(w/velocity)^2)."""
+    ratio = speed / parameters[2]
+    return parameters[0] + (parameters[1] - parameters[0]) * math.exp(-ratio * ratio)
+
+
+EFFECT = Effect(
+    name="stribeck_friction",
+    site=BODY,
+    text="Breaking away takes more force than sliding: dry friction falls as the surfaces start to move.",
+    parameters=(
+        ParameterSpec("coulomb", "{force}", min=0.0),
+        ParameterSpec("static", "{force}", min=0.0),
+        ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6),
+    ),
+    friction=friction,
+    rate=lambda values, inertia, stiffness: abs(values["static"] - values["coulomb"]) / values["velocity"] / inertia,
+    looks_like=("coulomb_friction", "quadratic_drag"),
+)

@@ -1,0 +1,24 @@
+"""Friction proportional to speed, in addition to that of the body."""
+
+from typing import Any
+
+from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.hook import hook
+
+
+@hook
+def force(position: float, velocity: float, inertia: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """-B w."""
+    return -parameters[0] * velocity
+
+
+EFFECT = Effect(
+    name="viscous_friction",
+    site=BODY,
+    text="A drag proportional to speed: lubricant, eddy currents, back-EMF.",
+    parameters=(ParameterSpec("coefficient", "{force}·s/{position}", min=0.0),),
+    force=force,
+    linear=True,
+    rate=lambda values, inertia, stiffness: values["coefficient"] / inertia,
+    looks_like=("quadratic_drag",),
+)

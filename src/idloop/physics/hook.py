@@ -1,0 +1,51 @@
+"""How an effect's equation becomes a function that the compiled simulator can call.
+
+Every equation of every effect has one signature, so the simulator is compiled once and
+calls the active ones through their addresses: an effect is switched on by data, never by
+recompiling, and an effect that is off costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import cfunc, types
+
+SIGNATURE = types.float64(
+    types.float64,
+    types.float64,
+    types.float64,
+    types.float64,
+    types.CPointer(types.float64),
+    types.CPointer(types.float64),
+)
+
+
+class Hook:
+    """An equation, compiled when its address is first asked for and cached beside its file."""
+
+    def __init__(self, function: Callable[..., float]) -> None:
+        self.function = function
+        self._compiled: Any = None
+
+    @property
+    def address(self) -> int:
+        """Where the machine code starts, for the simulator."""
+        if self._compiled is None:
+            self._compiled = cfunc(SIGNATURE, cache=True)(self.function)
+        return int(self._compiled.address)
+
+    def __call__(self, *arguments: Any) -> float:
+        """Evaluate the equation in plain Python, for plots and tests."""
+        return float(self.function(*arguments))
+
+
+def hook(function: Callable[..., float]) -> Hook:
+    """Turn ``f(a, b, c, elapsed, state, parameters) -> float`` into an equation of an effect.
+
+    What ``a, b, c`` are depends on the place of the equation, see `idloop.physics.effect`.
+    ``elapsed`` is the time since ``state`` was settled [s]; ``state`` and ``parameters`` are
+    indexed like arrays.
+    """
+    return Hook(function)

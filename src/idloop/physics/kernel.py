@@ -1,0 +1,623 @@
+"""The compiled simulator of an axis: one integrator for every model and every effect.
+
+Everything that runs per sample lives in this file, because numba's cache notices a change
+only in the file of the function that it cached.
+
+The motion between two events is integrated by the classical Runge-Kutta method of fourth
+order. Events are handled where they happen and not at the next step: a new command, the end
+of a delay, a body whose velocity reaches zero under dry friction. Dry friction is set valued:
+a body at rest stays at rest as long as the other forces are within the breakaway level.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+# State vector: [time, command index, history head, history count, disturbance force,
+# positions, velocities, accelerations, effect states]
+TIME, COMMAND, HEAD, COUNT, DISTURBANCE, FIRST = 0, 1, 2, 3, 4, 5
+# Columns of a hook table.
+SITE, VALUE, SETTLE, PARAMETER, STATE, FINAL = 0, 1, 2, 3, 4, 5
+# Columns of the output table.
+BODY, KIND = 0, 1
+POSITION, VELOCITY = 0, 1
+
+# A tolerance on stamps, well below the nanosecond in which they are given [s].
+SAME_TIME = 2e-10
+EVENTS_PER_STEP = 64
+
+
+class Axis(NamedTuple):
+    """A model as the compiled simulator reads it (SI units).
+
+    Hook tables have a row per active equation: site, address of the value, address of the
+    state's update (0: none), first parameter, first state, flag.
+    """
+
+    inertia: Any  # (n,)
+    viscous: Any  # (n,)
+    stiffness: Any  # (n-1,)
+    damping: Any  # (n-1,)
+    constants: Any  # gain, input delay [s], fastest rate [rad/s]
+    spatial_rate: Any  # (n,) fastest change along the position [1/position unit]
+    parameters: Any  # (k,) of all active equations
+    input_hooks: Any  # (i, 6)
+    body_hooks: Any
+    friction_hooks: Any
+    coupling_hooks: Any
+    output_hooks: Any
+    outputs: Any  # (p, 2) body, kind
+    output_scale: Any  # (p,)
+    output_delay: Any  # (p,) [s]
+    has_friction: Any  # (n,) int64
+
+
+GAIN, DELAY, RATE = 0, 1, 2
+
+# Inner functions allocate nothing, so they need no reference counts: twenty times faster.
+inner = njit(_nrt=False, error_model="numpy")
+entry = njit(cache=True, error_model="numpy")
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def call(typingctx, address, a, b, c, elapsed, state, state_at, parameters, parameter_at):  # type: ignore[no-untyped-def]
+    """Call an equation by its address, with pointers into the state and parameter arrays."""
+    signature = types.float64(
+        types.int64,
+        types.float64,
+        types.float64,
+        types.float64,
+        types.float64,
+        state,
+        types.int64,
+        parameters,
+        types.int64,
+    )
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        where, a, b, c, elapsed, state, state_at, parameters, parameter_at = arguments
+        double = ir.DoubleType()
+        pointer = double.as_pointer()
+        function_type = ir.FunctionType(double, [double] * 4 + [pointer] * 2)
+        function = builder.inttoptr(where, function_type.as_pointer())
+        state_array = context.make_array(signature.args[5])(context, builder, state)
+        parameter_array = context.make_array(signature.args[7])(context, builder, parameters)
+        state_pointer = builder.gep(state_array.data, [state_at])
+        parameter_pointer = builder.gep(parameter_array.data, [parameter_at])
+        return builder.call(function, [a, b, c, elapsed, state_pointer, parameter_pointer])
+
+    return signature, codegen
+
+
+@inner
+def drive_force(axis: Axis, command: float, velocity: float, elapsed: float, state: Any) -> float:
+    """Force of the drive on body 0 for a held command."""
+    value = command
+    hooks = axis.input_hooks
+    for row in range(hooks.shape[0]):
+        value = call(
+            hooks[row, VALUE], value, velocity, command, elapsed,
+            state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+        )  # fmt: skip
+    return axis.constants[GAIN] * value
+
+
+@inner
+def coupling_torque(axis: Axis, joint: int, position: Any, velocity: Any, elapsed: float, state: Any) -> float:
+    """Torque that a coupling carries from body ``joint`` to the next one."""
+    twist = position[joint] - position[joint + 1]
+    rate = velocity[joint] - velocity[joint + 1]
+    torque = axis.stiffness[joint] * twist + axis.damping[joint] * rate
+    hooks = axis.coupling_hooks
+    for row in range(hooks.shape[0]):
+        if hooks[row, SITE] == joint:
+            torque = call(
+                hooks[row, VALUE], torque, twist, axis.stiffness[joint], elapsed,
+                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+            )  # fmt: skip
+    return torque
+
+
+@inner
+def smooth_forces(
+    axis: Axis, command: float, position: Any, velocity: Any, elapsed: float, state: Any, net: Any, transmitted: Any
+) -> None:
+    """All forces but dry friction, and the torque that arrives at each body through the drive train."""
+    bodies = axis.inertia.shape[0]
+    for body in range(bodies):
+        net[body] = -axis.viscous[body] * velocity[body]
+    drive = drive_force(axis, command, velocity[0], elapsed, state)
+    net[0] += drive + state[DISTURBANCE]
+    transmitted[0] = abs(drive)
+    hooks = axis.body_hooks
+    for row in range(hooks.shape[0]):
+        body = hooks[row, SITE]
+        net[body] += call(
+            hooks[row, VALUE], position[body], velocity[body], axis.inertia[body], elapsed,
+            state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+        )  # fmt: skip
+    for joint in range(bodies - 1):
+        torque = coupling_torque(axis, joint, position, velocity, elapsed, state)
+        net[joint] -= torque
+        net[joint + 1] += torque
+        transmitted[joint + 1] = abs(torque)
+
+
+@inner
+def friction_level(axis: Axis, body: int, direction: float, speed: float, transmitted: float, state: Any) -> float:
+    """Dry friction of a body that moves (or is about to) in ``direction``; speed 0 is breakaway."""
+    level = 0.0
+    hooks = axis.friction_hooks
+    for row in range(hooks.shape[0]):
+        if hooks[row, SITE] == body:
+            level += call(
+                hooks[row, VALUE], direction, speed, transmitted, 0.0,
+                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+            )  # fmt: skip
+    return max(level, 0.0)
+
+
+@inner
+def accelerations(
+    axis: Axis, command: float, position: Any, velocity: Any, elapsed: float, state: Any,
+    mode: Any, net: Any, transmitted: Any, acceleration: Any,
+) -> None:  # fmt: skip
+    """Accelerations with the direction of each body's dry friction held at ``mode`` (0: at rest)."""
+    smooth_forces(axis, command, position, velocity, elapsed, state, net, transmitted)
+    for body in range(axis.inertia.shape[0]):
+        force = net[body]
+        if axis.has_friction[body]:
+            if mode[body] == 0.0:
+                acceleration[body] = 0.0
+                continue
+            speed = max(velocity[body] * mode[body], 0.0)
+            force -= mode[body] * friction_level(axis, body, mode[body], speed, transmitted[body], state)
+        acceleration[body] = force / axis.inertia[body]
+
+
+@inner
+def runge_kutta(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
+    """One step from the state; the end goes to rows 0 (position) and 1 (velocity) of ``work``.
+
+    Row 2 holds the friction directions, row 3 the accelerations at the start, which are
+    computed by the caller once for all trial steps.
+    """
+    n = axis.inertia.shape[0]
+    position, velocity, mode, first = work[0], work[1], work[2], work[3]
+    net, transmitted = work[4], work[5]
+    stage_position, stage_velocity, stage = work[6], work[7], work[8]
+    at, speed_at = FIRST, FIRST + n
+    half = 0.5 * step
+    for i in range(n):
+        v = state[speed_at + i]
+        position[i] = v
+        velocity[i] = first[i]
+        stage_position[i] = state[at + i] + half * v
+        stage_velocity[i] = v + half * first[i]
+    accelerations(axis, command, stage_position, stage_velocity, half, state, mode, net, transmitted, stage)
+    for i in range(n):
+        position[i] += 2.0 * stage_velocity[i]
+        velocity[i] += 2.0 * stage[i]
+        stage_position[i] = state[at + i] + half * stage_velocity[i]
+        stage_velocity[i] = state[speed_at + i] + half * stage[i]
+    accelerations(axis, command, stage_position, stage_velocity, half, state, mode, net, transmitted, stage)
+    for i in range(n):
+        position[i] += 2.0 * stage_velocity[i]
+        velocity[i] += 2.0 * stage[i]
+        stage_position[i] = state[at + i] + step * stage_velocity[i]
+        stage_velocity[i] = state[speed_at + i] + step * stage[i]
+    accelerations(axis, command, stage_position, stage_velocity, step, state, mode, net, transmitted, stage)
+    for i in range(n):
+        position[i] = state[at + i] + step / 6.0 * (position[i] + stage_velocity[i])
+        velocity[i] = state[speed_at + i] + step / 6.0 * (velocity[i] + stage[i])
+
+
+@inner
+def choose_modes(axis: Axis, command: float, state: Any, work: Any) -> None:
+    """Direction of each body's dry friction now; a body at rest breaks away only above its level."""
+    n = axis.inertia.shape[0]
+    position, velocity = state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n]
+    mode, net, transmitted = work[2], work[4], work[5]
+    smooth_forces(axis, command, position, velocity, 0.0, state, net, transmitted)
+    for i in range(n):
+        mode[i] = 0.0
+        if not axis.has_friction[i]:
+            continue
+        if velocity[i] > 0.0:
+            mode[i] = 1.0
+        elif velocity[i] < 0.0:
+            mode[i] = -1.0
+        elif net[i] > 0.0 and net[i] > friction_level(axis, i, 1.0, 0.0, transmitted[i], state):
+            mode[i] = 1.0
+        elif net[i] < 0.0 and -net[i] > friction_level(axis, i, -1.0, 0.0, transmitted[i], state):
+            mode[i] = -1.0
+
+
+@inner
+def zero_crossing(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+    """Time at which a body's velocity reaches zero within a step that reverses it (Illinois method)."""
+    n = axis.inertia.shape[0]
+    low, low_value = 0.0, state[FIRST + n + body] * work[2, body]
+    high, high_value = step, work[1, body] * work[2, body]
+    if low_value <= 0.0:  # broke away and came back within the step
+        low = 1e-6 * step
+        runge_kutta(axis, command, low, state, work)
+        low_value = work[1, body] * work[2, body]
+        if low_value <= 0.0:
+            return low
+    side = 0
+    for _ in range(40):
+        middle = (low * high_value - high * low_value) / (high_value - low_value)
+        if not low < middle < high:
+            middle = 0.5 * (low + high)
+        runge_kutta(axis, command, middle, state, work)
+        value = work[1, body] * work[2, body]
+        if value > 0.0:
+            low, low_value = middle, value
+            if side == 1:
+                high_value *= 0.5
+            side = 1
+        else:
+            high, high_value = middle, value
+            if side == -1:
+                low_value *= 0.5
+            side = -1
+        if value == 0.0 or high - low <= 1e-10 * step or abs(value) < 1e-14:
+            break
+    return high
+
+
+@inner
+def settle_effects(axis: Axis, command: float, step: float, state: Any) -> None:
+    """Bring the effects' own states to the end of a step; the motion is there already."""
+    n = axis.inertia.shape[0]
+    position, velocity = state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n]
+    value = command
+    hooks = axis.input_hooks
+    for row in range(hooks.shape[0]):
+        arrived = value
+        value = call(
+            hooks[row, VALUE], arrived, velocity[0], command, step,
+            state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+        )  # fmt: skip
+        if hooks[row, SETTLE] != 0:
+            call(
+                hooks[row, SETTLE], arrived, velocity[0], command, step,
+                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+            )  # fmt: skip
+    hooks = axis.body_hooks
+    for row in range(hooks.shape[0]):
+        if hooks[row, SETTLE] != 0:
+            body = hooks[row, SITE]
+            call(
+                hooks[row, SETTLE], position[body], velocity[body], axis.inertia[body], step,
+                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+            )  # fmt: skip
+    hooks = axis.coupling_hooks
+    for row in range(hooks.shape[0]):
+        if hooks[row, SETTLE] != 0:
+            joint = hooks[row, SITE]
+            twist = position[joint] - position[joint + 1]
+            rate = velocity[joint] - velocity[joint + 1]
+            torque = axis.stiffness[joint] * twist + axis.damping[joint] * rate
+            call(
+                hooks[row, SETTLE], torque, twist, axis.stiffness[joint], step,
+                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+            )  # fmt: skip
+
+
+@inner
+def settle_outputs(axis: Axis, position: float, velocity: float, body: int, step: float, state: Any) -> None:
+    """Bring the sensors' own states (play, filter) of one body to a new motion."""
+    hooks = axis.output_hooks
+    for row in range(hooks.shape[0]):
+        output = hooks[row, SITE]
+        if hooks[row, SETTLE] != 0 and axis.outputs[output, BODY] == body:
+            value = position if axis.outputs[output, KIND] == POSITION else velocity
+            call(
+                hooks[row, SETTLE], axis.output_scale[output] * value, position, velocity, step,
+                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+            )  # fmt: skip
+
+
+@inner
+def accept(axis: Axis, command: float, step: float, stopped: int, state: Any, work: Any) -> None:
+    """Take the trial step in ``work`` as the new state."""
+    n = axis.inertia.shape[0]
+    watched = axis.output_hooks.shape[0] > 0
+    for i in range(n):
+        old_position, old_velocity = state[FIRST + i], state[FIRST + n + i]
+        new_position, new_velocity = work[0, i], work[1, i]
+        if i == stopped:
+            new_velocity = 0.0
+        state[FIRST + i] = new_position
+        state[FIRST + n + i] = new_velocity
+        if watched:
+            settled = 0.0
+            if old_velocity * new_velocity < 0.0:  # the turning point counts for a play
+                settled = step * old_velocity / (old_velocity - new_velocity)
+                turn = old_position + 0.5 * old_velocity * settled
+                settle_outputs(axis, turn, 0.0, i, settled, state)
+            settle_outputs(axis, new_position, new_velocity, i, step - settled, state)
+    state[TIME] += step
+    settle_effects(axis, command, step, state)
+
+
+@inner
+def remember(axis: Axis, state: Any, history: Any) -> None:
+    """Keep the present motion for the outputs that are read late."""
+    size = history.shape[0]
+    if size == 0:
+        return
+    n = axis.inertia.shape[0]
+    head = (int(state[HEAD]) + 1) % size
+    state[HEAD] = head
+    state[COUNT] = min(state[COUNT] + 1.0, float(size))
+    history[head, 0] = state[TIME]
+    for i in range(3 * n):
+        history[head, 1 + i] = state[FIRST + i]
+    for output in range(axis.outputs.shape[0]):
+        history[head, 1 + 3 * n + output] = stateful_reading(axis, output, state)
+
+
+@inner
+def advance(axis: Axis, command: float, duration: float, state: Any, history: Any, work: Any) -> None:
+    """Integrate over a stretch of constant command."""
+    n = axis.inertia.shape[0]
+    end = state[TIME] + duration
+    remaining = duration
+    events = 0
+    dry = False
+    for i in range(n):
+        dry = dry or axis.has_friction[i] != 0
+    while remaining > 0.0:
+        rate = axis.constants[RATE]
+        for i in range(n):
+            rate = max(rate, axis.spatial_rate[i] * abs(state[FIRST + n + i]))
+        pieces = max(np.ceil(remaining * rate), 1.0)
+        step = remaining / pieces
+        if dry:
+            choose_modes(axis, command, state, work)
+        accelerations(
+            axis, command, state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n], 0.0, state,
+            work[2], work[4], work[5], work[3],
+        )  # fmt: skip
+        for i in range(n):
+            state[FIRST + 2 * n + i] = work[3, i]
+        if history.shape[0] > 0:
+            remember(axis, state, history)
+        runge_kutta(axis, command, step, state, work)
+        stopped = -1
+        if dry:
+            earliest = step
+            for i in range(n):
+                if work[2, i] != 0.0 and work[1, i] * work[2, i] < 0.0:
+                    start = state[FIRST + n + i]
+                    guess = step * start / (start - work[1, i])
+                    if stopped < 0 or guess < earliest:
+                        stopped, earliest = i, guess
+            events += 1
+            if stopped >= 0 and events < EVENTS_PER_STEP + pieces:
+                step = zero_crossing(axis, command, stopped, step, state, work)
+                runge_kutta(axis, command, step, state, work)
+        accept(axis, command, step, stopped, state, work)
+        remaining -= step
+        if pieces == 1.0 and stopped < 0:
+            break
+        if remaining < 1e-12 * duration:
+            break
+    state[TIME] = end
+
+
+@inner
+def stateful_reading(axis: Axis, output: int, state: Any) -> float:
+    """What a sensor shows before delay and static errors: motion through play and filter."""
+    n = axis.inertia.shape[0]
+    body = axis.outputs[output, BODY]
+    position, velocity = state[FIRST + body], state[FIRST + n + body]
+    if axis.outputs[output, KIND] == POSITION:
+        value = axis.output_scale[output] * position
+    else:
+        value = axis.output_scale[output] * velocity
+    hooks = axis.output_hooks
+    for row in range(hooks.shape[0]):
+        if hooks[row, SITE] == output and hooks[row, SETTLE] != 0:
+            value = call(
+                hooks[row, VALUE], value, position, velocity, 0.0,
+                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+            )  # fmt: skip
+    return value
+
+
+@inner
+def measure(axis: Axis, state: Any, history: Any, noise: Any, reading: Any) -> None:
+    """Read every sensor now: play and filter, delay, static errors, noise, quantisation."""
+    n = axis.inertia.shape[0]
+    if history.shape[0] > 0:
+        remember(axis, state, history)
+    for output in range(axis.outputs.shape[0]):
+        body = axis.outputs[output, BODY]
+        position, velocity = state[FIRST + body], state[FIRST + n + body]
+        delay = axis.output_delay[output]
+        if delay > 0.0:
+            position, velocity, value = recall(axis, output, state[TIME] - delay, state, history)
+        else:
+            value = stateful_reading(axis, output, state)
+        hooks = axis.output_hooks
+        for final in range(2):
+            if final == 1:
+                value += noise[output]
+            for row in range(hooks.shape[0]):
+                if hooks[row, SITE] == output and hooks[row, SETTLE] == 0 and hooks[row, FINAL] == final:
+                    value = call(
+                        hooks[row, VALUE], value, position, velocity, 0.0,
+                        state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+                    )  # fmt: skip
+        reading[output] = value
+
+
+@inner
+def recall(axis: Axis, output: int, time: float, state: Any, history: Any) -> Any:
+    """Motion and reading at an earlier time, by cubic Hermite interpolation of the kept motion."""
+    n = axis.inertia.shape[0]
+    size = history.shape[0]
+    body = axis.outputs[output, BODY]
+    late = int(state[HEAD])
+    kept = int(state[COUNT])
+    early = late
+    for _ in range(kept - 1):
+        early = (late - 1 + size) % size
+        if history[early, 0] <= time:
+            break
+        late = early
+    t0, t1 = history[early, 0], history[late, 0]
+    column = 1 + 3 * n + output
+    if t1 <= t0 or time <= t0:  # before the record: the oldest motion kept
+        return history[early, 1 + body], history[early, 1 + n + body], history[early, column]
+    h = t1 - t0
+    x = (time - t0) / h
+    h00, h10 = (1.0 + 2.0 * x) * (1.0 - x) ** 2, x * (1.0 - x) ** 2
+    h01, h11 = x * x * (3.0 - 2.0 * x), x * x * (x - 1.0)
+    p0, p1 = history[early, 1 + body], history[late, 1 + body]
+    v0, v1 = history[early, 1 + n + body], history[late, 1 + n + body]
+    # the derivative of the cubic, so that the acceleration may jump with the command
+    position = h00 * p0 + h10 * h * v0 + h01 * p1 + h11 * h * v1
+    velocity = (6.0 * x * x - 6.0 * x) / h * (p0 - p1) + (1.0 - x) * (1.0 - 3.0 * x) * v0 + x * (3.0 * x - 2.0) * v1
+    stateful = False
+    hooks = axis.output_hooks
+    for row in range(hooks.shape[0]):
+        stateful = stateful or (hooks[row, SITE] == output and hooks[row, SETTLE] != 0)
+    if stateful:
+        value = (1.0 - x) * history[early, column] + x * history[late, column]
+    elif axis.outputs[output, KIND] == POSITION:
+        value = axis.output_scale[output] * position
+    else:
+        value = axis.output_scale[output] * velocity
+    return position, velocity, value
+
+
+@inner
+def run_to(axis: Axis, command_time: Any, command: Any, target: float, state: Any, history: Any, work: Any) -> None:
+    """Integrate to ``target``, switching commands when they take effect; before the first it is 0."""
+    delay = axis.constants[DELAY]
+    index = int(state[COMMAND])
+    last = command_time.shape[0] - 1
+    while True:
+        now = state[TIME]
+        while index < last and command_time[index + 1] + delay <= now + SAME_TIME:
+            index += 1
+        if target - now <= SAME_TIME:
+            state[TIME] = max(now, target)
+            break
+        until = target
+        if index < last and command_time[index + 1] + delay < target - SAME_TIME:
+            until = command_time[index + 1] + delay
+        held = command[index] if index >= 0 else 0.0
+        advance(axis, held, until - now, state, history, work)
+        if until < target:
+            state[TIME] = until
+    state[COMMAND] = index
+
+
+@entry
+def simulate(
+    axis: Axis, command_time: Any, command: Any, time: Any, state: Any, history: Any, noise: Any, output: Any
+) -> None:
+    """Free run: read the sensors at each time; a measurement comes before the command of its stamp."""
+    work = np.zeros((9, axis.inertia.shape[0]))
+    for k in range(time.shape[0]):
+        run_to(axis, command_time, command, time[k], state, history, work)
+        measure(axis, state, history, noise[k], output[k])
+
+
+@entry
+def predict(
+    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, state: Any, history: Any,
+    innovation: Any,
+) -> None:  # fmt: skip
+    """One-step predictor: the free run, corrected by ``gain @ innovation`` after each measurement.
+
+    ``gain`` is (2n+1, p) on positions, velocities and the disturbance force; an output that is
+    NaN corrects nothing.
+    """
+    n = axis.inertia.shape[0]
+    outputs = axis.outputs.shape[0]
+    work = np.zeros((9, n))
+    noise = np.zeros(outputs)
+    reading = np.zeros(outputs)
+    for k in range(time.shape[0]):
+        run_to(axis, command_time, command, time[k], state, history, work)
+        measure(axis, state, history, noise, reading)
+        for j in range(outputs):
+            error = measured[k, j] - reading[j]
+            innovation[k, j] = error
+            if np.isnan(error):
+                continue
+            for i in range(2 * n):
+                state[FIRST + i] += gain[i, j] * error
+            state[DISTURBANCE] += gain[2 * n, j] * error
+
+
+@entry
+def balance(
+    axis: Axis, time: Any, position: Any, velocity: Any, acceleration: Any, command_time: Any, command: Any,
+    rest: float, state: Any, residual: Any, required: Any,
+) -> None:  # fmt: skip
+    """Equation error: what the modelled forces leave unexplained of a measured motion.
+
+    ``residual`` (m, n) is J a minus all modelled forces. Below the speed ``rest`` a body counts
+    as standing: its dry friction takes what it needs up to the breakaway level.
+    ``required`` (m,) is the force that the drive must give on body 0 for the measured motion.
+    """
+    n = axis.inertia.shape[0]
+    net = np.zeros(n)
+    transmitted = np.zeros(n)
+    delay = axis.constants[DELAY]
+    last = command_time.shape[0] - 1
+    index = -1
+    state[TIME] = time[0]
+    for k in range(time.shape[0]):
+        while index < last and command_time[index + 1] + delay <= time[k] + SAME_TIME:
+            held = command[index] if index >= 0 else 0.0
+            step = max(command_time[index + 1] + delay - state[TIME], 0.0)
+            settle_effects(axis, held, step, state)
+            state[TIME] += step
+            index += 1
+        held = command[index] if index >= 0 else 0.0
+        step = max(time[k] - state[TIME], 0.0)
+        for i in range(n):
+            state[FIRST + i] = position[k, i]
+            state[FIRST + n + i] = velocity[k, i]
+        settle_effects(axis, held, step, state)
+        state[TIME] = time[k]
+        smooth_forces(axis, held, position[k], velocity[k], 0.0, state, net, transmitted)
+        for i in range(n):
+            left = axis.inertia[i] * acceleration[k, i] - net[i]
+            if axis.has_friction[i]:
+                direction = 1.0 if velocity[k, i] > 0.0 else -1.0
+                speed = abs(velocity[k, i])
+                if speed > rest:
+                    left += direction * friction_level(axis, i, direction, speed, transmitted[i], state)
+                else:
+                    push = -1.0 if left > 0.0 else 1.0
+                    level = friction_level(axis, i, push, 0.0, transmitted[i], state)
+                    left = -push * max(abs(left) - level, 0.0)
+            residual[k, i] = left
+        required[k] = drive_force(axis, held, velocity[k, 0], 0.0, state) + residual[k, 0]
+
+
+@entry
+def run(axis: Axis, command_time: Any, command: Any, until: float, state: Any, history: Any, work: Any) -> None:
+    """Integrate to a time, for a machine that is stepped from outside."""
+    run_to(axis, command_time, command, until, state, history, work)
+
+
+@entry
+def read(axis: Axis, state: Any, history: Any, noise: Any, reading: Any) -> None:
+    """Read every sensor now, for a machine that is stepped from outside."""
+    measure(axis, state, history, noise, reading)

@@ -1,0 +1,224 @@
+"""From a model and values of its parameters to the arrays that the compiled simulator reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.physics import kernel
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
+from idloop.physics.hook import Hook
+from idloop.physics.kernel import Axis
+from idloop.physics.model import ActiveEffect, Model
+
+# The fastest mode turns by at most this angle in one integration step: the error of a
+# Runge-Kutta step of this size is about 1e-5 of the motion per radian.
+STEP_ANGLE = 0.2
+# Steps per second beyond which a parameter value is taken as absurd rather than integrated.
+MOST_STEPS = 2e6
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Arrays of one model with one set of values.
+
+    Attributes
+    ----------
+    axis : Axis
+        For the compiled simulator.
+    bodies : int
+        Bodies after compliance has split some.
+    body_of : tuple of int
+        Place in the chain of each body of the model.
+    states : int
+        Length of the state vector.
+    delay : float
+        Longest delay of a sensor [s].
+    """
+
+    axis: Axis
+    bodies: int
+    body_of: tuple[int, ...]
+    states: int
+    delay: float
+
+    def new_state(self) -> NDArray[np.float64]:
+        """State at rest at time 0, before any command."""
+        state = np.zeros(self.states)
+        state[kernel.COMMAND] = -1.0
+        return state
+
+    def new_history(self) -> NDArray[np.float64]:
+        """Memory of the motion for delayed sensors; empty when there are none."""
+        if self.delay <= 0.0:
+            return np.zeros((0, 1))
+        rows = int(np.ceil(self.delay * self.history_rate)) + 8
+        return np.zeros((rows, 1 + 3 * self.bodies + self.axis.outputs.shape[0]))
+
+    @property
+    def history_rate(self) -> float:
+        """Rows kept per second at most: integration steps, commands and measurements."""
+        return float(self.axis.constants[kernel.RATE]) * 2.0 + 20000.0
+
+
+class _Chain:
+    """The bodies and couplings after compliance has split some of them."""
+
+    def __init__(self, model: Model, values: Mapping[str, float]) -> None:
+        self.inertia: list[float] = []
+        self.viscous: list[float] = []
+        self.stiffness: list[float] = []
+        self.damping: list[float] = []
+        self.body_of: list[int] = []
+        splits = {active.at: active.name for active in model.effects if active.effect.splits}
+        for index, body in enumerate(model.bodies):
+            if index > 0:
+                coupling = model.couplings[index - 1]
+                self.stiffness.append(values[f"{coupling}.stiffness"])
+                self.damping.append(values[f"{coupling}.damping"])
+            self.body_of.append(len(self.inertia))
+            inertia, viscous = values[f"{body}.inertia"], values[f"{body}.viscous_friction"]
+            name = splits.get(body)
+            if name is None or not np.isfinite(values[f"{name}.stiffness"]):
+                self.inertia.append(inertia)
+                self.viscous.append(viscous)
+                continue
+            far = values[f"{name}.split"]
+            self.inertia += [inertia * (1.0 - far), inertia * far]
+            self.viscous += [viscous * (1.0 - far), viscous * far]
+            self.stiffness.append(values[f"{name}.stiffness"])
+            self.damping.append(values[f"{name}.damping"])
+
+    def linear_rate(self) -> float:
+        """Fastest rate of the bare chain [rad/s]."""
+        n = len(self.inertia)
+        stiff, damp = np.zeros((n, n)), np.diag(np.asarray(self.viscous, dtype=float))
+        for i, (k, c) in enumerate(zip(self.stiffness, self.damping, strict=True)):
+            pattern = np.array([[1.0, -1.0], [-1.0, 1.0]])
+            stiff[i : i + 2, i : i + 2] += k * pattern
+            damp[i : i + 2, i : i + 2] += c * pattern
+        inverse = 1.0 / np.asarray(self.inertia)[:, None]
+        matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse * stiff, -inverse * damp]])
+        if not np.all(np.isfinite(matrix)):
+            return float("inf")
+        return float(np.max(np.abs(np.linalg.eigvals(matrix))))
+
+
+def _table(rows: list[list[int]]) -> NDArray[np.int64]:
+    return np.array(rows, dtype=np.int64).reshape(len(rows), 6)
+
+
+def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
+    """Lay a model out for the compiled simulator.
+
+    Parameters
+    ----------
+    model : Model
+        The structure.
+    values : mapping, optional
+        Value of every parameter by name; those of the model by default.
+
+    Returns
+    -------
+    Layout
+    """
+    values = model.values if values is None else values
+    chain = _Chain(model, values)
+    n = len(chain.inertia)
+    body_of = dict(zip(model.bodies, chain.body_of, strict=True))
+    joint_of = {
+        coupling: body_of[b] - 1 for coupling, b in zip(model.couplings, model.bodies[1:], strict=True)
+    }
+    output_of = {output.site: index for index, output in enumerate(model.outputs)}
+    output_delay = np.zeros(len(model.outputs))
+    tables: dict[str, list[list[int]]] = {kind: [] for kind in (INPUT, BODY, "friction", COUPLING, OUTPUT)}
+    has_friction = np.zeros(n, dtype=np.int64)
+    spatial = np.zeros(n)
+    numbers: list[float] = []
+    next_state = kernel.FIRST + 3 * n
+    input_delay = 0.0
+    rate = chain.linear_rate()
+
+    for active in sorted(model.effects, key=lambda active: active.effect.order):
+        effect = active.effect
+        own = _values_of(active, values)
+        if effect.splits:
+            continue
+        if effect.delay:
+            if effect.site == INPUT:
+                input_delay += own[effect.delay]
+            else:
+                output_delay[output_of[active.at]] += own[effect.delay]
+            continue
+        site, inertia, stiffness = 0, chain.inertia[0], 0.0
+        if effect.site == BODY:
+            site = body_of[active.at]
+            inertia = chain.inertia[site]
+        elif effect.site == COUPLING:
+            site = joint_of[active.at]
+            inertia, stiffness = min(chain.inertia[site : site + 2]), chain.stiffness[site]
+        elif effect.site == OUTPUT:
+            site = output_of[active.at]
+        rate += effect.rate(own, inertia, stiffness)
+        if effect.site == BODY:
+            spatial[site] = max(spatial[site], effect.spatial_rate(own, inertia, stiffness))
+        settle = effect.settle.address if effect.settle is not None else 0
+        for kind, equation in _equations(active):
+            row = [site, equation.address, settle, len(numbers), next_state, int(effect.final)]
+            tables[kind].append(row)
+            if kind == "friction":
+                has_friction[site] = 1
+        numbers += [own[spec.name] for spec in effect.parameters]
+        next_state += effect.states
+
+    axis = Axis(
+        inertia=np.asarray(chain.inertia, dtype=float),
+        viscous=np.asarray(chain.viscous, dtype=float),
+        stiffness=np.asarray(chain.stiffness, dtype=float),
+        damping=np.asarray(chain.damping, dtype=float),
+        constants=np.array([values["drive.gain"], input_delay, min(rate / STEP_ANGLE, MOST_STEPS)]),
+        spatial_rate=spatial / STEP_ANGLE,
+        parameters=np.array([*numbers, 0.0]),
+        input_hooks=_table(tables[INPUT]),
+        body_hooks=_table(tables[BODY]),
+        friction_hooks=_table(tables["friction"]),
+        coupling_hooks=_table(tables[COUPLING]),
+        output_hooks=_table(tables[OUTPUT]),
+        outputs=np.array(
+            [
+                [body_of[output.body], kernel.POSITION if output.field == "position" else kernel.VELOCITY]
+                for output in model.outputs
+            ],
+            dtype=np.int64,
+        ),
+        output_scale=np.array([output.scale for output in model.outputs]),
+        output_delay=output_delay,
+        has_friction=has_friction,
+    )
+    delay = float(np.max(output_delay, initial=0.0))
+    return Layout(axis, n, tuple(chain.body_of), next_state + 1, delay)
+
+
+def _values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, float]:
+    """Parameters of one effect by their own names; an optional one follows the one it defaults to."""
+    own: dict[str, float] = {}
+    for spec in active.effect.parameters:
+        name = f"{active.name}.{spec.name}"
+        own[spec.name] = values[name] if name in values else own[spec.optional]
+    return own
+
+
+def _equations(active: ActiveEffect) -> list[tuple[str, Hook]]:
+    """The equations of an effect with the table that each belongs in."""
+    effect = active.effect
+    places = [
+        (INPUT, effect.command),
+        (BODY, effect.force),
+        ("friction", effect.friction),
+        (COUPLING, effect.coupling),
+        (OUTPUT, effect.reading),
+    ]
+    return [(kind, equation) for kind, equation in places if equation is not None]

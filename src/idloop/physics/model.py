@@ -1,0 +1,576 @@
+"""A model: bodies, couplings, drive, effects and the signals that it connects to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from ruamel.yaml import YAML
+
+from idloop.errors import InputError
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, did_you_mean, find_effect
+from idloop.physics.parameter import Parameter
+from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file, read_text, read_value
+from idloop.physics.units import FORCES, Units, input_unit, position_unit
+
+PRESETS = Path(__file__).parent / "presets"
+EFFECT_TEXT = re.compile(r"^\s*(\w+)\s*@\s*([^()\s]+)\s*(?:\((.*)\))?\s*$")
+
+
+@dataclass(frozen=True)
+class InputSignal:
+    """The command: topic, joint, field and unit."""
+
+    topic: str
+    joint: str
+    field: str
+    unit: str
+
+    @property
+    def name(self) -> str:
+        """Name of the signal, such as ``motor.effort``."""
+        return f"{self.joint}.{self.field}"
+
+
+@dataclass(frozen=True)
+class OutputSignal:
+    """A measured signal: topic, joint, field, unit, body, scale and noise (standard deviation)."""
+
+    topic: str
+    joint: str
+    field: str
+    unit: str
+    body: str
+    scale: float
+    noise: float | None
+
+    @property
+    def name(self) -> str:
+        """Name of the signal, such as ``motor.position``."""
+        return f"{self.joint}.{self.field}"
+
+    @property
+    def site(self) -> str:
+        """Site of effects of this sensor, such as ``position[motor]``."""
+        return f"{self.field}[{self.joint}]"
+
+
+@dataclass(frozen=True)
+class ActiveEffect:
+    """An effect of the catalogue at a site of this model."""
+
+    effect: Effect
+    at: str
+
+    @property
+    def name(self) -> str:
+        """Name in this model, such as ``dead_zone@input``."""
+        return f"{self.effect.name}@{self.at}"
+
+
+@dataclass(frozen=True)
+class Model:
+    """An axis: a chain of bodies with a drive, its effects and its signals.
+
+    Models do not change: every method returns a new one.
+
+    Attributes
+    ----------
+    name, description : str
+        For the user.
+    input : InputSignal
+        The command.
+    outputs : tuple of OutputSignal
+        What is measured.
+    bodies : tuple of str
+        Names along the chain; the drive acts on the first.
+    parameters : tuple of Parameter
+        Every number of the model, in a fixed order.
+    effects : tuple of ActiveEffect
+        What acts beyond inertia, viscous friction and springs.
+    controller : dict or None
+        The controller that ran while the data was recorded, as in the file.
+    disturbance : float or None
+        Intensity of the disturbance force that a fit found, in force unit per root second.
+    folder : Path or None
+        Where the file lies; its folder ``effects`` may hold the user's own effects.
+    """
+
+    name: str
+    description: str
+    input: InputSignal
+    outputs: tuple[OutputSignal, ...]
+    bodies: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    effects: tuple[ActiveEffect, ...]
+    units: Units
+    controller: dict[str, Any] | None = None
+    disturbance: float | None = None
+    folder: Path | None = field(default=None, compare=False)
+
+    # -- parameters ---------------------------------------------------------------------
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Value of every parameter by name."""
+        return {parameter.name: parameter.value for parameter in self.parameters}
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters to estimate."""
+        return tuple(parameter.name for parameter in self.parameters if parameter.free)
+
+    @cached_property
+    def theta(self) -> NDArray[np.float64]:
+        """Values of the free parameters, in the order of `free`."""
+        return np.array([parameter.value for parameter in self.parameters if parameter.free], dtype=float)
+
+    @property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper bounds of the free parameters."""
+        free = [parameter for parameter in self.parameters if parameter.free]
+        return np.array([p.min for p in free], dtype=float), np.array([p.max for p in free], dtype=float)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs, such as ``motor.position``."""
+        return tuple(output.name for output in self.outputs)
+
+    @property
+    def effect_names(self) -> tuple[str, ...]:
+        """Names of the active effects, such as ``dead_zone@input``."""
+        return tuple(active.name for active in self.effects)
+
+    @property
+    def couplings(self) -> tuple[str, ...]:
+        """Names of the couplings, such as ``motor-load``."""
+        return tuple(f"{a}-{b}" for a, b in zip(self.bodies[:-1], self.bodies[1:], strict=True))
+
+    def parameter(self, name: str) -> Parameter:
+        """Return a parameter by name.
+
+        Raises
+        ------
+        InputError
+            The model has no such parameter.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise InputError(
+            f"model {self.name} has no parameter '{name}'{did_you_mean(name, [p.name for p in self.parameters])}"
+        )
+
+    def with_values(
+        self,
+        values: Mapping[str, float],
+        stderr: Mapping[str, float] | None = None,
+    ) -> Model:
+        """Return the model with other values, and standard errors where given.
+
+        Parameters
+        ----------
+        values : mapping
+            Value by parameter name.
+        stderr : mapping, optional
+            Standard error by parameter name.
+
+        Raises
+        ------
+        InputError
+            Unknown name, or a value outside the parameter's bounds.
+        """
+        errors = stderr or {}
+        for name, value in values.items():
+            known = self.parameter(name)
+            if not known.min <= value <= known.max:
+                raise InputError(f"{name}: {value:g} is outside {known.min:g} .. {known.max:g} {known.unit}")
+        changed = tuple(
+            replace(p, value=float(values.get(p.name, p.value)), stderr=errors.get(p.name, p.stderr))
+            for p in self.parameters
+        )
+        return replace(self, parameters=changed)
+
+    def with_theta(self, theta: Sequence[float] | NDArray[np.float64]) -> Model:
+        """Return the model with other values of its free parameters, in the order of `free`."""
+        return self.with_values(dict(zip(self.free, (float(v) for v in theta), strict=True)))
+
+    def with_free(self, names: Iterable[str]) -> Model:
+        """Return the model in which exactly these parameters are to be estimated."""
+        chosen = set(names)
+        for name in chosen:
+            self.parameter(name)
+        return replace(self, parameters=tuple(replace(p, free=p.name in chosen) for p in self.parameters))
+
+    # -- effects ------------------------------------------------------------------------
+
+    @property
+    def _effect_folders(self) -> tuple[Path, ...]:
+        return (self.folder / "effects",) if self.folder is not None else ()
+
+    def site_kind(self, at: str) -> str:
+        """Kind of a site of this model.
+
+        Raises
+        ------
+        InputError
+            The model has no such site.
+        """
+        if at == "input":
+            return INPUT
+        if at in self.bodies:
+            return BODY
+        if at in self.couplings:
+            return COUPLING
+        if at in self.sites(OUTPUT):
+            return OUTPUT
+        known = [site for kind in (INPUT, BODY, COUPLING, OUTPUT) for site in self.sites(kind)]
+        raise InputError(f"model {self.name} has no site '{at}'{did_you_mean(at, known)}")
+
+    def sites(self, kind: str) -> tuple[str, ...]:
+        """Names of all sites of one kind."""
+        if kind == INPUT:
+            return ("input",)
+        if kind == BODY:
+            return self.bodies
+        if kind == COUPLING:
+            return self.couplings
+        return tuple(output.site for output in self.outputs)
+
+    def with_effect(self, name: str, at: str, **values: float | Mapping[str, Any] | Value) -> Model:
+        """Return the model with one more effect.
+
+        Parameters
+        ----------
+        name, at : str
+            Effect and site.
+        **values : float or mapping
+            Start values of its parameters (to be estimated), or mappings as in a model file.
+
+        Raises
+        ------
+        InputError
+            Unknown effect, site or parameter, or an effect that is there already.
+        """
+        as_values = {
+            key: Value(value=float(value)) if isinstance(value, int | float) else value for key, value in values.items()
+        }
+        return self._add(name, at, as_values)
+
+    def _add(self, name: str, at: str, values: Mapping[str, Any]) -> Model:
+        kind = self.site_kind(at)
+        effect = find_effect(name, kind, *self._effect_folders)
+        active = ActiveEffect(effect, at)
+        if active.name in self.effect_names:
+            raise InputError(f"model {self.name} has the effect {active.name} twice: remove one")
+        output = next((o for o in self.outputs if o.site == at), None)
+        if output is not None and output.field not in effect.outputs:
+            raise InputError(f"effect {name} does not act on a {output.field}: it acts on {' or '.join(effect.outputs)}")
+        added = self._effect_parameters(active, values, output.unit if output else "")
+        return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))
+
+    def _effect_parameters(self, active: ActiveEffect, values: Mapping[str, Any], unit: str) -> list[Parameter]:
+        effect = active.effect
+        given: dict[str, Value] = {}
+        for key, raw in values.items():
+            spec = effect.spec(key)
+            try:
+                given[key] = read_value(raw)
+            except ValueError as error:
+                message = getattr(error, "errors", lambda: [{"msg": str(error)}])()[0]["msg"]
+                raise InputError(f"{active.name}.{key}: {message.removeprefix('Value error, ')}") from error
+            if not spec.min <= given[key].value <= spec.max:
+                raise InputError(
+                    f"{active.name}.{key}: {given[key].value:g} is outside {spec.min:g} .. {spec.max:g} "
+                    f"{self.units.fill(spec.unit, unit)}"
+                )
+        added = []
+        for spec in effect.parameters:
+            if spec.optional and spec.name not in given:
+                continue
+            value = given.get(spec.name, Value(value=spec.start, free=not spec.integer))
+            if spec.integer and value.value != round(value.value):
+                raise InputError(f"{active.name}.{spec.name}: {value.value:g} is not a whole number")
+            low = spec.min if value.min is None else max(value.min, spec.min)
+            high = spec.max if value.max is None else min(value.max, spec.max)
+            free = value.free and not spec.integer
+            added.append(
+                Parameter(
+                    f"{active.name}.{spec.name}",
+                    value.value,
+                    low,
+                    high,
+                    free,
+                    value.stderr,
+                    self.units.fill(spec.unit, unit),
+                )
+            )
+        return added
+
+    def without_effect(self, name: str) -> Model:
+        """Return the model without an effect, named as in `effect_names`.
+
+        Raises
+        ------
+        InputError
+            The model has no such effect.
+        """
+        if name not in self.effect_names:
+            raise InputError(
+                f"model {self.name} has no effect '{name}'{did_you_mean(name, list(self.effect_names))}"
+                if self.effects
+                else f"model {self.name} has no effects"
+            )
+        return replace(
+            self,
+            effects=tuple(active for active in self.effects if active.name != name),
+            parameters=tuple(p for p in self.parameters if not p.name.startswith(f"{name}.")),
+        )
+
+    def with_effects(self, texts: Iterable[str]) -> Model:
+        """Return the model with effects given as text, see `parse_effect`."""
+        model = self
+        for text in texts:
+            name, at, values = parse_effect(text)
+            model = model.with_effect(name, at, **values)
+        return model
+
+    # -- file ---------------------------------------------------------------------------
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the model as the mapping of a model file."""
+        by_name = {parameter.name: parameter for parameter in self.parameters}
+
+        def number(name: str, default: tuple[float, float] = (-np.inf, np.inf)) -> float | dict[str, float]:
+            p = by_name[name]
+            if not p.free:
+                return p.value
+            entry = {"value": p.value}
+            if np.isfinite(p.min) and p.min != default[0]:
+                entry["min"] = p.min
+            if np.isfinite(p.max) and p.max != default[1]:
+                entry["max"] = p.max
+            if p.stderr is not None:
+                entry["stderr"] = p.stderr
+            return entry
+
+        file: dict[str, Any] = {"schema": SCHEMA, "name": self.name}
+        if self.description:
+            file["description"] = self.description
+        file["input"] = {key: getattr(self.input, key) for key in ("topic", "joint", "field", "unit")}
+        file["outputs"] = []
+        for output in self.outputs:
+            entry = {key: getattr(output, key) for key in ("topic", "joint", "field", "unit")}
+            if output.body != output.joint:
+                entry["body"] = output.body
+            if output.scale != 1.0:
+                entry["scale"] = output.scale
+            if output.noise is not None:
+                entry["noise"] = output.noise
+            file["outputs"].append(entry)
+        file["bodies"] = [
+            {
+                "name": body,
+                "inertia": number(f"{body}.inertia"),
+                "viscous_friction": number(f"{body}.viscous_friction"),
+            }
+            for body in self.bodies
+        ]
+        file["couplings"] = [
+            {
+                "from": a,
+                "to": b,
+                "stiffness": number(f"{coupling}.stiffness"),
+                "damping": number(f"{coupling}.damping"),
+            }
+            for coupling, a, b in zip(self.couplings, self.bodies[:-1], self.bodies[1:], strict=True)
+        ]
+        file["drive"] = {"gain": number("drive.gain")}
+        file["effects"] = []
+        for active in self.effects:
+            line: dict[str, Any] = {"effect": active.effect.name, "at": active.at}
+            for spec in active.effect.parameters:
+                if f"{active.name}.{spec.name}" in by_name:
+                    line[spec.name] = number(f"{active.name}.{spec.name}", (spec.min, spec.max))
+            file["effects"].append(line)
+        if self.disturbance is not None:
+            file["disturbance"] = {"intensity": self.disturbance}
+        file["controller"] = self.controller
+        return file
+
+    def to_yaml(self) -> str:
+        """Return the model as the text of a model file."""
+        yaml = YAML()
+        yaml.default_flow_style = None
+        yaml.width = 120
+        yaml.representer.add_representer(type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null"))
+        stream = StringIO()
+        yaml.dump(self.to_mapping(), stream)
+        return stream.getvalue()
+
+    def save(self, path: Path) -> None:
+        """Write the model file; the caller has made sure that nothing is lost."""
+        path.write_text(self.to_yaml(), encoding="utf-8")
+
+
+def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:
+    """Read an effect written as ``NAME@SITE`` or ``NAME@SITE(parameter=value, ...)``.
+
+    Returns
+    -------
+    name, site, values : str, str, dict
+
+    Raises
+    ------
+    InputError
+        The text does not have this form.
+    """
+    match = EFFECT_TEXT.match(text)
+    form = f"effect '{text}': write NAME@SITE or NAME@SITE(parameter=value, ...), such as dead_zone@input(width=0.1)"
+    if match is None:
+        raise InputError(form)
+    name, at, inside = match.groups()
+    values: dict[str, float] = {}
+    for part in (inside or "").split(","):
+        if not part.strip():
+            continue
+        key, equals, number = part.partition("=")
+        try:
+            values[key.strip()] = float(number)
+        except ValueError as error:
+            raise InputError(form) from error
+        if not equals:
+            raise InputError(form)
+    return name, at, values
+
+
+def _base_parameter(name: str, value: Value, unit: str, low: float, where: str, *, positive: bool = False) -> Parameter:
+    if value.value < low or (positive and value.value <= low) or not np.isfinite(value.value):
+        bound = "> 0" if positive else f">= {low:g}" if np.isfinite(low) else "finite"
+        raise InputError(f"{where}: {name}: must be {bound} {unit} (got {value.value:g})")
+    low = low if value.min is None else max(low, value.min)
+    high = np.inf if value.max is None else value.max
+    return Parameter(name, value.value, low, high, value.free, value.stderr, unit)
+
+
+def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Model:
+    """Make a model of a checked file.
+
+    Raises
+    ------
+    InputError
+        Units, bodies, couplings or effects that do not fit together.
+    """
+    bodies = tuple(body.name for body in file.bodies)
+    for name in bodies:
+        if bodies.count(name) > 1 or not re.fullmatch(r"\w+", name) or name in ("input", "drive"):
+            raise InputError(f"{where}: bodies: '{name}' is not a usable name: letters, digits and _, each name once")
+    command = InputSignal(
+        file.input.topic, file.input.joint, file.input.field, input_unit(file.input.unit, f"{where}: input.unit")
+    )
+    outputs = []
+    for index, output in enumerate(file.outputs):
+        at = f"{where}: outputs[{index}]"
+        position_unit(output.unit, output.field, f"{at}.unit")
+        body = output.body or output.joint
+        if body not in bodies:
+            raise InputError(f"{at}: there is no body '{body}'{did_you_mean(body, list(bodies))}")
+        outputs.append(
+            OutputSignal(
+                output.topic, output.joint, output.field, output.unit, body, float(output.scale), output.noise
+            )
+        )
+    names = [output.name for output in outputs]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{where}: outputs: '{name}' is there twice: remove one")
+    # a scaled output shows the motion in another unit than that of the bodies
+    plain = [output for output in outputs if output.scale == 1.0] or outputs
+    kinds = sorted({position_unit(output.unit, output.field, where) for output in plain})
+    if len(kinds) > 1:
+        raise InputError(f"{where}: outputs: the units {' and '.join(kinds)} do not fit one axis: use one, or scale")
+    force = FORCES[kinds[0]]
+    units = Units(command.unit, kinds[0], force)
+
+    parameters = []
+    for body_file in file.bodies:
+        name = body_file.name
+        parameters.append(
+            _base_parameter(f"{name}.inertia", body_file.inertia, units.inertia, 0.0, where, positive=True)
+        )
+        parameters.append(
+            _base_parameter(
+                f"{name}.viscous_friction", body_file.viscous_friction, units.fill("{force}·s/{position}"), 0.0, where
+            )
+        )
+    chain = [(a, b) for a, b in zip(bodies[:-1], bodies[1:], strict=True)]
+    given = {(c.source, c.target): c for c in file.couplings}
+    for pair in given:
+        if pair not in chain:
+            raise InputError(
+                f"{where}: couplings: {pair[0]}-{pair[1]} does not join neighbours of the chain {' - '.join(bodies)}"
+            )
+    for pair in chain:
+        if pair not in given:
+            raise InputError(f"{where}: couplings: nothing joins {pair[0]} and {pair[1]}: add from, to and stiffness")
+        coupling = given[pair]
+        name = f"{pair[0]}-{pair[1]}"
+        stiffness_unit = units.fill("{force}/{position}")
+        parameters.append(_base_parameter(f"{name}.stiffness", coupling.stiffness, stiffness_unit, 0.0, where))
+        damping_unit = units.fill("{force}·s/{position}")
+        parameters.append(_base_parameter(f"{name}.damping", coupling.damping, damping_unit, 0.0, where))
+    gain_unit = "-" if force == command.unit else f"{force}/{command.unit}"
+    parameters.append(_base_parameter("drive.gain", file.drive.gain, gain_unit, -np.inf, where))
+
+    model = Model(
+        name=file.name,
+        description=file.description or "",
+        input=command,
+        outputs=tuple(outputs),
+        bodies=bodies,
+        parameters=tuple(parameters),
+        effects=(),
+        units=units,
+        controller=file.controller,
+        disturbance=file.disturbance.intensity if file.disturbance else None,
+        folder=folder,
+    )
+    for index, entry in enumerate(file.effects):
+        model = _add_entry(model, entry, f"{where}: effects[{index}]")
+    return model
+
+
+def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:
+    try:
+        return model._add(entry.effect, entry.at, entry.model_extra or {})
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def preset_names() -> tuple[str, ...]:
+    """Names of the preset models."""
+    return tuple(sorted(path.stem for path in PRESETS.glob("*.yaml")))
+
+
+def load_model(source: str | Path) -> Model:
+    """Read a model: the name of a preset, or a model file.
+
+    Raises
+    ------
+    InputError
+        One line that names file, key and cure.
+    """
+    path = Path(source)
+    if str(source) in preset_names():
+        path = PRESETS / f"{source}.yaml"
+        return build_model(read_model_file(read_text(path), f"preset {source}"), f"preset {source}")
+    if not path.exists():
+        raise InputError(f"model '{source}': no such file, and no preset of this name: presets are {', '.join(preset_names())}")
+    return build_model(read_model_file(read_text(path), str(path)), str(path), path.resolve().parent)

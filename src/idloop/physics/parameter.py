@@ -1,0 +1,34 @@
+"""A parameter of a model: known, or to be estimated within bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a model.
+
+    Attributes
+    ----------
+    name : str
+        Path in the model, such as ``motor.inertia`` or ``dead_zone@input.width``.
+    value : float
+        Value in ``unit``.
+    min, max : float
+        Bounds of the estimate.
+    free : bool
+        Estimated from data (a mapping in the model file) or known (a bare number).
+    stderr : float or None
+        Standard error after a fit.
+    unit : str
+        Unit.
+    """
+
+    name: str
+    value: float
+    min: float
+    max: float
+    free: bool
+    stderr: float | None
+    unit: str

@@ -1,0 +1,141 @@
+"""A machine that is simulated step by step, for the plant node and for closed loops."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.physics import kernel
+from idloop.physics.layout import lay_out
+from idloop.physics.model import Model
+
+# Commands kept for delays; the older half is dropped when the memory is full.
+COMMANDS_KEPT = 4096
+
+
+class Plant:
+    """Step a model as a machine would run: commands in, noisy measurements out.
+
+    Parameters
+    ----------
+    model : Model
+        The machine, hidden effects included.
+    seed : int
+        Seed of noise and disturbance; equal seeds give equal runs.
+    noise : bool
+        Add the measurement noise that the model's outputs state.
+    disturbance_std : float
+        Standard deviation of a disturbance force on body 0 (Ornstein-Uhlenbeck process).
+    disturbance_time_constant : float
+        Its correlation time [s].
+    start_time : float
+        Time at the start [s].
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        seed: int = 0,
+        *,
+        noise: bool = True,
+        disturbance_std: float = 0.0,
+        disturbance_time_constant: float = 1.0,
+        start_time: float = 0.0,
+    ) -> None:
+        if disturbance_std < 0.0 or disturbance_time_constant <= 0.0:
+            raise InputError("disturbance: the standard deviation must be >= 0 and the time constant > 0 s")
+        self.model = model
+        self._layout = lay_out(model)
+        self._random = np.random.default_rng(seed)
+        self._noise_std = np.array([(output.noise or 0.0) if noise else 0.0 for output in model.outputs])
+        self._disturbance_std = disturbance_std
+        self._disturbance_time_constant = disturbance_time_constant
+        self._work = np.zeros((9, self._layout.bodies))
+        self._reading = np.zeros(len(model.outputs))
+        self._command_time = np.zeros(COMMANDS_KEPT)
+        self._command = np.zeros(COMMANDS_KEPT)
+        self._commands = 0
+        self.start_time = start_time
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to rest at position 0 and the start time; the noise goes on."""
+        self._state = self._layout.new_state()
+        self._state[kernel.TIME] = self.start_time
+        self._history = self._layout.new_history()
+        self._commands = 0
+        if self._disturbance_std > 0.0:
+            self._state[kernel.DISTURBANCE] = self._disturbance_std * self._random.standard_normal()
+
+    @property
+    def time(self) -> float:
+        """Time now [s]."""
+        return float(self._state[kernel.TIME])
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """True positions of the model's bodies (n,)."""
+        return self._state[kernel.FIRST + np.array(self._layout.body_of)]
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """True velocities of the model's bodies (n,)."""
+        return self._state[kernel.FIRST + self._layout.bodies + np.array(self._layout.body_of)]
+
+    def measure(self) -> NDArray[np.float64]:
+        """Read the sensors now, with noise (p,)."""
+        noise = self._noise_std * self._random.standard_normal(len(self._noise_std))
+        kernel.read(self._layout.axis, self._state, self._history, noise, self._reading)
+        return self._reading.copy()
+
+    def schedule(self, stamp: float, command: float) -> None:
+        """Let a command take effect at ``stamp`` [s], or now when that is past.
+
+        Raises
+        ------
+        InputError
+            The command is not finite.
+        """
+        if not math.isfinite(command):
+            raise InputError(f"command at {stamp:g} s is not finite")
+        stamp = max(stamp, self.time)
+        if self._commands and stamp < self._command_time[self._commands - 1]:
+            stamp = float(self._command_time[self._commands - 1])
+        if self._commands == COMMANDS_KEPT:
+            self._forget()
+        self._command_time[self._commands] = stamp
+        self._command[self._commands] = command
+        self._commands += 1
+
+    def advance(self, until: float) -> None:
+        """Run to a time [s]."""
+        if self._disturbance_std > 0.0:
+            keep = math.exp(-max(until - self.time, 0.0) / self._disturbance_time_constant)
+            fresh = self._disturbance_std * math.sqrt(1.0 - keep * keep) * self._random.standard_normal()
+            self._state[kernel.DISTURBANCE] = keep * self._state[kernel.DISTURBANCE] + fresh
+        kernel.run(
+            self._layout.axis,
+            self._command_time[: self._commands],
+            self._command[: self._commands],
+            until,
+            self._state,
+            self._history,
+            self._work,
+        )
+
+    def step(self, command: float, until: float) -> None:
+        """Apply a command from now on and run to ``until`` [s]."""
+        self.schedule(self.time, command)
+        self.advance(until)
+
+    def _forget(self) -> None:
+        half = COMMANDS_KEPT // 2
+        if self._state[kernel.COMMAND] < half:
+            raise InputError("the input delay holds more commands than the plant keeps: shorten it")
+        self._command_time[:half] = self._command_time[half:]
+        self._command[:half] = self._command[half:]
+        self._commands -= half
+        self._state[kernel.COMMAND] -= half

@@ -1,0 +1,232 @@
+"""The model file ``idloop/model/1`` as YAML, checked key by key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from idloop.errors import InputError
+from idloop.physics.effect import did_you_mean
+
+SCHEMA = "idloop/model/1"
+STRICT = ConfigDict(extra="forbid", frozen=True)
+
+
+class Value(BaseModel):
+    """A number: bare when known, a mapping when it is to be estimated."""
+
+    model_config = STRICT
+    value: float
+    min: float | None = None
+    max: float | None = None
+    stderr: float | None = None
+    free: bool = Field(default=True, exclude=True)
+
+    @model_validator(mode="after")
+    def _within(self) -> Value:
+        if math.isnan(self.value):
+            raise ValueError("value is not a number")
+        if self.min is not None and self.value < self.min:
+            raise ValueError(f"value {self.value:g} is below min {self.min:g}")
+        if self.max is not None and self.value > self.max:
+            raise ValueError(f"value {self.value:g} is above max {self.max:g}")
+        return self
+
+
+def read_value(raw: Any) -> Any:
+    """Take a bare number as known."""
+    if isinstance(raw, bool):
+        raise ValueError("a number or a mapping with 'value' is needed")
+    if isinstance(raw, int | float):
+        return Value(value=float(raw), free=False)
+    if isinstance(raw, Mapping):
+        known = ["value", "min", "max", "stderr"]
+        for key in raw:
+            if key not in known:
+                raise ValueError(f"unknown key '{key}'{did_you_mean(str(key), known)}")
+        if "value" not in raw:
+            raise ValueError("the mapping needs the key 'value'")
+        return Value(**raw)
+    if isinstance(raw, Value):
+        return raw
+    raise ValueError("a number or a mapping with 'value' is needed")
+
+
+Number = Annotated[Value, BeforeValidator(read_value)]
+
+
+class Input(BaseModel):
+    """Where the command comes from."""
+
+    model_config = STRICT
+    topic: str = "joint_command"
+    joint: str
+    field: Literal["position", "velocity", "effort"] = "effort"
+    unit: str
+
+
+class Output(BaseModel):
+    """A measured signal: which body, in which unit, with which noise."""
+
+    model_config = STRICT
+    topic: str = "joint_states"
+    joint: str
+    field: Literal["position", "velocity"]
+    unit: str
+    body: str | None = None
+    scale: float = 1.0
+    noise: float | None = Field(default=None, ge=0.0)
+
+
+class Body(BaseModel):
+    """An inertia of the chain."""
+
+    model_config = STRICT
+    name: str
+    inertia: Number
+    viscous_friction: Number = Value(value=0.0, free=False)
+
+
+class Coupling(BaseModel):
+    """A spring and damper between two neighbours of the chain."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    source: str = Field(alias="from")
+    target: str = Field(alias="to")
+    stiffness: Number
+    damping: Number = Value(value=0.0, free=False)
+
+
+class Drive(BaseModel):
+    """Force per unit of command."""
+
+    model_config = STRICT
+    gain: Number = Value(value=1.0, free=False)
+
+
+class EffectEntry(BaseModel):
+    """An effect at a site; its parameters are the further keys."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    effect: str
+    at: str
+
+
+class Disturbance(BaseModel):
+    """Disturbance force on body 0, as estimated by a fit: a random walk."""
+
+    model_config = STRICT
+    intensity: float = Field(ge=0.0)
+
+
+class ModelFile(BaseModel):
+    """The whole file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    schema_name: Literal["idloop/model/1"] = Field(default="idloop/model/1", alias="schema")
+    name: str
+    description: str | None = None
+    input: Input
+    outputs: list[Output] = Field(min_length=1)
+    bodies: list[Body] = Field(min_length=1)
+    couplings: list[Coupling] = []
+    drive: Drive = Drive()
+    effects: list[EffectEntry] = []
+    disturbance: Disturbance | None = None
+    controller: dict[str, Any] | None = None
+
+
+def _known_keys(location: tuple[int | str, ...]) -> list[str]:
+    """Keys that the file may have where an unknown one was found."""
+    classes: dict[str, type[BaseModel]] = {
+        "input": Input,
+        "outputs": Output,
+        "bodies": Body,
+        "couplings": Coupling,
+        "drive": Drive,
+        "disturbance": Disturbance,
+    }
+    kind = classes.get(str(location[0]), ModelFile) if len(location) > 1 else ModelFile
+    return [field.alias or name for name, field in kind.model_fields.items()]
+
+
+def _one_line(error: ValidationError, where: str) -> str:
+    """Say the first thing that is wrong: file, key and cure."""
+    first = error.errors()[0]
+    location = first["loc"]
+    key = ""
+    for part in location:
+        key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else str(part)
+    if first["type"] == "extra_forbidden":
+        return f"{where}: unknown key '{key}'{did_you_mean(str(location[-1]), _known_keys(location))}"
+    if first["type"] == "missing":
+        return f"{where}: the key '{key}' is missing"
+    message = first["msg"].removeprefix("Value error, ")
+    given = first["input"]
+    shown = f" (got {given!r})" if isinstance(given, int | float | str) else ""
+    return f"{where}: {key}: {message}{shown}"
+
+
+def read_mapping(text: str, where: str) -> dict[str, Any]:
+    """Read YAML 1.2 text whose top is a mapping.
+
+    Raises
+    ------
+    InputError
+        Not YAML, or not a mapping.
+    """
+    try:
+        raw = YAML(typ="safe", pure=True).load(text)
+    except MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 0
+        raise InputError(f"{where}: line {line}: not valid YAML: {error.problem}") from error
+    except YAMLError as error:
+        raise InputError(f"{where}: not valid YAML: {str(error).splitlines()[0]}") from error
+    if not isinstance(raw, dict):
+        raise InputError(f"{where}: not a model file: the top must be a mapping with 'schema: {SCHEMA}'")
+    return raw
+
+
+def read_model_file(text: str, where: str) -> ModelFile:
+    """Check the text of a model file.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    where : str
+        Name of the file for error lines.
+
+    Raises
+    ------
+    InputError
+        One line that names file, key and cure.
+    """
+    raw = read_mapping(text, where)
+    if raw.get("schema") != SCHEMA:
+        raise InputError(f"{where}: schema: must be '{SCHEMA}' (got {raw.get('schema')!r})")
+    try:
+        return ModelFile.model_validate(raw)
+    except ValidationError as error:
+        raise InputError(_one_line(error, where)) from error
+
+
+def read_text(path: Path) -> str:
+    """Read a file as UTF-8.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise InputError(f"{path}: cannot be read: {reason}") from error

@@ -1,0 +1,83 @@
+"""Simulate a model in one call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.physics.engine import Engine
+from idloop.physics.model import Model
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Result of `simulate`.
+
+    Attributes
+    ----------
+    time : ndarray (n,)
+        When the outputs were read [s].
+    output : ndarray (n, p)
+        Outputs in the units of the model.
+    names : tuple of str
+        Names of the outputs.
+    """
+
+    time: NDArray[np.float64]
+    output: NDArray[np.float64]
+    names: tuple[str, ...]
+
+
+def simulate(
+    model: Model,
+    input_time: ArrayLike,
+    command: ArrayLike,
+    time: ArrayLike,
+    position: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    noise: ArrayLike | None = None,
+) -> Simulation:
+    """Simulate a model in free run.
+
+    Parameters
+    ----------
+    model : Model
+        The axis.
+    input_time, command : array_like (m,)
+        Commands in the model's input unit, each held from its time [s] on; 0 before the first.
+    time : array_like (n,)
+        When the outputs are read [s]; the motion starts at the first.
+    position, velocity : array_like (bodies,), optional
+        Motion at the start; at rest in 0 by default.
+    noise : array_like (n, p), optional
+        Measurement noise, added before quantisation.
+
+    Returns
+    -------
+    Simulation
+
+    Examples
+    --------
+    >>> from idloop.physics import load_model, simulate
+    >>> import numpy as np
+    >>> run = simulate(load_model("dc_motor"), [0.0], [1.0], np.linspace(0, 5, 51))
+    >>> run.output.shape
+    (51, 2)
+    """
+    engine = Engine(model)
+    times = np.asarray(time, dtype=float)
+    start = engine.initial_state(
+        None if position is None else np.atleast_1d(np.asarray(position, dtype=float)),
+        None if velocity is None else np.atleast_1d(np.asarray(velocity, dtype=float)),
+    )
+    output = engine.simulate(
+        None,
+        np.atleast_1d(np.asarray(input_time, dtype=float)),
+        np.atleast_1d(np.asarray(command, dtype=float)),
+        times,
+        start,
+        None if noise is None else np.asarray(noise, dtype=float),
+    )
+    return Simulation(times, output, model.output_names)
