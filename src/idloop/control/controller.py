@@ -1,0 +1,170 @@
+"""A controller as a node or a script uses it: one object, one call per sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.control import step
+from idloop.control.packing import Kernel
+from idloop.errors import InputError
+
+_FAULTS = {
+    step.BAD_MEASUREMENT: "measurement missing or not finite",
+    step.BAD_REFERENCE: "reference not finite",
+    step.BAD_FEEDFORWARD: "feedforward not finite",
+    step.BAD_COMMAND: "computed command not finite",
+}
+
+Measurement = Mapping[str, float] | Sequence[float] | NDArray[np.float64]
+
+
+class Controller:
+    """A sampled controller; build one with ``build_controller``.
+
+    Parameters
+    ----------
+    values : mapping
+        Result of ``check_controller``.
+    kernel : Kernel
+        The same controller as flat arrays.
+
+    Attributes
+    ----------
+    kind : str
+        Type, such as ``pid``.
+    parameters : dict
+        Every parameter by its dotted name.
+    inputs : tuple of str
+        Outputs that it reads, each as joint.field.
+    sample_time : float
+        Period in seconds; `step` is to be called once in each.
+    limit : float
+        Largest absolute command, infinite where there is none.
+    kernel : Kernel
+        For compiled closed loops; shares nothing that changes with this object.
+    """
+
+    def __init__(self, values: Mapping[str, Any], kernel: Kernel) -> None:
+        self.kind: str = values["type"]
+        self.parameters = {name: value for name, value in values.items() if name != "type"}
+        self.inputs = kernel.inputs
+        self.sample_time: float = values["sample_time"]
+        self.limit: float = math.inf if values["limit"] is None else values["limit"]
+        self.kernel = kernel
+        self._state = kernel.state.copy()
+        self._y = np.zeros(len(kernel.inputs))
+        self._next_time = -math.inf
+        self._held = 0.0
+
+    @property
+    def saturated(self) -> bool:
+        """True when the last command was cut at the limit."""
+        return bool(self._state[step.SATURATED])
+
+    @property
+    def fault(self) -> str | None:
+        """Why the command is held at zero until `reset`, or None."""
+        return _FAULTS.get(float(self._state[step.FAULT]))
+
+    def reset(self, command: float | None = None) -> None:
+        """Forget the past and any fault.
+
+        Parameters
+        ----------
+        command : float or None
+            Take over from this command without a bump: an integral is set so that the next step
+            gives it. Controllers without an integral start from rest.
+
+        Raises
+        ------
+        InputError
+            The command is not finite.
+        """
+        if command is not None and not math.isfinite(command):
+            raise InputError(f"controller {self.kind}: reset command is {command}; give a finite one")
+        self._state[:] = self.kernel.state
+        self._next_time = -math.inf
+        self._held = 0.0
+        if command is not None:
+            self._state[step.TRACKING] = 1.0
+            self._state[step.TRACKED_COMMAND] = command
+
+    def step(
+        self,
+        reference_position: float,
+        reference_velocity: float,
+        measurement: Measurement,
+        feedforward: float = 0.0,
+    ) -> float:
+        """One sample.
+
+        Parameters
+        ----------
+        reference_position, reference_velocity : float
+            What to follow.
+        measurement : mapping or sequence
+            By name (others are ignored, a missing one is a fault), or in the order of `inputs`.
+        feedforward : float
+            Excitation, added before linearisation and limit.
+
+        Returns
+        -------
+        float
+            The command; 0 from the first value that is not finite until `reset`, see `fault`.
+
+        Raises
+        ------
+        InputError
+            A sequence of the wrong length.
+        """
+        if isinstance(measurement, Mapping):
+            for i, name in enumerate(self.inputs):
+                self._y[i] = measurement.get(name, math.nan)
+        elif len(measurement) != len(self.inputs):
+            raise InputError(
+                f"controller {self.kind}: {len(measurement)} measurements given but it reads "
+                f"{len(self.inputs)} ({', '.join(self.inputs)})"
+            )
+        else:
+            self._y[:] = measurement
+        command = step.controller_step(
+            self.kernel.kind,
+            self.kernel.parameters,
+            self._state,
+            float(reference_position),
+            float(reference_velocity),
+            self._y,
+            float(feedforward),
+        )
+        return float(command)
+
+    def step_at(
+        self,
+        time: float,
+        reference_position: float,
+        reference_velocity: float,
+        measurement: Measurement,
+        feedforward: float = 0.0,
+    ) -> float:
+        """Sample at the controller's own period: between its instants the last command is held.
+
+        Parameters
+        ----------
+        time : float
+            Seconds, never decreasing; the first call sets the grid.
+        reference_position, reference_velocity, measurement, feedforward
+            As for `step`.
+        """
+        # Stamps on a grid carry rounding; a thousandth of a period never skips a due sample.
+        if time >= self._next_time - 1e-3 * self.sample_time:
+            self._held = self.step(reference_position, reference_velocity, measurement, feedforward)
+            if not math.isfinite(self._next_time):
+                self._next_time = time
+            late = math.floor((time - self._next_time) / self.sample_time + 1e-3)
+            self._next_time += (late + 1) * self.sample_time
+        return self._held

@@ -1,0 +1,172 @@
+"""From a checked controller section to the flat arrays of the compiled step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.control import step
+from idloop.control.check import controller_inputs, joint_and_field
+from idloop.control.linear_quadratic import linear_quadratic_gains
+
+_WINDUP = {
+    "none": step.WINDUP_FREE,
+    "back_calculation": step.BACK_CALCULATION,
+    "conditional": step.CONDITIONAL,
+}
+_FOLLOWS = {
+    "position": step.FOLLOWS_POSITION,
+    "velocity": step.FOLLOWS_VELOCITY,
+    "effort": step.FOLLOWS_NOTHING,
+}
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A controller as a compiled closed loop needs it.
+
+    Parameters
+    ----------
+    kind : int
+        First argument of ``idloop.control.step.controller_step``.
+    parameters : ndarray of float64
+        Second argument; not changed by the step.
+    state : ndarray of float64
+        Third argument, as after a reset; the step changes it in place, so give it a copy.
+    inputs : tuple of str
+        Outputs that make up the argument y, in order.
+    """
+
+    kind: int
+    parameters: NDArray[np.float64]
+    state: NDArray[np.float64]
+    inputs: tuple[str, ...]
+
+
+def pack(values: Mapping[str, Any], where: str = "controller") -> Kernel:
+    """Fill the arrays of `controller_step`.
+
+    Parameters
+    ----------
+    values : mapping
+        Result of ``check_controller``.
+    where : str
+        Place named at the start of an error line.
+    """
+    kind, tail, states = _TAILS[values["type"]](values, where)
+    limit = values["limit"]
+    head = [0.0] * step.PARAMETER_TAIL
+    head[step.SAMPLE_TIME] = values["sample_time"]
+    head[step.LIMIT] = math.inf if limit is None else limit
+    head[step.FEEDBACK_GAIN] = values.get("feedback_gain", 1.0)
+    head[step.LINEARISATION_GAIN] = values["linearisation.gain"]
+    head[step.LINEARISATION_OFFSET] = values["linearisation.offset"]
+    return Kernel(
+        kind,
+        np.array(head + tail, dtype=np.float64),
+        np.zeros(step.STATE_TAIL + states),
+        controller_inputs(values),
+    )
+
+
+_Tail = tuple[int, list[float], int]
+
+
+def _none(values: Mapping[str, Any], where: str) -> _Tail:
+    del values, where
+    return step.NONE, [], 0
+
+
+def _pid(values: Mapping[str, Any], where: str) -> _Tail:
+    kp, ki, kd = values["kp"], values.get("ki", 0.0), values.get("kd", 0.0)
+    # Åström and Hägglund: between the integral and the derivative time.
+    suggestion = math.sqrt(abs(kd / ki)) if ki and kd else abs(kp / ki) if ki else 0.0
+    return (
+        step.PID,
+        [
+            kp,
+            ki,
+            kd,
+            values.get("derivative_filter", 0.0),
+            values["velocity_feedforward"],
+            _follows_velocity(values, where),
+            *_anti_windup(values, suggestion),
+        ],
+        3,
+    )
+
+
+def _lead(values: Mapping[str, Any], where: str) -> _Tail:
+    gain, zero, pole = values["gain"], values["zero"], values["pole"]
+    twice = 2.0 / values["sample_time"]
+    tail = [
+        gain * (twice + zero) / (twice + pole),
+        gain * (zero - twice) / (twice + pole),
+        (pole - twice) / (twice + pole),
+        _follows_velocity(values, where),
+    ]
+    return step.LEAD, tail, 2
+
+
+def _cascade(values: Mapping[str, Any], where: str) -> _Tail:
+    del where
+    limit = values["velocity_limit"]
+    source = step.MEAN if values["velocity_estimate"] == "mean" else step.BACKWARD
+    if values["velocity_output"] is not None:
+        source = step.MEASURED
+    suggestion = abs(values["kv"] / values["ki"]) if values["ki"] else 0.0
+    tail = [
+        values["kp"],
+        values["kv"],
+        values["ki"],
+        values["velocity_feedforward"],
+        math.inf if limit is None else limit,
+        source,
+        values["velocity_filter"],
+        *_anti_windup(values, suggestion),
+    ]
+    return step.CASCADE, tail, 4
+
+
+def _state_feedback(values: Mapping[str, Any], where: str) -> _Tail:
+    states, inputs = values["states"], controller_inputs(values)
+    gains = values["gains"]
+    if gains is None:
+        sample_time = values["sample_time"] if values["design"] == "discrete" else None
+        gains = linear_quadratic_gains(
+            values["model.a"], values["model.b"], values["q"], values["r"], sample_time, where
+        )
+    tail = [values["derivative_filter"], float(len(states))]
+    for name, gain in zip(states, gains, strict=True):
+        joint, field = joint_and_field(name, "states", where)
+        differentiated = name in values["differentiate"]
+        source = inputs.index(f"{joint}.position" if differentiated else name)
+        tail += [float(gain), _FOLLOWS[field], float(source), float(differentiated)]
+    return step.STATE_FEEDBACK, tail, 2 * len(states)
+
+
+def _follows_velocity(values: Mapping[str, Any], where: str) -> float:
+    return float(joint_and_field(values["output"], "output", where)[1] == "velocity")
+
+
+def _anti_windup(values: Mapping[str, Any], suggestion: float) -> list[float]:
+    given = values.get("tracking_time")
+    # Below one period back calculation would overshoot the limit it tracks.
+    time = max(suggestion if given is None else given, values["sample_time"])
+    return [_WINDUP[values.get("anti_windup", "none")], time]
+
+
+_TAILS: dict[str, Callable[[Mapping[str, Any], str], _Tail]] = {
+    "none": _none,
+    "p": _pid,
+    "pd": _pid,
+    "pid": _pid,
+    "lead": _lead,
+    "cascade": _cascade,
+    "state_feedback": _state_feedback,
+}

@@ -1,0 +1,215 @@
+"""What a signal kind receives, what it returns, and how it describes itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.parameter_table import ParameterSpec
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# An edge that falls on a sample up to rounding must count as on it, or square waves flicker.
+CYCLE_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of a stepped signal, in sample indices.
+
+    Parameters
+    ----------
+    start, settled, stop : int
+        First sample, first sample after settling, and one past the last sample.
+    frequency : float
+        Frequency in this stretch in Hz; 0 where the stretch holds a constant level.
+    """
+
+    start: int
+    settled: int
+    stop: int
+    frequency: float = 0.0
+
+
+@dataclass(frozen=True)
+class LineGrid:
+    """Harmonics of a multisine.
+
+    Parameters
+    ----------
+    fundamental : float
+        Line spacing in Hz.
+    excited, odd_detection, even_detection : ndarray of int
+        Harmonic numbers that carry power, and those left empty inside the band, where only
+        odd or even nonlinearity (and noise) can show up.
+    """
+
+    fundamental: float
+    excited: IntArray
+    odd_detection: IntArray
+    even_detection: IntArray
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a signal kind: the sampling grid and the common parameters."""
+
+    kind: str
+    sample_time: float
+    samples: int | None
+    amplitude: float
+    offset: float
+    seed: int
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+        return 1.0 / self.sample_time
+
+    @property
+    def nyquist(self) -> float:
+        """Half the sample rate in Hz."""
+        return 0.5 / self.sample_time
+
+    @property
+    def length(self) -> int:
+        """Number of samples; an error where the user gave no duration."""
+        if self.samples is None:
+            raise self.error("duration is missing; give the length in seconds")
+        return self.samples
+
+    def time(self) -> FloatArray:
+        """Sample times in seconds, starting at 0, shape (n,)."""
+        return np.arange(self.length, dtype=np.float64) * self.sample_time
+
+    def generator(self) -> np.random.Generator:
+        """Fresh random generator of this request's seed."""
+        return np.random.default_rng(self.seed)
+
+    def to_samples(self, seconds: float) -> int:
+        """Nearest whole number of samples."""
+        return round(seconds / self.sample_time)
+
+    def error(self, text: str) -> InputError:
+        """Error that names this signal."""
+        return InputError(f"signal {self.kind}: {text}")
+
+    def check_frequency(self, name: str, frequency: float) -> float:
+        """Refuse a frequency that the sampling cannot carry."""
+        if frequency > self.nyquist * (1.0 + CYCLE_TOLERANCE):
+            raise self.error(
+                f"{name} is {frequency:g} Hz, above half the sample rate ({self.nyquist:g} Hz); "
+                "lower it or shorten sample_time"
+            )
+        return frequency
+
+    def band(self, low: float, high: float | None, *, default_high: float | None = None) -> tuple[float, float]:
+        """Check a band and fill in its upper edge (default: a tenth of the sample rate)."""
+        if high is None:
+            high = self.rate / 10.0 if default_high is None else default_high
+        self.check_frequency("frequency_max", high)
+        if low >= high:
+            raise self.error(
+                f"frequency_min ({low:g} Hz) is not below frequency_max ({high:g} Hz); lower the one or raise the other"
+            )
+        return low, high
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a signal kind returns.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n,)
+        Shape to be scaled by the amplitude and shifted by the offset, unless `absolute`.
+    period_samples : int or None
+        Period where the samples repeat exactly.
+    segments : tuple of Segment
+        Boundaries of the steps of a stepped signal.
+    lines : LineGrid or None
+        Harmonics of a multisine.
+    rate : ndarray or None
+        Time derivative where the kind knows it in closed form (only for `absolute` shapes).
+    derived : mapping
+        Values that the kind chose by itself, such as the order of a PRBS.
+    notes : tuple of str
+        Remarks for the user, one sentence each.
+    absolute : bool
+        The values are final: already scaled, shifted and starting from rest at zero.
+    """
+
+    value: FloatArray
+    period_samples: int | None = None
+    segments: tuple[Segment, ...] = ()
+    lines: LineGrid | None = None
+    rate: FloatArray | None = None
+    derived: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    absolute: bool = False
+
+
+@dataclass(frozen=True)
+class SignalKind:
+    """A kind of excitation.
+
+    Parameters
+    ----------
+    name : str
+        Name used everywhere.
+    description : str
+        One sentence.
+    parameters : tuple of ParameterSpec
+        The parameters that only this kind has.
+    generate : callable
+        ``generate(request, **values) -> Shape``.
+    amplitude_means : str
+        ``peak`` (the signal stays within offset ± amplitude) or ``standard deviation``.
+    natural_length : bool
+        The kind can choose its own duration.
+    """
+
+    name: str
+    description: str
+    parameters: tuple[ParameterSpec, ...]
+    generate: Callable[..., Shape]
+    amplitude_means: Literal["peak", "standard deviation"] = "peak"
+    natural_length: bool = False
+
+
+def cycle_fraction(request: Request, frequency: float, phase: float) -> FloatArray:
+    """Position within the cycle, in [0, 1), of a periodic wave.
+
+    Parameters
+    ----------
+    request : Request
+        The sampling grid.
+    frequency : float
+        Hz, at most half the sample rate.
+    phase : float
+        Radians.
+    """
+    request.check_frequency("frequency", frequency)
+    period = whole_period(request, frequency)
+    index = np.arange(request.length)
+    cycles = (index % period) / period if period else index * (frequency * request.sample_time)
+    cycles = cycles + phase / (2.0 * math.pi)
+    return np.maximum(cycles - np.floor(cycles + CYCLE_TOLERANCE), 0.0)
+
+
+def whole_period(request: Request, frequency: float) -> int | None:
+    """Period in samples where it is a whole number of them."""
+    period = request.rate / frequency
+    nearest = round(period)
+    return nearest if nearest > 0 and abs(period - nearest) <= CYCLE_TOLERANCE * period else None
+
+
+FREQUENCY = ParameterSpec("frequency", "float", 1.0, "Frequency of the wave.", unit="Hz", minimum=0.0, exclusive=True)
+PHASE = ParameterSpec("phase", "float", 0.0, "Phase at time zero.", unit="rad")
