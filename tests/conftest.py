@@ -15,7 +15,8 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(CHECKOUT / ".venv" / "numba_cache")
 # Figures are written to files, never shown.
 os.environ.setdefault("MPLBACKEND", "Agg")
 
-# The same examples in every run: a failure is always a change of the code. `--hypothesis-profile=search` looks for new ones.
+# The same examples in every run: a failure is always a change of the code.
+# `--hypothesis-profile=search` looks for new ones.
 settings.register_profile(
     "repeatable",
     derandomize=True,

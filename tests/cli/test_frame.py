@@ -7,7 +7,6 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import click
@@ -34,20 +33,20 @@ def idloop_process(*arguments: str, code: str | None = None, **variables: str) -
 
 
 @pytest.fixture
-def verb(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, object]]:
+def verb(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     """A verb `try` that does what the test puts in `behaviour`."""
     behaviour: dict[str, object] = {}
 
     @click.command()
     @click.option("--number", type=int)
-    def command(number: int | None) -> None:  # noqa: ARG001
+    def command(number: int | None) -> None:
         behaviour["do"]()  # type: ignore[operator]
 
     module = type(sys)("try_verb")
     module.command = command  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "try_verb", module)
     monkeypatch.setitem(main.VERBS, "try", main.Verb("try_verb", "Try."))
-    yield behaviour
+    return behaviour
 
 
 def raising(error: BaseException):
@@ -213,7 +212,7 @@ def test_tables_align_words_left_and_numbers_right():
     from idloop.cli._common import format_table
 
     text = format_table(["name", "value"], [["inertia", "1.5"], ["b", "-"], ["c", "-12"]])
-    assert text.splitlines() == ["name     value", "-------  -----", "inertia    1.5", "b            -", "c          -12"]
+    assert text == "name     value\n-------  -----\ninertia    1.5\nb            -\nc          -12"
 
 
 def test_progress_is_silent_where_nobody_looks(capsys):

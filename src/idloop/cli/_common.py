@@ -28,25 +28,24 @@ PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 # ---------------------------------------------------------------- arguments
 
 
-class ModelArgument(click.ParamType):
+class ModelArgument(click.ParamType["Model"]):
     """MODEL: the name of a preset or the path of a model file."""
 
     name = "MODEL"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ARG002
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Model:
         """Load it; an InputError says in one line what is wrong with it."""
         from idloop.physics import load_model
 
-        # A default may already be a model.
-        return load_model(value) if isinstance(value, str) else value
+        return load_model(value)
 
 
-class BagArgument(click.ParamType):
+class BagArgument(click.ParamType[Path]):
     """BAG: a recording that exists (a folder or a file)."""
 
     name = "BAG"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:  # noqa: ARG002
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Check that it is there."""
         path = Path(value)
         if not path.exists():
@@ -54,12 +53,12 @@ class BagArgument(click.ParamType):
         return path
 
 
-class PlotArgument(click.ParamType):
+class PlotArgument(click.ParamType[Path]):
     """FILE of --plot: its suffix chooses the format."""
 
     name = "FILE"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:  # noqa: ARG002
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Check suffix and folder before the work is done, not after it."""
         path = Path(value)
         if path.suffix.lower() not in PLOT_SUFFIXES:

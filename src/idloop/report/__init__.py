@@ -1,0 +1,1 @@
+"""Figures, all in one style; they draw numbers that other parts have computed."""
