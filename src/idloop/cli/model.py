@@ -2,21 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
-from idloop.cli._common import (
-    MODEL,
-    apply_options,
-    json_option,
-    model_options,
-    print_json,
-    print_table,
-)
-
-if TYPE_CHECKING:
-    from idloop.physics import Model
+from idloop.cli._common import apply_options, json_option, model_options, print_json, print_table
 
 
 def list_presets(*, as_json: bool) -> None:
@@ -33,13 +21,20 @@ def list_presets(*, as_json: bool) -> None:
     )
 
 
+def preset_text(name: str) -> str:
+    """Text of a preset's file."""
+    from idloop.physics.model import PRESETS
+
+    return (PRESETS / f"{name}.yaml").read_text(encoding="utf-8")
+
+
 @click.command()
-@click.argument("model", type=MODEL, required=False)
+@click.argument("model", required=False)
 @click.option("--list", "show_list", is_flag=True, help="List the presets.")
 @model_options
 @json_option
 def command(
-    model: Model | None, *, show_list: bool, settings: tuple[str, ...], effects: tuple[str, ...], as_json: bool
+    model: str | None, *, show_list: bool, settings: tuple[str, ...], effects: tuple[str, ...], as_json: bool
 ) -> None:
     """Print MODEL, a preset or a file, as a whole model file.
 
@@ -48,8 +43,13 @@ def command(
     if show_list or model is None:
         list_presets(as_json=as_json)
         return
-    model = apply_options(model, settings, effects)
+    from idloop.physics import load_model, preset_names
+
+    checked = apply_options(load_model(model), settings, effects)
     if as_json:
-        print_json(model.to_mapping())
+        print_json(checked.to_mapping())
+    elif model in preset_names() and not settings and not effects:
+        # As written, with the comments that say where its numbers come from.
+        click.echo(preset_text(model), nl=False)
     else:
-        click.echo(model.to_yaml(), nl=False)
+        click.echo(checked.to_yaml(), nl=False)

@@ -1,0 +1,105 @@
+"""Figure: what was measured against what models say, with what is left over and the command below.
+
+One column per record; for every output a row with the lines and a row with the residual and its band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.report import style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One record and what the models say about it.
+
+    Attributes
+    ----------
+    title : str
+        Name of the record, and what it was used for.
+    time : array, shape (n,)
+        Instants of the outputs [s].
+    output : array, shape (n, p)
+        Measured outputs; NaN where not measured.
+    modelled : mapping of str to array, shape (n, p)
+        Outputs of each model by its label.
+    input_time, input : array, shape (m,)
+        Command and the instants from which it acts [s].
+    band : array, shape (p,), optional
+        Half width of the band in which the residual of a perfect model stays with 95 % probability.
+    notes : mapping of str to sequence of str, optional
+        For each model and output a few words for the legend, such as its FIT.
+    """
+
+    title: str
+    time: Array
+    output: Array
+    modelled: Mapping[str, Array]
+    input_time: Array
+    input: Array
+    band: Array | None = None
+    notes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+
+def plot_comparison(
+    panels: Sequence[Panel], output_names: Sequence[str], output_units: Sequence[str], input_name: str, input_unit: str
+) -> Figure:
+    """Draw the figure.
+
+    Parameters
+    ----------
+    panels : sequence of Panel
+        One for each record.
+    output_names, output_units : sequence of str, length p
+        Such as "motor.position" and "rad".
+    input_name, input_unit : str
+        Such as "motor.effort" and "V".
+
+    Returns
+    -------
+    matplotlib Figure
+        For `idloop.report.style.save`.
+    """
+    with style.styled():
+        heights = (2.0, 1.2) * len(output_names) + (1.2,)
+        figure, axes = style.new_figure(len(heights), len(panels), heights)
+        for column, panel in enumerate(panels):
+            _draw_panel(axes[:, column], panel, output_names)
+        for row, (name, unit) in enumerate(zip(output_names, output_units, strict=True)):
+            axes[2 * row, 0].set_ylabel(style.label(name, unit))
+            axes[2 * row + 1, 0].set_ylabel(style.label("residual", unit))
+        axes[-1, 0].set_ylabel(style.label(input_name, input_unit))
+        figure.align_ylabels(axes[:, 0])
+    return figure
+
+
+def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
+    axes[0].set_title(panel.title)
+    for row in range(len(output_names)):
+        top, below = axes[2 * row], axes[2 * row + 1]
+        style.line(top, panel.time, panel.output[:, row], color=style.MEASURED, linewidth=1.6, label="measured")
+        below.axhline(0.0, color=style.MEASURED, linewidth=0.6)
+        for index, (label, modelled) in enumerate(panel.modelled.items()):
+            look = style.model_look(index)
+            note = panel.notes.get(label)
+            text = f"{label} ({note[row]})" if note else label
+            style.line(top, panel.time, modelled[:, row], label=text, **look)
+            style.line(below, panel.time, panel.output[:, row] - modelled[:, row], **look)
+        if panel.band is not None and np.isfinite(panel.band[row]):
+            half = float(panel.band[row])
+            below.axhspan(-half, half, color=style.BAND, alpha=0.25, linewidth=0, label="95 % band of the noise")
+            below.legend(loc="upper right")
+        top.legend(loc="upper right", ncols=2)
+    style.steps(axes[-1], panel.input_time, panel.input, color=style.COMMAND)
+    axes[-1].set_xlabel(style.label("time", "s"))
