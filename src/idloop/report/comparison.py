@@ -85,7 +85,7 @@ def plot_comparison(
 
 
 def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
-    axes[0].set_title(panel.title)
+    axes[0].set_title(panel.title, loc="left", fontweight="bold")
     for row in range(len(output_names)):
         top, below = axes[2 * row], axes[2 * row + 1]
         style.line(top, panel.time, panel.output[:, row], color=style.MEASURED, linewidth=1.6, label="measured")
@@ -99,7 +99,14 @@ def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
         if panel.band is not None and np.isfinite(panel.band[row]):
             half = float(panel.band[row])
             below.axhspan(-half, half, color=style.BAND, alpha=0.25, linewidth=0, label="95 % band of the noise")
-            below.legend(loc="upper right")
-        top.legend(loc="upper right", ncols=2)
+            _legend_above(below, 1)
+        _legend_above(top, 1 + len(panel.modelled))
     style.steps(axes[-1], panel.input_time, panel.input, color=style.COMMAND)
     axes[-1].set_xlabel(style.label("time", "s"))
+
+
+def _legend_above(axes: Any, entries: int) -> None:
+    # Outside the axes: inside, it would lie on the curves somewhere.
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, ncols=min(entries, 3), columnspacing=1.2
+    )
