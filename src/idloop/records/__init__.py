@@ -1,0 +1,24 @@
+"""Records: experiments as arrays, from bags, CSV, MAT, NPZ and JSON."""
+
+from __future__ import annotations
+
+from idloop.records.align import read_record, read_records
+from idloop.records.checks import check_record
+from idloop.records.finding import Finding
+from idloop.records.read import read_streams
+from idloop.records.record import Record
+from idloop.records.stream import JointStream
+from idloop.records.write import make_stream, record_streams, write_bag
+
+__all__ = [
+    "Finding",
+    "JointStream",
+    "Record",
+    "check_record",
+    "make_stream",
+    "read_record",
+    "read_records",
+    "read_streams",
+    "record_streams",
+    "write_bag",
+]

@@ -1,0 +1,342 @@
+"""From the streams of a bag to one record: pick, check the clocks, sort, align."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.bag import Bag, resolve_topic
+from idloop.records.checks import check_record
+from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics
+from idloop.records.finding import Finding
+from idloop.records.read import read_streams
+from idloop.records.record import Record
+from idloop.records.runs import backwards_message, on_receive_time, split_runs
+from idloop.records.stream import FIELDS, JointStream
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_DRIFT_NOTED = 5e-5  # s/s; crystal clocks agree better than this
+_DRIFT_REFUSED = 1e-3  # s/s; over a minute the streams would slide by 60 ms
+_DRIFTED_NOTED = 0.02  # s on the recorder's clock, above the delays of a busy machine
+_DRIFTED_REFUSED = 0.2
+
+
+class Signal(Protocol):
+    """Where a signal of the model is found in a bag."""
+
+    @property
+    def topic(self) -> str:
+        """Topic, relative or absolute."""
+
+    @property
+    def joint(self) -> str:
+        """Joint, or position in a bare array."""
+
+    @property
+    def field(self) -> str:
+        """position, velocity or effort."""
+
+    @property
+    def unit(self) -> str:
+        """Unit that the model file states."""
+
+
+class ModelSignals(Protocol):
+    """What `read_record` needs to know of a model."""
+
+    @property
+    def input(self) -> Signal:
+        """The command."""
+
+    @property
+    def outputs(self) -> Sequence[Signal]:
+        """What is measured."""
+
+
+def read_record(
+    bag: Path | str,
+    model: ModelSignals,
+    *,
+    stamps: Literal["header", "receive"] = "header",
+    run: int | None = None,
+    wrap: Mapping[str, float] | None = None,
+    distro: str | None = None,
+    check: bool = True,
+) -> Record:
+    """Read the command and the measurements that a model names as one record.
+
+    Parameters
+    ----------
+    bag : Path or str
+        rosbag2 directory, ``.mcap`` or ``.db3`` file.
+    model : Model
+        Its ``input`` and ``outputs`` say topic, joint, field and unit.
+    stamps : {"header", "receive"}
+        Which time counts. Messages without a stamp always use the receive time.
+    run : int, optional
+        Which run (from 0) of a bag in which the clock was set back; without it such a bag is refused.
+    wrap : mapping of str to float, optional
+        Range after which an encoder repeats, by output name: ``{"motor.position": 6.283185}``.
+    distro : str, optional
+        ROS distribution of message types that the bag does not define.
+    check : bool
+        Refuse what no fit can use (constant command, output never measured, infinities, too few samples).
+
+    Returns
+    -------
+    Record
+        Time 0 is the first measurement that has a command in force. Rows are the union of the stamps of all
+        outputs, NaN where an output was not measured.
+
+    Raises
+    ------
+    InputError
+        Anything above, unknown topic or joint, clock running backwards, two clocks.
+    """
+    records = _read_runs(Path(bag), model, stamps, distro, split=run is not None)
+    if run is None:
+        record = records[0]
+    elif 0 <= run < len(records):
+        record = records[run]
+    else:
+        raise InputError(f"{bag}: no run {run}; the bag holds {len(records)} (counted from 0)")
+    for name, span in (wrap or {}).items():
+        record = record.unwrapped(name, span)
+    return check_record(record) if check else record
+
+
+def read_records(
+    bags: Path | str | Iterable[Path | str],
+    model: ModelSignals,
+    *,
+    stamps: Literal["header", "receive"] = "header",
+    wrap: Mapping[str, float] | None = None,
+    distro: str | None = None,
+) -> list[Record]:
+    """Read one or several bags as one experiment: a list of records, one per run of the clock.
+
+    Parameters and errors as in `read_record`, except that a bag in which the clock was set back gives one
+    record for each run.
+    """
+    paths = [bags] if isinstance(bags, Path | str) else list(bags)
+    records = []
+    for path in paths:
+        for record in _read_runs(Path(path), model, stamps, distro, split=True):
+            whole = record
+            for name, span in (wrap or {}).items():
+                whole = whole.unwrapped(name, span)
+            records.append(check_record(whole))
+    return records
+
+
+def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None, *, split: bool) -> list[Record]:
+    if stamps not in ("header", "receive"):
+        raise InputError(f"stamps {stamps!r} are unknown; use header or receive")
+    with Bag(path, distro) as bag:
+        topics = bag.topics
+        command = resolve_topic(model.input.topic, topics, path)
+        measured = [resolve_topic(output.topic, topics, path) for output in model.outputs]
+        extra = {
+            name: found
+            for name in ("reference", "excitation")
+            if (found := _sibling(command, model.input.topic, name)) in topics and topics[found].count
+        }
+        streams = read_streams(bag, {command, *measured, *extra.values()})
+    if stamps == "receive":
+        streams = {topic: on_receive_time(stream) for topic, stream in streams.items()}
+    runs = {topic: split_runs(stream) for topic, stream in streams.items()}
+    resets = {topic: parts for topic, parts in runs.items() if len(parts) > 1}
+    if resets and not split:
+        raise InputError(backwards_message(path, streams, resets))
+    counts = {topic: len(runs[topic]) for topic in (command, *measured)}
+    if len(set(counts.values())) > 1:
+        text = ", ".join(f"{topic}: {count}" for topic, count in counts.items())
+        raise InputError(
+            f"{path}: the topics do not agree on how often the clock was set back (runs {text}); record one run per bag"
+        )
+    records = []
+    for number in range(counts[command]):
+        # A reference latched before the reset has fewer runs: the last one it has stays in force.
+        part = {topic: parts[min(number, len(parts) - 1)] for topic, parts in runs.items()}
+        name = path.stem if counts[command] == 1 else f"{path.stem}[{number}]"
+        records.append(_align(path, name, model, part, command, measured, extra))
+    return records
+
+
+def _sibling(command: str, name: str, other: str) -> str:
+    """Return the topic `other` in the namespace in which the command was found."""
+    prefix = (
+        command[: -len(name.lstrip("/"))] if command.endswith(name.lstrip("/")) else command.rsplit("/", 1)[0] + "/"
+    )
+    return prefix + other
+
+
+def _sorted_column(
+    stream: JointStream, joint: str, field: str, *, keep_last: bool
+) -> tuple[Stamps, Floats, list[Finding]]:
+    """Return one column in the order of its stamps, NaN left out, one value per stamp."""
+    value = stream.column(joint, field)
+    known = ~np.isnan(value)
+    stamp, value = stream.stamp_ns[known], value[known]
+    order = np.argsort(stamp, kind="stable")
+    stamp, value = stamp[order], value[order]
+    if stamp.size > 1:
+        repeated = stamp[1:] == stamp[:-1]
+        # Of two commands with one stamp the later replaces the earlier; of two measurements the first counts.
+        keep = np.append(~repeated, True) if keep_last else np.insert(~repeated, 0, True)
+        stamp, value = stamp[keep], value[keep]
+    lost = int(np.count_nonzero(~known))
+    name = f"{stream.topic} {joint}.{field}"
+    found = (
+        [Finding("not_measured", f"{name}: {lost} of {len(stream)} values are NaN", lost, stream.topic)] if lost else []
+    )
+    return stamp, value, found
+
+
+def _align(
+    path: Path,
+    name: str,
+    model: ModelSignals,
+    streams: Mapping[str, JointStream],
+    command: str,
+    measured: Sequence[str],
+    extra: Mapping[str, str],
+) -> Record:
+    findings: list[Finding] = []
+    for topic in dict.fromkeys((command, *measured)):
+        findings += streams[topic].findings
+        findings += stamp_findings(topic, stamp_statistics(streams[topic].stamp_ns))
+    input_ns, value, found = _sorted_column(streams[command], model.input.joint, model.input.field, keep_last=True)
+    findings += found
+    if input_ns.size == 0:
+        raise InputError(
+            f"{path}: {command} {model.input.joint}.{model.input.field} is NaN in every message; check field and"
+            " joint in the model file"
+        )
+    columns = []
+    for topic, signal in zip(measured, model.outputs, strict=True):
+        stamp, column, found = _sorted_column(streams[topic], signal.joint, signal.field, keep_last=False)
+        if stamp.size == 0:
+            raise InputError(
+                f"{path}: {topic} {signal.joint}.{signal.field} is NaN (not measured) in every message; take this"
+                " output out of the model file"
+            )
+        columns.append((stamp, column))
+        findings += found
+    for topic in dict.fromkeys(measured):
+        if topic != command:
+            findings += _check_clocks(path, streams[command], streams[topic])
+    stamps = np.unique(np.concatenate([stamp for stamp, _ in columns]))
+    output = np.full((stamps.size, len(columns)), np.nan)
+    for index, (stamp, column) in enumerate(columns):
+        output[np.searchsorted(stamps, stamp), index] = column
+    keep, found = _commanded(path, stamps, input_ns, command)
+    findings += found
+    stamps, output = stamps[keep], output[keep]
+    start_ns = int(stamps[0])
+    first = max(int(np.searchsorted(input_ns, start_ns, side="right")) - 1, 0)
+    last = int(np.searchsorted(input_ns, stamps[-1], side="right"))
+    parts = {
+        key: _pair(streams[topic], model.input.joint, fields, start_ns) for (key, topic), fields in _extra_fields(extra)
+    }
+    reference_time, reference = parts.get("reference", (None, None))
+    excitation_time, excitation = parts.get("excitation", (None, None))
+    return Record(
+        name=name,
+        input_time=(input_ns[first:last] - start_ns) / 1e9,
+        input=value[first:last],
+        time=(stamps - start_ns) / 1e9,
+        output=output,
+        input_name=f"{model.input.joint}.{model.input.field}",
+        input_unit=model.input.unit,
+        output_names=tuple(f"{signal.joint}.{signal.field}" for signal in model.outputs),
+        output_units=tuple(signal.unit for signal in model.outputs),
+        reference_time=reference_time,
+        reference=reference,
+        excitation_time=excitation_time,
+        excitation=excitation,
+        start_ns=start_ns,
+        findings=tuple(findings),
+    )
+
+
+def _extra_fields(extra: Mapping[str, str]) -> list[tuple[tuple[str, str], tuple[str, str]]]:
+    fields = {"reference": (FIELDS[0], FIELDS[1]), "excitation": (FIELDS[0], FIELDS[2])}
+    return [((key, topic), fields[key]) for key, topic in extra.items()]
+
+
+def _pair(
+    stream: JointStream, joint: str, fields: tuple[str, str], start_ns: int
+) -> tuple[Floats | None, Floats | None]:
+    """Return reference or excitation of the driven joint as time (r,) and two columns (r, 2)."""
+    if joint not in stream.names and len(stream.names) != 1:
+        return None, None
+    index = stream.names.index(joint) if joint in stream.names else 0
+    table = np.column_stack([getattr(stream, field)[:, index] for field in fields])
+    stamp, first = np.unique(stream.stamp_ns, return_index=True)
+    known = ~np.isnan(table[first]).all(axis=1)
+    if not known.any():
+        return None, None
+    return (stamp[known] - start_ns) / 1e9, table[first][known]
+
+
+def _check_clocks(path: Path, command: JointStream, measured: JointStream) -> list[Finding]:
+    clocks = compare_clocks((command.stamp_ns, command.receive_ns), (measured.stamp_ns, measured.receive_ns))
+    where = f"{command.topic}, {measured.topic}"
+    mend = "stamp both from one clock, or read with receive stamps"
+    if clocks.overlap < 0:
+        raise InputError(
+            f"{path}: two clocks: {command.topic} is stamped {command.stamp_ns[0] * 1e-9:.3f} to"
+            f" {command.stamp_ns[-1] * 1e-9:.3f} s, "
+            f"{measured.topic} {measured.stamp_ns[0] * 1e-9:.3f} to {measured.stamp_ns[-1] * 1e-9:.3f} s, they do"
+            f" not overlap; {mend}"
+        )
+    if not np.isfinite(clocks.drift):
+        return []
+    drift, drifted = abs(clocks.drift), abs(clocks.drifted)
+    if drift > _DRIFT_REFUSED and drifted > _DRIFTED_REFUSED:
+        raise InputError(
+            f"{path}: two clocks: the stamps of {command.topic} and {measured.topic} drift apart by"
+            f" {clocks.drift * 1e3:.3g} ms per second; {mend}"
+        )
+    if drift > _DRIFT_NOTED and drifted > _DRIFTED_NOTED:
+        text = f"stamps of {where} drift apart by {clocks.drift * 1e6:.0f} ppm: perhaps two clocks"
+        return [Finding("clock_drift", text, where=where, level="warning")]
+    return []
+
+
+def _commanded(path: Path, stamps: Stamps, input_ns: Stamps, command: str) -> tuple[slice, list[Finding]]:
+    """Keep the measurements during which a command was in force."""
+    step = np.diff(input_ns)
+    # The last command is held, but not for ever: the longest pause seen between commands, or ten periods.
+    held = max(int(step.max()), int(10 * np.median(step))) if step.size else int(stamps[-1] - stamps[0])
+    first = int(np.searchsorted(stamps, input_ns[0], side="left"))
+    last = int(np.searchsorted(stamps, input_ns[-1] + held, side="right"))
+    if last - first < 1:
+        raise InputError(
+            f"{path}: no measurement lies between the first and the last command on {command}; record both topics"
+            " over the same time"
+        )
+    found = []
+    # One or two measurements before the first command are the rule: a controller answers what it measures.
+    if first > 2:
+        seconds = float(stamps[first] - stamps[0]) * 1e-9
+        text = (
+            f"{first} measurements ({seconds:.4g} s) before the first command are left out: the command then is unknown"
+        )
+        found.append(Finding("cut", text, first, command))
+    if stamps.size - last > 2:
+        seconds = float(stamps[-1] - stamps[last - 1]) * 1e-9
+        text = (
+            f"{stamps.size - last} measurements ({seconds:.4g} s) after the last command are left out: the"
+            " command then is unknown"
+        )
+        found.append(Finding("cut", text, stamps.size - last, command))
+    return slice(first, last), found

@@ -1,0 +1,114 @@
+"""Zero-phase filters for signals with stamps: gaps and jitter allowed, NaN means not measured."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+
+Floats = NDArray[np.float64]
+
+_ON_GRID = 0.01  # stamps within 1 % of the period count as a grid and are filtered in place
+
+
+def zero_phase(time: Floats, value: Floats, low: float | None, high: float | None, order: int = 4) -> Floats:
+    """Filter forwards and backwards with a Butterworth filter, so that nothing is delayed.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Stamps [s], increasing.
+    value : ndarray, shape (n,)
+        Samples; NaN (not measured) stays NaN and takes no part.
+    low, high : float or None
+        Edges of the pass band [Hz]; None leaves that side open.
+    order : int
+        Order of one pass; the magnitude response is applied twice.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    InputError
+        Band empty or above half the sample rate, or too few samples.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    known = np.flatnonzero(np.isfinite(value))
+    result = np.full_like(value, np.nan)
+    if known.size == 0:
+        return result
+    if known.size < 3 * (2 * order + 1):
+        raise InputError(
+            f"{known.size} samples are too few for a filter of order {order}; take a lower order or a longer record"
+        )
+    t, x = time[known], value[known]
+    period = float(np.median(np.diff(t)))
+    edges, kind = _band(low, high, 0.5 / period)
+    sections = butter(order, edges, kind, fs=1.0 / period, output="sos")
+    if float(np.abs(np.diff(t) - period).max()) <= _ON_GRID * period:
+        result[known] = sosfiltfilt(sections, x)
+        return result
+    grid = np.arange(t[0], t[-1] + 0.5 * period, period)
+    smooth = sosfiltfilt(sections, np.interp(grid, t, x))
+    result[known] = np.interp(t, grid, smooth)
+    return result
+
+
+def _band(low: float | None, high: float | None, nyquist: float) -> tuple[float | list[float], str]:
+    for name, edge in (("low", low), ("high", high)):
+        if edge is not None and not 0 < edge < nyquist:
+            raise InputError(
+                f"filter edge {name} = {edge:g} Hz; it must lie between 0 and half the sample rate, {nyquist:.6g} Hz"
+            )
+    if low is not None and high is not None:
+        if low >= high:
+            raise InputError(f"filter band {low:g} to {high:g} Hz is empty; give low < high")
+        return [low, high], "bandpass"
+    if high is not None:
+        return high, "lowpass"
+    if low is not None:
+        return low, "highpass"
+    raise InputError("a filter needs an edge; give low, high or both in Hz")
+
+
+def unwrap(value: Floats, span: float) -> Floats:
+    """Undo the wrap of an encoder that repeats after `span`: steps beyond half of it are taken as wraps.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n,)
+        Positions; NaN stays NaN.
+    span : float
+        Declared range, e.g. 2π or 4096 counts, in the unit of `value`.
+    """
+    if not span > 0:
+        raise InputError(f"encoder range {span:g}; it must be positive, e.g. 6.283185 for one turn in rad")
+    known = np.isfinite(value)
+    result: Floats = value.copy()
+    result[known] = np.unwrap(value[known], period=span)
+    return result
+
+
+def resample_held(time: Floats, value: Floats, at: Floats) -> Floats:
+    """Return the value that is held at each instant: the last one stamped at or before it, NaN before the first."""
+    index = np.searchsorted(time, at, side="right") - 1
+    held: Floats = np.where(index >= 0, value[np.maximum(index, 0)], np.nan)
+    return held
+
+
+def resample_linear(time: Floats, value: Floats, at: Floats, longest: float) -> Floats:
+    """Interpolate linearly between measured samples; NaN outside them and inside holes longer than `longest` [s]."""
+    known = np.isfinite(value)
+    t, x = time[known], value[known]
+    if t.size == 0:
+        return np.full(at.shape, np.nan)
+    result = np.interp(at, t, x, left=np.nan, right=np.nan)
+    if t.size > 1:
+        right = np.clip(np.searchsorted(t, at, side="left"), 1, t.size - 1)
+        hole = (t[right] - t[right - 1] > longest) & (at > t[right - 1]) & (at < t[right])
+        result[hole] = np.nan
+    return result

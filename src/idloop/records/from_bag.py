@@ -1,0 +1,67 @@
+"""Signals from the topics of a foreign bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.bag import Bag, resolve_topic
+from idloop.records.mapping import Channel, Mapping, Signals
+from idloop.records.read import read_streams
+from idloop.records.signal import Signal, assignments, convert, target_joint
+from idloop.records.stream import JointStream
+from idloop.records.suggest import did_you_mean, listed
+
+Floats = NDArray[np.float64]
+
+
+def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[Signal]:
+    """Read what the mapping assigns from the topics of a bag."""
+    assigned = assignments(signals)
+    with Bag(source, definitions=mapping.definitions) as bag:
+        known = bag.topics
+        names = {}
+        for topic, field, channel in assigned:
+            if channel.topic is None:
+                raise InputError(
+                    f"mapping {mapping.name}: {topic} {field} names a column, but {source} is a bag; give"
+                    " `topic:` and `field:`"
+                )
+            if channel.optional and channel.topic not in known:
+                continue
+            names[channel.topic] = resolve_topic(channel.topic, known, source)
+        streams = read_streams(bag, set(names.values()))
+    receive = signals.time is not None and signals.time.stamps == "receive"
+    found = []
+    for topic, field, channel in assigned:
+        if channel.topic not in names:
+            continue
+        stream = streams[names[channel.topic]]
+        value = convert(_bag_column(stream, channel), None, channel)
+        stamp = stream.receive_ns if receive else stream.stamp_ns
+        found.append(
+            Signal(topic, target_joint(channel, signals, mapping), field, channel.unit, stamp, stream.receive_ns, value)
+        )
+    if not found:
+        raise InputError(f"mapping {mapping.name}: it assigns no topic; add `command:` and `position:` or `velocity:`")
+    return found
+
+
+def _bag_column(stream: JointStream, channel: Channel) -> Floats:
+    if stream.is_joint_state:
+        joint = channel.source_joint or (stream.names[0] if len(stream.names) == 1 else "")
+        return stream.column(joint, channel.field or "position")
+    if channel.field is None and len(stream.names) == 1:
+        return stream.position[:, 0]
+    field = channel.field or ""
+    bare = field.removeprefix("data").strip("[]")
+    for name in (field, bare, bare or "0"):
+        if name in stream.names:
+            return stream.position[:, stream.names.index(name)]
+    raise InputError(
+        f"{stream.topic}: no field {field!r} ({stream.type}); it has"
+        f" {listed(stream.names)}{did_you_mean(field, stream.names)}"
+    )

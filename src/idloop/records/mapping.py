@@ -1,0 +1,250 @@
+"""The mapping file: which column of a foreign file is what."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from idloop.errors import InputError
+from idloop.records.suggest import did_you_mean, listed
+
+SCHEMA = "idloop/mapping/1"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class SignBit(_Strict):
+    """Sign-magnitude integer: this bit set means negative, the bits below are the magnitude."""
+
+    sign_bit: int = Field(ge=1, le=62)
+
+
+class Channel(_Strict):
+    """One signal: value = decode(raw) * scale * times + offset.
+
+    Attributes
+    ----------
+    column : str or int
+        Column of a table, by name or position.
+    topic, field : str
+        Of a bag: topic and path of the number in its messages (``pos_estimate``, ``data[0]``), or of a
+        JointState topic the field, with `source_joint`.
+    joint : str
+        Joint that it becomes; the mapping's `joint` by default.
+    unit : str
+        Unit after scale and offset.
+    scale, offset : float
+        Linear conversion; a negative scale turns the sign.
+    times : str
+        A second column that multiplies the first (duty times supply voltage).
+    decode : "int8", "int16", "int32" or {sign_bit: n}
+        How a signed integer was stored as an unsigned one.
+    wrap : float
+        Range after which an encoder repeats, in `unit`; the position is unwrapped.
+    optional : bool
+        Do without when the file lacks the column.
+    """
+
+    column: str | int | None = None
+    topic: str | None = None
+    field: str | None = None
+    source_joint: str | None = None
+    joint: str | None = None
+    unit: str = ""
+    scale: float = Field(default=1.0, allow_inf_nan=False)
+    offset: float = Field(default=0.0, allow_inf_nan=False)
+    times: str | int | None = None
+    decode: Literal["int8", "int16", "int32"] | SignBit | None = None
+    wrap: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    optional: bool = False
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Channel:
+        if (self.column is None) == (self.topic is None):
+            raise ValueError("give either column (of a table) or topic (of a bag)")
+        return self
+
+
+def _as_channels(value: Any) -> Any:
+    """Accept a bare column name, one channel, or a list of them."""
+    several = value if isinstance(value, list) else [value]
+    return [{"column": item} if isinstance(item, str | int) else item for item in several]
+
+
+Channels = Annotated[list[Channel], BeforeValidator(_as_channels)]
+
+
+class Time(_Strict):
+    """Where stamps come from: a column, a fixed period, or the stamps of a bag."""
+
+    column: str | int | None = None
+    unit: Literal["s", "ms", "us", "ns", "iso8601"] = "s"
+    period: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    rate: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    stamps: Literal["header", "receive"] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Time:
+        if sum(item is not None for item in (self.column, self.period, self.rate, self.stamps)) != 1:
+            raise ValueError("give one of column, period, rate (tables) or stamps (bags)")
+        return self
+
+
+class Reference(_Strict):
+    """What the controller follows."""
+
+    position: Channels = []
+    velocity: Channels = []
+
+
+class Excitation(_Strict):
+    """What is added to the position reference or to the command."""
+
+    position: Channels = []
+    effort: Channels = []
+
+
+class Rows(_Strict):
+    """Rows start <= k < stop, counted from 0."""
+
+    start: int = Field(default=0, ge=0)
+    stop: int | None = Field(default=None, gt=0)
+
+
+class Signals(_Strict):
+    """What a mapping, or one part of it, assigns."""
+
+    joint: str | None = None
+    time: Time | None = None
+    command: Channels = []
+    position: Channels = []
+    velocity: Channels = []
+    effort: Channels = []
+    reference: Reference = Reference()
+    excitation: Excitation = Excitation()
+    rows: Rows = Rows()
+
+
+class Part(Signals):
+    """One record of a file that holds several; what it says replaces what the mapping says."""
+
+    description: str = ""
+
+
+class Csv(_Strict):
+    """How a CSV file is written; found out by itself where not said."""
+
+    delimiter: str | None = None
+    header: bool | None = None
+    skip_rows: int = Field(default=0, ge=0)
+    decimal: Literal[".", ","] = "."
+
+
+class Mapping(Signals):
+    """A whole mapping file, schema ``idloop/mapping/1``."""
+
+    schema_name: Literal["idloop/mapping/1"] = Field(alias="schema")
+    name: str
+    description: str = ""
+    cite: str = ""
+    format: Literal["csv", "mat", "npz", "json", "bag"] | None = None
+    csv: Csv = Csv()
+    entries: str | None = None
+    attributes: list[str] = []
+    notes: list[str] = []
+    definitions: dict[str, str] = {}
+    parts: dict[str, Part] = {}
+
+    def for_part(self, part: str | None) -> Signals:
+        """Return the signals of one part, the mapping's own where it has none.
+
+        Raises
+        ------
+        InputError
+            Unknown part, or none given where there are several.
+        """
+        if not self.parts:
+            if part is not None:
+                raise InputError(f"mapping {self.name}: it has no parts, leave --part {part} out")
+            return self
+        if part is None:
+            raise InputError(
+                f"mapping {self.name}: the file holds several records; choose one with --part: {listed(self.parts, 20)}"
+            )
+        if part not in self.parts:
+            raise InputError(
+                f"mapping {self.name}: no part {part!r}; there are"
+                f" {listed(self.parts, 20)}{did_you_mean(part, self.parts)}"
+            )
+        own = self.parts[part]
+        said = {name: getattr(own, name) for name in own.model_fields_set if name in Signals.model_fields}
+        shared = {name: getattr(self, name) for name in Signals.model_fields}
+        return Signals.model_construct(**(shared | said))
+
+
+def ready_mappings() -> dict[str, Path]:
+    """Return the mappings shipped with idloop by name."""
+    folder = files("idloop.records") / "mappings"
+    found = {Path(str(entry)).stem: Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".yaml")}
+    return dict(sorted(found.items()))
+
+
+def load_mapping(name_or_path: str | Path) -> Mapping:
+    """Load a mapping: one shipped with idloop by its name, or a file of the user's.
+
+    Raises
+    ------
+    InputError
+        Unknown name, unreadable YAML, unknown or wrong keys.
+    """
+    known = ready_mappings()
+    path = known.get(str(name_or_path), Path(name_or_path))
+    if not path.is_file():
+        raise InputError(
+            f"no data set or mapping file {str(name_or_path)!r}; ready sets are"
+            f" {listed(known)}{did_you_mean(str(name_or_path), known)}"
+        )
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+    except MarkedYAMLError as error:
+        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise InputError(f"{path}: not valid YAML ({line}{error.problem}); mend it") from None
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())}); mend it") from None
+    return parse_mapping(content, str(path))
+
+
+def parse_mapping(content: Any, where: str) -> Mapping:
+    """Validate the content of a mapping file; InputError names file, key and cure."""
+    if not isinstance(content, dict):
+        raise InputError(f"{where}: a mapping file is a YAML mapping that starts with `schema: {SCHEMA}`")
+    if content.get("schema") != SCHEMA:
+        raise InputError(f"{where}: schema is {content.get('schema')!r}; it must be {SCHEMA}")
+    try:
+        return Mapping.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_explain(error)}") from None
+
+
+_MODELS: tuple[type[BaseModel], ...] = (Mapping, Part, Channel, Time, Reference, Excitation, Rows, Csv, SignBit)
+_WORDS = {"schema"}.union(*(set(model.model_fields) for model in _MODELS))
+
+
+def _explain(error: ValidationError) -> str:
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"] if not (isinstance(part, str) and part[:1].isupper()))
+    if first["type"] == "extra_forbidden":
+        key = str(first["loc"][-1])
+        return f"unknown key {place}{did_you_mean(key, _WORDS) or '; see idloop import --help'}"
+    if first["type"] == "missing":
+        return f"key {place} is missing"
+    text = str(first["msg"]).removeprefix("Value error, ")
+    return f"{place or 'mapping'}: {text[:1].lower() + text[1:]}"

@@ -1,0 +1,258 @@
+"""CSV, MAT, NPZ and JSON files as named columns."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.suggest import did_you_mean, listed
+
+FORMATS = {".csv": "csv", ".txt": "csv", ".tsv": "csv", ".dat": "csv", ".mat": "mat", ".npz": "npz", ".json": "json"}
+
+
+@dataclass
+class Table:
+    """Columns of a file, converted to numbers only when asked for.
+
+    Parameters
+    ----------
+    path : Path
+        Where it came from, for messages.
+    columns : dict of str to list of str or ndarray
+        Raw columns in the order of the file.
+    attributes : dict of str to float or str
+        Single values beside the columns.
+    """
+
+    path: Path
+    columns: dict[str, Any]
+    attributes: dict[str, float | str] = field(default_factory=dict)
+
+    def raw(self, name: str | int) -> Any:
+        """Return a column as read, by name or by position from 0."""
+        if isinstance(name, int):
+            if not 0 <= name < len(self.columns):
+                raise InputError(f"{self.path}: no column {name}; there are {len(self.columns)}, counted from 0")
+            return list(self.columns.values())[name]
+        if name not in self.columns:
+            raise InputError(
+                f"{self.path}: no column {name!r}; it has {listed(self.columns)}{did_you_mean(name, self.columns)}"
+            )
+        return self.columns[name]
+
+    def numbers(self, name: str | int) -> NDArray[np.float64]:
+        """Return a column as floats (n,); an empty cell is NaN.
+
+        Raises
+        ------
+        InputError
+            Unknown column, or a cell that is no number.
+        """
+        raw = self.raw(name)
+        try:
+            return np.asarray(raw, dtype=np.float64).ravel()
+        except (TypeError, ValueError):
+            return np.array([self._number(cell, name, row) for row, cell in enumerate(raw)])
+
+    def _number(self, cell: Any, name: str | int, row: int) -> float:
+        if cell is None or (isinstance(cell, str) and not cell.strip()):
+            return float("nan")
+        try:
+            return float(cell)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{self.path}: row {row} of column {name!r} is {str(cell)[:40]!r}, not a number;"
+                " mend the file or choose another column"
+            ) from None
+
+
+def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] | None = None) -> Table:
+    """Read a file into columns.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : {"csv", "mat", "npz", "json"}, optional
+        Format; by default from the file's suffix.
+    options : mapping, optional
+        ``delimiter``, ``header``, ``skip_rows``, ``decimal`` (csv); ``entries`` (json: key of the list of samples).
+
+    Raises
+    ------
+    InputError
+        Missing or unreadable file, unknown format.
+    """
+    options = dict(options or {})
+    if not path.is_file():
+        near = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
+        raise InputError(f"{path}: no such file{did_you_mean(path.name, near) or '; check the path'}")
+    kind = kind or FORMATS.get(path.suffix.lower())
+    readers = {"csv": _read_csv, "mat": _read_mat, "npz": _read_npz, "json": _read_json}
+    if kind not in readers:
+        raise InputError(
+            f"{path}: unknown format {path.suffix!r}; known are {listed(FORMATS)}, or say `format:` in the mapping"
+        )
+    table = readers[kind](path, options)
+    if not table.columns:
+        raise InputError(f"{path}: no columns of numbers found; check that this is the data file")
+    return table
+
+
+def _read_csv(path: Path, options: dict[str, Any]) -> Table:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            lines = [line for line in stream if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: not a text file in UTF-8 ({error.reason} at byte {error.start}); convert it"
+        ) from None
+    lines = lines[int(options.get("skip_rows") or 0) :]
+    if not lines:
+        raise InputError(f"{path}: the file holds no rows; check that this is the data file")
+    delimiter = options.get("delimiter") or _delimiter(lines[0])
+    if delimiter == " ":
+        rows = [line.split() for line in lines]
+    else:
+        rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+    header = options.get("header")
+    if header is None:
+        header = not all(_is_number(cell) for cell in rows[0] if cell.strip())
+    width = len(rows[0])
+    while width > 1 and not any(row[width - 1 :] and row[width - 1].strip() for row in rows):
+        width -= 1  # a delimiter at the end of every line makes a column of nothing
+    names = (
+        [cell.strip() or str(index) for index, cell in enumerate(rows[0][:width])]
+        if header
+        else [str(k) for k in range(width)]
+    )
+    body = rows[1:] if header else rows
+    short = next((number for number, row in enumerate(body) if len(row) < width), None)
+    if short is not None:
+        raise InputError(
+            f"{path}: row {short} has {len(body[short])} cells instead of {width}; the file is damaged or cut off there"
+        )
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{path}: column {twice!r} occurs twice; rename one in the header")
+    columns: dict[str, Any] = {name: [row[index] for row in body] for index, name in enumerate(names)}
+    if options.get("decimal") == ",":
+        columns = {name: [cell.replace(",", ".") for cell in column] for name, column in columns.items()}
+    return Table(path, columns)
+
+
+def _delimiter(line: str) -> str:
+    counts = {candidate: line.count(candidate) for candidate in (";", "\t", ",")}
+    best = max(counts, key=lambda candidate: counts[candidate])
+    return best if counts[best] else " "
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _read_mat(path: Path, _: dict[str, Any]) -> Table:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        raise InputError(
+            f"{path}: a MAT file of version 7.3 (HDF5); save it again in MATLAB with: save(file, '-v7')"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
+        raise InputError(
+            f"{path}: not a readable MAT file ({type(error).__name__}); check the copy of the file"
+        ) from None
+    opaque = next((name for name, value in content.items() if type(value).__name__ == "MatlabOpaque"), None)
+    table = _from_tree(path, {name: value for name, value in content.items() if not name.startswith("__")})
+    if not table.columns and opaque is not None:
+        raise InputError(
+            f"{path}: {opaque!r} is a MATLAB object (timeseries, table), which only MATLAB reads; save its Time"
+            " and Data as plain arrays"
+        )
+    return table
+
+
+def _read_npz(path: Path, _: dict[str, Any]) -> Table:
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            return _from_tree(path, {name: content[name] for name in content.files})
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(
+            f"{path}: not a readable NPZ file ({' '.join(str(error).split())}); check the copy of the file"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - zipfile's own errors for a cut archive
+        raise InputError(
+            f"{path}: not a readable NPZ file ({type(error).__name__}); check the copy of the file"
+        ) from None
+
+
+def _read_json(path: Path, options: dict[str, Any]) -> Table:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid JSON ({error}); check the copy of the file") from None
+    attributes: dict[str, float | str] = {}
+    entries = content
+    if isinstance(content, dict):
+        attributes = {name: value for name, value in content.items() if isinstance(value, int | float | str)}
+    key = options.get("entries")
+    if key is not None:
+        if not isinstance(content, dict) or key not in content:
+            have = list(content) if isinstance(content, dict) else []
+            raise InputError(f"{path}: no key {key!r} with the samples; it has {listed(have)}{did_you_mean(key, have)}")
+        entries = content[key]
+    if isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries):
+        names = dict.fromkeys(name for entry in entries for name in entry)
+        return Table(path, {name: [entry.get(name) for entry in entries] for name in names}, attributes)
+    if isinstance(entries, dict):
+        table = _from_tree(path, entries)
+        table.attributes = attributes | table.attributes
+        return table
+    raise InputError(
+        f"{path}: neither a list of samples nor columns; say under which key they are: `entries:` in the mapping"
+    )
+
+
+def _from_tree(path: Path, tree: Mapping[str, Any], prefix: str = "") -> Table:
+    """Flatten nested arrays into columns named ``a.b`` and ``a[0]``, single values into attributes."""
+    table = Table(path, {})
+    for name, value in tree.items():
+        full = prefix + str(name)
+        if isinstance(value, Mapping):
+            inner = _from_tree(path, value, full + ".")
+            table.columns |= inner.columns
+            table.attributes |= inner.attributes
+            continue
+        if isinstance(value, str):
+            table.attributes[full] = value
+            continue
+        try:
+            array = np.asarray(value)
+        except ValueError:
+            continue
+        if array.dtype.kind not in "biufU":
+            continue
+        array = np.squeeze(array) if array.ndim > 1 else array
+        if array.ndim == 0:
+            table.attributes[full] = str(array) if array.dtype.kind == "U" else float(array)
+        elif array.ndim == 1:
+            table.columns[full] = array
+        elif array.ndim == 2:
+            # Samples run along the longer side.
+            tall = array if array.shape[0] >= array.shape[1] else array.T
+            table.columns |= {f"{full}[{index}]": tall[:, index] for index in range(tall.shape[1])}
+    return table
