@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from idloop.physics.effect import Effect, ParameterSpec, catalogue
     from idloop.physics.engine import Engine
-    from idloop.physics.hook import hook
+    from idloop.physics.hooks import hook
     from idloop.physics.model import Model, load_model, parse_effect, preset_names
     from idloop.physics.parameter import Parameter
     from idloop.physics.plant import Plant
-    from idloop.physics.simulate import Simulation, simulate
+    from idloop.physics.simulation import Simulation, simulate
 
 __all__ = [
     "Effect",
@@ -36,13 +36,13 @@ _WHERE = {
     "Parameter": "parameter",
     "ParameterSpec": "effect",
     "Plant": "plant",
-    "Simulation": "simulate",
+    "Simulation": "simulation",
     "catalogue": "effect",
-    "hook": "hook",
+    "hook": "hooks",
     "load_model": "model",
     "parse_effect": "model",
     "preset_names": "model",
-    "simulate": "simulate",
+    "simulate": "simulation",
 }
 
 

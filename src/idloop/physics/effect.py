@@ -35,7 +35,7 @@ from pathlib import Path
 from types import ModuleType
 
 from idloop.errors import InputError
-from idloop.physics.hook import Hook
+from idloop.physics.hooks import Hook
 
 INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
 

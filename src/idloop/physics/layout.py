@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.physics import kernel
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
-from idloop.physics.hook import Hook
+from idloop.physics.hooks import Hook
 from idloop.physics.kernel import Axis
 from idloop.physics.model import ActiveEffect, Model
 

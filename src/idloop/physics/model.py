@@ -115,6 +115,10 @@ class Model:
     disturbance: float | None = None
     folder: Path | None = field(default=None, compare=False)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to another process as text: compiled equations cannot be sent."""
+        return _from_text, (self.to_yaml(), self.folder)
+
     # -- parameters ---------------------------------------------------------------------
 
     @cached_property
@@ -418,6 +422,10 @@ class Model:
     def save(self, path: Path) -> None:
         """Write the model file; the caller has made sure that nothing is lost."""
         path.write_text(self.to_yaml(), encoding="utf-8")
+
+
+def _from_text(text: str, folder: Path | None) -> Model:
+    return build_model(read_model_file(text, "model"), "model", folder)
 
 
 def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:

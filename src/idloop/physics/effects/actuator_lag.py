@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from idloop.physics.effect import INPUT, Effect, ParameterSpec
-from idloop.physics.hook import hook
+from idloop.physics.hooks import hook
 
 
 @hook

@@ -3,7 +3,7 @@
 from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
-from idloop.physics.hook import hook
+from idloop.physics.hooks import hook
 
 
 @hook

@@ -1,0 +1,132 @@
+"""Model files: round trips, and one line for everything that is wrong."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from idloop.errors import InputError
+from idloop.physics import load_model, parse_effect, preset_names
+from idloop.physics.model import build_model
+from idloop.physics.schema import read_model_file
+
+GOOD = """\
+schema: idloop/model/1
+name: dc_motor
+input: {topic: joint_command, joint: motor, field: effort, unit: V}
+outputs:
+  - {topic: joint_states, joint: motor, field: position, unit: rad}
+  - {topic: joint_states, joint: motor, field: velocity, unit: rad/s}
+bodies:
+  - {name: motor, inertia: 1.0, viscous_friction: {value: 2.0, min: 0.0}}
+couplings: []
+drive: {gain: {value: 8.0}}
+effects:
+  - {effect: dead_zone, at: input, width: {value: 0.12}}
+controller: null
+"""
+
+
+def read(text: str):
+    return build_model(read_model_file(text, "m.yaml"), "m.yaml")
+
+
+def test_the_example_of_the_contract_loads() -> None:
+    model = read(GOOD)
+    assert model.free == ("motor.viscous_friction", "drive.gain", "dead_zone@input.width")
+    assert model.values["motor.inertia"] == 1.0
+    assert model.parameter("dead_zone@input.width").unit == "V"
+    assert model.parameter("drive.gain").unit == "N·m/V"
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_presets_survive_a_round_trip(name: str) -> None:
+    model = load_model(name)
+    again = read(model.to_yaml())
+    assert again.parameters == model.parameters
+    assert again.outputs == model.outputs
+    assert again.controller == model.controller
+
+
+@given(
+    value=st.floats(0.0, 1e6),
+    error=st.none() | st.floats(0.0, 10.0),
+    gain=st.floats(-1e9, 1e9, allow_subnormal=False),
+)
+def test_numbers_survive_a_round_trip_exactly(value: float, error: float | None, gain: float) -> None:
+    model = read(GOOD).with_values(
+        {"motor.viscous_friction": value, "drive.gain": gain},
+        {} if error is None else {"motor.viscous_friction": error},
+    )
+    again = read(model.to_yaml())
+    assert again.values == model.values
+    assert again.parameter("motor.viscous_friction").stderr == error
+
+
+WRONG = [
+    ("schema: idloop/model/1", "schema: idloop/model/9", "schema: must be 'idloop/model/1'"),
+    ("unit: V}", "unit: Volt}", "input.unit: unknown unit 'Volt'"),
+    ("unit: rad/s}", "unit: rds}", "outputs[1].unit: unknown unit 'rds'"),
+    ("unit: rad/s}", "unit: rad}", "outputs[1].unit: unknown unit 'rad' of a velocity: did you mean 'rad/s'?"),
+    ("unit: rad/s}", "unit: m/s}", "do not fit one axis"),
+    ("inertia: 1.0", "inertia: -1.0", "motor.inertia: must be > 0 kg·m² (got -1)"),
+    ("inertia: 1.0", "inertia: 0", "motor.inertia: must be > 0"),
+    ("inertia: 1.0", "inertia: heavy", "bodies[0].inertia: a number or a mapping"),
+    ("inertia: 1.0", "inertia: .nan", "not a number"),
+    ("inertia: 1.0", "inertia: {valeu: 1.0}", "unknown key 'valeu': did you mean 'value'?"),
+    ("inertia: 1.0, ", "", "the key 'bodies[0].inertia' is missing"),
+    ("viscous_friction: {value: 2.0, min: 0.0}", "viscuos_friction: 2.0", "did you mean 'viscous_friction'?"),
+    ("viscous_friction: {value: 2.0, min: 0.0}", "viscous_friction: {value: 2.0, max: 1.0}", "value 2 is above max 1"),
+    ("effect: dead_zone", "effect: dead_zoen", "effects[0]: unknown effect 'dead_zoen': did you mean 'dead_zone'?"),
+    ("at: input", "at: inptu", "did you mean 'input'?"),
+    ("at: input", "at: motor", "dead_zone does not act at the site kind 'body': it acts at input"),
+    ("width: {value: 0.12}", "with: 0.12", "no parameter 'with': did you mean 'width'?"),
+    ("width: {value: 0.12}", "width: -0.1", "dead_zone@input.width: -0.1 is outside 0"),
+    ("joint: motor, field: position", "joint: rotor, field: position", "there is no body 'rotor'"),
+    ("field: velocity", "field: speed", "outputs[1].field"),
+    ("drive:", "driev:", "unknown key 'driev': did you mean 'drive'?"),
+    ("couplings: []", "couplings: [{from: motor, to: load, stiffness: 1.0}]", "does not join neighbours"),
+    ("name: dc_motor", "name: [", "not valid YAML"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), WRONG, ids=[row[2][:40] for row in WRONG])
+def test_what_is_wrong_is_said_in_one_line_that_names_the_file(old: str, new: str, message: str) -> None:
+    assert old in GOOD
+    with pytest.raises(InputError) as caught:
+        read(GOOD.replace(old, new, 1))
+    line = str(caught.value)
+    assert message in line
+    assert line.startswith("m.yaml")
+    assert "\n" not in line
+
+
+def test_the_same_effect_twice_is_refused() -> None:
+    with pytest.raises(InputError, match="dead_zone@input twice"):
+        read(GOOD).with_effect("dead_zone", "input")
+
+
+def test_a_missing_file_is_named_with_the_presets() -> None:
+    with pytest.raises(InputError, match="presets are axis, dc_motor"):
+        load_model(Path("nowhere.yaml"))
+
+
+@given(width=st.floats(0.0, 1e3))
+def test_effects_are_read_from_text(width: float) -> None:
+    assert parse_effect(f"dead_zone@input(width={width!r})") == ("dead_zone", "input", {"width": width})
+
+
+@pytest.mark.parametrize("text", ["dead_zone", "dead_zone@", "@input", "dead_zone@input(width)", "dead_zone@input(width=a)"])
+def test_text_that_is_no_effect_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="write NAME@SITE"):
+        parse_effect(text)
+
+
+def test_site_names_with_brackets_are_read() -> None:
+    model = load_model("dc_motor").with_effects(["backlash@position[motor](gap=0.1)"])
+    assert model.effect_names == ("backlash@position[motor]",)
+
+
+def test_adding_and_removing_an_effect_leaves_the_model_as_it_was() -> None:
+    model = load_model("dc_motor")
+    assert model.with_effect("dead_zone", "input").without_effect("dead_zone@input").parameters == model.parameters
