@@ -1,0 +1,91 @@
+"""Standard errors that hold under coloured residuals: the HAC sandwich."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def long_run_covariance(records: list[Array]) -> Array:
+    """Long-run covariance of a vector series: Σ_k E g_t g_{t−k}ᵀ.
+
+    Quadratic spectral kernel with the automatic bandwidth of Andrews
+    (Econometrica 59, 1991) after prewhitening by first-order autoregressions,
+    one per component (Andrews and Monahan, Econometrica 60, 1992).
+
+    Parameters
+    ----------
+    records : list of arrays, shape (n_r, k)
+        Series of each record, mean zero by construction.
+
+    Returns
+    -------
+    array, shape (k, k)
+        Covariance of the sum over one sample; positive semidefinite.
+    """
+    k = records[0].shape[1]
+    total = sum(len(g) for g in records)
+    rho = _first_order(records)
+    white = [g[1:] - g[:-1] * rho for g in records]
+    again = _first_order(white)
+    variance = sum(np.sum(w**2, axis=0) for w in white) / total
+    length = min(len(w) for w in white)
+    # Andrews (1991), eq. 6.4: weights equalise the components' units.
+    scale = np.where(variance > 0, 1.0 / np.maximum(variance, 1e-300) ** 2, 0.0)
+    numerator = np.sum(scale * 4.0 * again**2 * variance**2 / (1.0 - again) ** 8)
+    denominator = np.sum(scale * variance**2 / (1.0 - again) ** 4)
+    alpha = float(numerator / denominator) if denominator > 0 else 0.0
+    bandwidth = max(1.3221 * (alpha * total) ** 0.2, 1.0)
+    omega = np.zeros((k, k))
+    for w in white:
+        omega += w.T @ w
+    reach = int(min(length - 1, np.ceil(8.0 * bandwidth)))
+    for lag in range(1, reach + 1):
+        weight = _quadratic_spectral(lag / bandwidth)
+        for w in white:
+            product = w[lag:].T @ w[:-lag]
+            omega += weight * (product + product.T)
+    omega /= total
+    colour = 1.0 / (1.0 - rho)
+    return np.asarray(omega * np.outer(colour, colour))
+
+
+def _first_order(records: list[Array]) -> Array:
+    """First-order autocorrelation of each component, kept off the unit circle."""
+    top = sum(np.sum(g[1:] * g[:-1], axis=0) for g in records)
+    bottom = sum(np.sum(g**2, axis=0) for g in records)
+    return np.asarray(np.clip(np.where(bottom > 0, top / np.maximum(bottom, 1e-300), 0), -0.97, 0.97))
+
+
+def _quadratic_spectral(x: float) -> float:
+    z = 6.0 * np.pi * x / 5.0
+    return float(3.0 / z**2 * (np.sin(z) / z - np.cos(z)))
+
+
+def sandwich(bread: Array, scores: list[Array]) -> Array:
+    """Covariance of an estimate that solves Σ_t g_t(θ) = 0.
+
+    Parameters
+    ----------
+    bread : array, shape (k, k)
+        Derivative of the summed scores, Σ ∂g/∂θ (the Gauss-Newton Hessian for least squares).
+    scores : list of arrays, shape (n_r, k)
+        g_t of each record at the estimate.
+
+    Returns
+    -------
+    array, shape (k, k)
+        ``H⁻¹ Ω H⁻ᵀ`` with the long-run covariance of the scores and the
+        small-sample factor n / (n − k).
+    """
+    total = sum(len(g) for g in scores)
+    k = bread.shape[0]
+    # Unit diagonal first: parameters may differ by many orders of magnitude.
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(bread)), 1e-300))
+    inverse = np.linalg.pinv(bread * np.outer(scale, scale), rcond=1e-13)
+    omega = long_run_covariance([g * scale for g in scores]) * total
+    covariance = inverse @ omega @ inverse.T * np.outer(scale, scale)
+    factor = total / max(total - k, 1)
+    return np.asarray(factor * 0.5 * (covariance + covariance.T))

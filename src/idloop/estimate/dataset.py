@@ -1,0 +1,230 @@
+"""Records as the criteria read them: arrays in one place, with what never changes during a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimate.motion import body_sensors
+from idloop.estimate.noise import noise_std
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# Fewer samples than this carry no dynamics that could be fitted.
+_FEWEST_SAMPLES = 20
+
+
+@dataclass(frozen=True)
+class Data:
+    """One record, contiguous and checked.
+
+    Attributes
+    ----------
+    name : str
+    input_time, input : array, shape (m,)
+    time : array, shape (n,)
+    output : array, shape (n, p)
+        NaN where not measured.
+    sample_time : float
+        Median step of `time` [s].
+    gaps : array of int
+        First sample after each gap longer than 5 steps.
+    """
+
+    name: str
+    input_time: Array
+    input: Array
+    time: Array
+    output: Array
+    sample_time: float
+    gaps: NDArray[np.int64]
+
+    def held_input(self) -> Array:
+        """Command that holds at each output instant, shape (n,)."""
+        index = np.searchsorted(self.input_time, self.time + 1e-9, side="right") - 1
+        return np.where(index >= 0, self.input[np.maximum(index, 0)], 0.0)
+
+
+def prepare(model: Model, records: Sequence[Record]) -> list[Data]:
+    """Check records against a model and lay them out for the compiled simulator.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+
+    Returns
+    -------
+    list of Data
+
+    Raises
+    ------
+    InputError
+        If there is no record, or one is too short, has other outputs than the
+        model, carries infinite samples, or measures nothing.
+    """
+    if len(records) == 0:
+        raise InputError("no record to fit; give at least one bag")
+    return [_prepare(model, record) for record in records]
+
+
+def _prepare(model: Model, record: Record) -> Data:
+    time = np.ascontiguousarray(record.time, dtype=float)
+    output = np.ascontiguousarray(record.output, dtype=float)
+    input_time = np.ascontiguousarray(record.input_time, dtype=float)
+    value = np.ascontiguousarray(record.input, dtype=float)
+    where = f"record {record.name!r}"
+    if len(time) < _FEWEST_SAMPLES:
+        raise InputError(
+            f"{where} has {len(time)} samples; a fit needs at least {_FEWEST_SAMPLES}: record for longer"
+        )
+    if output.ndim != 2 or output.shape != (len(time), len(model.outputs)):
+        raise InputError(
+            f"{where} has outputs of shape {output.shape}; the model {model.name!r} wants "
+            f"{len(model.outputs)}: {', '.join(o.name for o in model.outputs)}"
+        )
+    if len(value) == 0:
+        raise InputError(f"{where} has no command samples; check the topic {model.input.topic!r}")
+    if not np.all(np.isfinite(value)):
+        raise InputError(f"{where} has commands that are NaN or infinite; cut or repair them first")
+    if np.any(np.isinf(output)):
+        raise InputError(f"{where} has infinite measurements; mark missing samples as NaN")
+    if np.any(np.diff(time) <= 0.0) or np.any(np.diff(input_time) < 0.0):
+        raise InputError(f"{where} has stamps that run backwards; split it where the clock was reset")
+    if not np.any(np.isfinite(output)):
+        raise InputError(f"{where} measures none of the model's outputs; all samples are NaN")
+    step = np.diff(time)
+    sample_time = float(np.median(step))
+    gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
+    return Data(record.name, input_time, value, time, output, sample_time, gaps)
+
+
+def output_noise(model: Model, data: list[Data]) -> Array:
+    """Standard deviation of each output's measurement noise.
+
+    Taken from the model file where that states it, from the data's high-frequency
+    part otherwise (median over the records).
+
+    Parameters
+    ----------
+    model : Model
+    data : list of Data
+
+    Returns
+    -------
+    array, shape (p,)
+        In the outputs' units, positive.
+    """
+    values = np.empty(len(model.outputs))
+    for column, output in enumerate(model.outputs):
+        if output.noise is not None and output.noise > 0.0:
+            values[column] = output.noise
+            continue
+        found = [noise_std(d.output[:, column]) for d in data]
+        found = [value for value in found if value > 0.0]
+        values[column] = float(np.median(found)) if found else 1.0
+    return values
+
+
+def output_groups(data: list[Data]) -> list[list[int]]:
+    """Outputs that are measured at the same instants, as lists of columns.
+
+    Outputs of one group share a vector noise model; groups sampled at different
+    instants are treated as independent. Never measured outputs are in no group.
+
+    Parameters
+    ----------
+    data : list of Data
+
+    Returns
+    -------
+    list of list of int
+    """
+    known = np.concatenate([np.isfinite(d.output) for d in data])
+    groups: list[list[int]] = []
+    for column in range(known.shape[1]):
+        if not np.any(known[:, column]):
+            continue
+        for group in groups:
+            # Outputs of one message miss the same samples; a stray NaN does not split them.
+            if np.mean(known[:, group[0]] != known[:, column]) < 0.02:
+                group.append(column)
+                break
+        else:
+            groups.append([column])
+    return groups
+
+
+def first_motion(model: Model, data: Data) -> tuple[Array, Array]:
+    """Position and velocity of every body at the first sample, from the first few samples.
+
+    Parameters
+    ----------
+    model : Model
+    data : Data
+
+    Returns
+    -------
+    position, velocity : array, shape (bodies,)
+        Bodies without a sensor take the motion of the nearest body that has one.
+    """
+    bodies = len(model.bodies)
+    position, velocity = np.full(bodies, np.nan), np.full(bodies, np.nan)
+    window = min(10, len(data.time))
+    elapsed = data.time[:window] - data.time[0]
+    for body, (place, speed) in enumerate(body_sensors(model)):
+        if place is not None:
+            y = data.output[:window, place] / model.outputs[place].scale
+            known = np.isfinite(y)
+            if np.sum(known) >= 4:
+                velocity[body], position[body] = np.polyfit(elapsed[known], y[known], 1)
+            elif np.any(known):
+                position[body] = y[known][0]
+        if speed is not None:
+            y = data.output[:window, speed] / model.outputs[speed].scale
+            known = np.isfinite(y)
+            if np.any(known):
+                velocity[body] = float(np.mean(y[known][:3]))
+    return _spread(position), _spread(velocity)
+
+
+def travel(model: Model, data: Data) -> float:
+    """Typical travel of the bodies in a record [position unit], never 0.
+
+    Parameters
+    ----------
+    model : Model
+    data : Data
+
+    Returns
+    -------
+    float
+    """
+    spans = [1e-9]
+    for place, speed in body_sensors(model):
+        if place is not None and np.any(np.isfinite(data.output[:, place])):
+            y = data.output[:, place] / model.outputs[place].scale
+            spans.append(float(np.nanmax(y) - np.nanmin(y)))
+        elif speed is not None and np.any(np.isfinite(data.output[:, speed])):
+            y = data.output[:, speed] / model.outputs[speed].scale
+            spans.append(float(np.nanstd(y)) * float(data.time[-1] - data.time[0]))
+    return max(spans)
+
+
+def _spread(values: Array) -> Array:
+    """Fill bodies without a value from the nearest one; 0 when none has one."""
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) == 0:
+        return np.zeros_like(values)
+    nearest = [known[int(np.argmin(np.abs(known - i)))] for i in range(len(values))]
+    return np.asarray(values[nearest])

@@ -1,0 +1,270 @@
+"""Grey-box fit of any model file to any number of records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError, InputError
+from idloop.estimate.choose import after_fit, before_fit
+from idloop.estimate.covariance import sandwich
+from idloop.estimate.criterion import Criterion
+from idloop.estimate.dataset import Data, output_noise, prepare
+from idloop.estimate.force import Balance, ForceCriterion, balance_of
+from idloop.estimate.levenberg import difference_jacobian
+from idloop.estimate.prediction import PredictionCriterion
+from idloop.estimate.result import FitResult, RecordResidual
+from idloop.estimate.simulation import SimulationCriterion
+from idloop.estimate.solve import Solution, instrument, solve, typical_size
+from idloop.estimate.uncertainty import bounded, ties
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine, Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+CRITERIA = ("auto", "prediction", "simulation", "force")
+
+
+def fit(
+    model: Model,
+    records: Sequence[Record],
+    criterion: str = "auto",
+    progress: Progress | None = None,
+) -> FitResult:
+    """Estimate the free parameters of a model.
+
+    Parameters
+    ----------
+    model : Model
+        Structure, starting values, bounds and known parameters.
+    records : sequence of Record
+        One experiment or several; all weigh by their samples.
+    criterion : {"auto", "prediction", "simulation", "force"}
+        What is made small: one-step prediction errors of an observer with a
+        disturbance force, free-run errors, or the unexplained force along the
+        measured motion. ``auto`` follows the rule in `idloop.estimate.choose`
+        and says in the result why.
+    progress : callable, optional
+        Called with the share done in [0, 1] and a short text.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    InputError
+        If a record does not suit the model, the command never changes, nothing
+        is free to estimate, or the criterion is unknown or impossible.
+    IdloopError
+        If the model cannot be simulated at its starting values.
+    """
+    from idloop.physics import Engine
+
+    if criterion not in CRITERIA:
+        raise InputError(f"criterion {criterion!r} is unknown; choose one of {', '.join(CRITERIA)}")
+    if len(model.free) == 0:
+        raise InputError(f"model {model.name!r} has nothing to estimate; write a parameter as {{value: ...}}")
+    data = prepare(model, records)
+    if all(np.ptp(d.input) == 0.0 for d in data):
+        raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
+    tell = progress or (lambda share, text: None)
+    engine = Engine(model)
+    noise = output_noise(model, data)
+    tell(0.0, "looking at the data")
+    balances = _balances(engine, data, records)
+    chosen, why = criterion, "as asked"
+    if criterion == "auto":
+        first = before_fit(balances)
+        chosen, why = first.criterion, first.why
+    start = model.theta
+    known = [b for b in balances if b is not None]
+    complete = len(known) == len(balances)
+    if chosen == "force" and not complete:
+        raise InputError(
+            "the force criterion needs every body's position or velocity measured; use prediction"
+        )
+    balance: Solution | None = None
+    if complete:
+        # The force balance is nearly linear in the parameters: a cheap start for every criterion.
+        force = ForceCriterion(engine, known)
+        try:
+            balance = solve(force, start, *model.bounds)
+        except IdloopError:
+            balance = None
+        if criterion == "auto" and chosen == "force" and balance is not None:
+            verdict = after_fit(engine, force, balance.theta, balance.nuisance)
+            chosen, why = verdict.criterion, verdict.why
+    if chosen == "force":
+        if balance is None:
+            raise IdloopError("the force balance cannot be evaluated at the starting values")
+        return _conclude(engine, model, data, known, balance, why, noise)
+    tell(0.1, f"{chosen} criterion")
+    starts = [start] if balance is None else [start, balance.theta]
+    best: Solution | None = None
+    rule = _criterion(chosen, engine, data, noise)
+    for trial in _ranked(rule, starts):
+        rule = _criterion(chosen, engine, data, noise)
+        found = solve(
+            rule, trial, *model.bounds, report=lambda share, text: tell(0.1 + 0.8 * share, text)
+        )
+        if best is None or found.problem.objective < best.problem.objective:
+            best = found
+        if best.converged:
+            break
+    assert best is not None
+    tell(0.95, "standard errors")
+    return _conclude(engine, model, data, known, best, why, noise)
+
+
+def _balances(engine: Engine, data: list[Data], records: Sequence[Record]) -> list[Balance | None]:
+    """Force balances of all records in one common band."""
+    first = [balance_of(engine, d, None) for d in data]
+    bands = [b.motion.cutoff for b in first if b is not None]
+    if len(bands) < len(first):
+        return list(first)
+    return [balance_of(engine, d, r, max(bands)) for d, r in zip(data, records, strict=True)]
+
+
+def _criterion(name: str, engine: Engine, data: list[Data], noise: Array) -> Criterion:
+    if name == "simulation":
+        return SimulationCriterion(engine, data)
+    return PredictionCriterion(engine, data, noise, force_scale(engine, data))
+
+
+def force_scale(engine: Engine, data: list[Data]) -> float:
+    """Typical drive force of the records: gain times the command's root mean square.
+
+    Parameters
+    ----------
+    engine : Engine
+    data : list of Data
+
+    Returns
+    -------
+    float
+        Positive.
+    """
+    linear = engine.linearise(None)
+    gain = float(np.linalg.norm(linear.B)) / max(float(np.linalg.norm(linear.G)), 1e-300)
+    level = float(np.sqrt(np.mean(np.concatenate([d.input for d in data]) ** 2)))
+    return max(gain * level, 1e-12)
+
+
+def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
+    """Starting points, the one with the smaller criterion first."""
+    from idloop.estimate.problem import Problem
+
+    if len(starts) == 1:
+        return starts
+    values = []
+    for theta in starts:
+        problem = Problem(rule, len(theta))
+        try:
+            rule.retune(theta)
+            problem.reweigh(np.concatenate([theta, rule.nuisance()[0]]), whiten=False)
+            values.append(problem.objective if np.isfinite(problem.objective) else np.inf)
+        except (IdloopError, np.linalg.LinAlgError):
+            values.append(np.inf)
+    return [starts[i] for i in np.argsort(values, kind="stable")]
+
+
+def _conclude(
+    engine: Engine,
+    model: Model,
+    data: list[Data],
+    balances: list[Balance],
+    solution: Solution,
+    why: str,
+    noise: Array,
+) -> FitResult:
+    """Covariance, warnings and residuals of a solved fit."""
+    problem, rule = solution.problem, solution.problem.criterion
+    lower, upper = model.bounds
+    k = len(solution.theta)
+    hessian = solution.jacobian.T @ solution.jacobian
+    warnings, seen = ties(hessian, k, model.free)
+    theta, nuisance = solution.theta, solution.nuisance
+    covariance: Array | None = None
+    if isinstance(rule, ForceCriterion) and rule.has_instruments:
+        refined = instrument(solution, lower, upper)
+        if refined is not None:
+            theta, nuisance, covariance = refined
+            why += "; the reference serves as instrument"
+    point = np.concatenate([theta, nuisance])
+    problem.reweigh(point, rule.whiten)
+    if covariance is None:
+        residual = problem.residual(point)
+        jacobian = solution.jacobian
+        if len(jacobian) != len(residual):
+            jacobian, _ = difference_jacobian(
+                problem.residual, point, residual, solution.lower, solution.upper, solution.step, solution.scale
+            )
+        covariance = sandwich(jacobian.T @ jacobian, problem.scores(point, residual, jacobian))
+    covariance = covariance[:k, :k].copy()
+    covariance[~seen, :] = np.nan
+    covariance[:, ~seen] = np.nan
+    stderr = np.sqrt(np.diag(covariance))
+    limits = bounded(theta, lower, upper, typical_size(theta, lower, upper))
+    at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
+    warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
+    if not solution.converged:
+        warnings.append("the search stopped before it settled; try other starting values")
+    count = problem.count(point)
+    loss = problem.loss
+    fpe = loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12)
+    intensity = rule.intensity if isinstance(rule, PredictionCriterion) else None
+    shift = rule.shift if isinstance(rule, ForceCriterion) and rule.free_timing else None
+    fitted = model.with_values(
+        dict(zip(model.free, (float(v) for v in theta), strict=True)),
+        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
+    )
+    if intensity is not None:
+        fitted = replace(fitted, disturbance=float(np.sqrt(intensity)))
+    return FitResult(
+        model=fitted,
+        names=tuple(model.free),
+        values=theta,
+        stderr=stderr,
+        covariance=covariance,
+        loss=loss,
+        fpe=fpe,
+        criterion=rule.name,
+        why=why,
+        disturbance_intensity=intensity,
+        output_noise=noise,
+        command_shift=shift,
+        residuals=_residuals(model, data, rule, theta, nuisance),
+        at_bound=at_bound,
+        warnings=tuple(warnings),
+        samples=count,
+        iterations=solution.iterations,
+        converged=solution.converged,
+        orders=tuple(problem.orders),
+    )
+
+
+def _residuals(
+    model: Model, data: list[Data], rule: Any, theta: Array, nuisance: Array
+) -> tuple[RecordResidual, ...]:
+    names = tuple(o.name for o in model.outputs)
+    found = []
+    for index, d in enumerate(data):
+        if isinstance(rule, ForceCriterion):
+            value, motion = rule.errors(theta, nuisance)[0][index], rule.balances[index].motion
+            time = np.linspace(motion.time[0], motion.time[-1], len(value))
+            bodies = tuple(f"force[{body}]" for body in model.bodies)
+            found.append(RecordResidual(d.name, time, value, bodies))
+        elif isinstance(rule, PredictionCriterion):
+            found.append(RecordResidual(d.name, d.time, rule.innovation(theta, nuisance, index), names))
+        else:
+            value = d.output - rule.simulated(theta, nuisance, index)
+            found.append(RecordResidual(d.name, d.time, value, names))
+    return tuple(found)

@@ -1,0 +1,216 @@
+"""Bounded Levenberg-Marquardt with statistically scaled difference steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where the search ended.
+
+    Attributes
+    ----------
+    point : array, shape (k,)
+        Parameters.
+    residual : array, shape (n,)
+    jacobian : array, shape (n, k)
+    cost : float
+        Half the sum of squares.
+    iterations : int
+    converged : bool
+    step : array, shape (k,)
+        Difference steps in use, to start the next search with.
+    """
+
+    point: Array
+    residual: Array
+    jacobian: Array
+    cost: float
+    iterations: int
+    converged: bool
+    step: Array
+
+
+def difference_jacobian(
+    function: Callable[[Array], Array],
+    point: Array,
+    residual: Array,
+    lower: Array,
+    upper: Array,
+    step: Array,
+    scale: Array,
+) -> tuple[Array, Array]:
+    """Jacobian by central differences; the steps settle at a tenth of a standard error.
+
+    A step of that size is far above rounding and above the small corners that
+    sticking and play put in the residual, and far below the curvature.
+
+    Parameters
+    ----------
+    function : callable
+        Residual in units of its standard deviation.
+    point, lower, upper : array, shape (k,)
+    residual : array, shape (n,)
+        ``function(point)``.
+    step : array, shape (k,)
+        Steps to start from.
+    scale : array, shape (k,)
+        Typical size of each parameter.
+
+    Returns
+    -------
+    jacobian : array, shape (n, k)
+    step : array, shape (k,)
+        Steps used.
+    """
+    k = len(point)
+    jacobian = np.empty((len(residual), k))
+    step = step.copy()
+    for i in range(k):
+        for _ in range(4):
+            column, change = _column(function, point, residual, lower, upper, i, step[i])
+            norm = float(np.linalg.norm(change))
+            if 0.003 <= norm <= 1.0:
+                break
+            wanted = step[i] * float(np.clip(0.1 / max(norm, 1e-300), 1e-4, 1e4))
+            # Noise-free data asks for steps below rounding, dead parameters for endless ones.
+            wanted = float(np.clip(wanted, 1e-6 * scale[i], 1e-2 * scale[i]))
+            if wanted == step[i]:
+                break
+            step[i] = wanted
+        jacobian[:, i] = column
+    return jacobian, step
+
+
+def _column(
+    function: Callable[[Array], Array],
+    point: Array,
+    residual: Array,
+    lower: Array,
+    upper: Array,
+    index: int,
+    step: float,
+) -> tuple[Array, Array]:
+    """Derivative along one parameter, second order also beside a bound."""
+    ahead, behind = point.copy(), point.copy()
+    ahead[index] += step
+    behind[index] -= step
+    if behind[index] < lower[index] or ahead[index] > upper[index]:
+        sign = 1.0 if behind[index] < lower[index] else -1.0
+        ahead[index], behind[index] = point[index] + sign * step, point[index] + 2.0 * sign * step
+        near, far = function(ahead), function(behind)
+        return sign * (4.0 * near - far - 3.0 * residual) / (2.0 * step), near - residual
+    difference = function(ahead) - function(behind)
+    return difference / (2.0 * step), 0.5 * difference
+
+
+def minimise(
+    function: Callable[[Array], Array],
+    start: Array,
+    lower: Array,
+    upper: Array,
+    scale: Array,
+    step: Array | None = None,
+    max_iterations: int = 30,
+    tolerance: float = 1e-5,
+    report: Callable[[int, float], None] | None = None,
+) -> Minimum:
+    """Minimise half the sum of squares inside a box.
+
+    Parameters
+    ----------
+    function : callable
+        Residual in units of its standard deviation; non-finite values mark
+        parameters for which the model cannot be simulated.
+    start, lower, upper : array, shape (k,)
+    scale : array, shape (k,)
+        Typical size of each parameter.
+    step : array, shape (k,), optional
+        Difference steps to start from.
+    max_iterations : int
+    tolerance : float
+        Predicted decrease of the cost at which the search ends. In units of the
+        log-likelihood: 1e-5 is a step of half a hundredth of a standard error.
+    report : callable, optional
+        Called with iteration and cost.
+
+    Returns
+    -------
+    Minimum
+    """
+    point = np.clip(start, lower, upper)
+    residual = function(point)
+    cost = _half_square(residual)
+    step = 1e-4 * scale if step is None else step
+    damping, converged, iteration = 1e-3, False, 0
+    jacobian = np.zeros((len(residual), len(point)))
+    while True:
+        jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale)
+        if converged or iteration >= max_iterations:
+            break
+        gradient = jacobian.T @ residual
+        hessian = jacobian.T @ jacobian
+        accepted = False
+        for _ in range(12):
+            move, predicted = _step(gradient, hessian, damping, point, lower, upper)
+            if predicted <= tolerance or np.all(np.abs(move) <= 1e-10 * scale):
+                converged = True
+                break
+            trial = np.clip(point + move, lower, upper)
+            trial_residual = function(trial)
+            trial_cost = _half_square(trial_residual)
+            if trial_cost < cost:
+                ratio = (cost - trial_cost) / predicted
+                damping = max(damping * (0.1 if ratio > 0.7 else 0.5 if ratio > 0.3 else 2.0), 1e-9)
+                point, residual, cost, accepted = trial, trial_residual, trial_cost, True
+                break
+            damping *= 8.0
+        iteration += 1
+        if report is not None:
+            report(iteration, cost)
+        if converged and not accepted:
+            # The Jacobian at this very point is in hand already.
+            break
+        if not accepted:
+            break
+    return Minimum(point, residual, jacobian, cost, iteration, converged, step)
+
+
+def _half_square(residual: Array) -> float:
+    value = 0.5 * float(residual @ residual)
+    return value if np.isfinite(value) else np.inf
+
+
+def _step(
+    gradient: Array, hessian: Array, damping: float, point: Array, lower: Array, upper: Array
+) -> tuple[Array, float]:
+    """Damped Gauss-Newton step in the box, by dropping directions that leave it."""
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    move = np.zeros_like(point)
+    free = np.diag(hessian) > 1e-300
+    free &= ~((point <= lower) & (gradient > 0)) & ~((point >= upper) & (gradient < 0))
+    for _ in range(len(point)):
+        index = np.flatnonzero(free)
+        if len(index) == 0:
+            break
+        scaled = hessian[np.ix_(index, index)] / np.outer(size[index], size[index])
+        scaled[np.diag_indices_from(scaled)] += damping + 1e-12
+        move[:] = 0.0
+        move[index] = -np.linalg.solve(scaled, gradient[index] / size[index]) / size[index]
+        target = point + move
+        leaving = free & ((target < lower) | (target > upper)) & (
+            (point <= lower) | (point >= upper)
+        )
+        if not np.any(leaving):
+            break
+        free &= ~leaving
+    move = np.clip(point + move, lower, upper) - point
+    predicted = -float(gradient @ move + 0.5 * move @ hessian @ move)
+    return move, predicted

@@ -1,0 +1,269 @@
+"""Position, velocity and acceleration of every body from a record, band-limited.
+
+Zero-phase differentiation as in inverse dynamics identification (Gautier,
+Janot and Vandanjon, IEEE Trans. Control Systems Technology 21, 2013), with the
+filter's cut-off taken from the data instead of from the user.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.estimate.noise import noise_std
+
+if TYPE_CHECKING:
+    from idloop.estimate.dataset import Data
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# The band that holds this share of the kinetic energy counts as excited ...
+_ENERGY_SHARE = 0.999
+# ... and the differentiating filter passes ten times as much, so that it distorts nothing in it.
+_FILTER_RATIO = 10.0
+# Forces are compared in the lower part of the filter's band, where it is flat.
+_COMPARISON_RATIO = 0.4
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Band-limited motion of all bodies on a uniform grid.
+
+    Attributes
+    ----------
+    time : array, shape (n,)
+        Uniform instants [s].
+    position, velocity, acceleration : array, shape (n, bodies)
+        Motion in SI units.
+    noise_share : array, shape (bodies,)
+        Part of the acceleration's power that is measurement noise.
+    cutoff : float
+        Cut-off of the differentiating filter [Hz].
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    noise_share: Array
+    cutoff: float
+
+    @property
+    def sample_time(self) -> float:
+        """Grid step [s]."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def comparison_band(self) -> float:
+        """Frequency up to which forces are compared [Hz]."""
+        return _COMPARISON_RATIO * self.cutoff
+
+
+def body_sensors(model: Model) -> list[tuple[int | None, int | None]]:
+    """For every body the output that measures its position and its velocity.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    list of (int or None, int or None)
+        Indices into the model's outputs, in the order of ``model.bodies``.
+    """
+    found: dict[str, list[int | None]] = {body: [None, None] for body in model.bodies}
+    for row, output in enumerate(model.outputs):
+        kind = 0 if output.field == "position" else 1
+        if output.field in ("position", "velocity") and found[output.body][kind] is None:
+            found[output.body][kind] = row
+    return [(pair[0], pair[1]) for pair in found.values()]
+
+
+def low_pass(values: Array, cutoff: float, sample_time: float) -> Array:
+    """Zero-phase fourth-order Butterworth filter along the first axis.
+
+    Parameters
+    ----------
+    values : array, shape (n,) or (n, k)
+    cutoff : float
+        Frequency [Hz] at which one pass is down to 0.71.
+    sample_time : float
+        Sample time [s].
+
+    Returns
+    -------
+    array
+        Filtered values; unchanged when the cut-off is at or above 0.45 / sample_time.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    if cutoff >= 0.45 / sample_time or len(values) < 40:
+        return values
+    sections = butter(4, cutoff, fs=1.0 / sample_time, output="sos")
+    pad = int(min(len(values) - 1, max(30.0, 3.0 / (cutoff * sample_time))))
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
+
+
+def differentiate(values: Array, sample_time: float) -> Array:
+    """Central difference of fourth order along the first axis, second order at the ends.
+
+    Parameters
+    ----------
+    values : array, shape (n,) or (n, k)
+    sample_time : float
+        Sample time [s].
+
+    Returns
+    -------
+    array
+        Derivative in units per second.
+    """
+    slope = np.gradient(values, sample_time, axis=0)
+    inner = 8.0 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])
+    slope[2:-2] = inner / (12.0 * sample_time)
+    return np.asarray(slope)
+
+
+def excitation_band(velocity: ArrayLike, sample_time: float) -> float:
+    """Frequency below which 99.9 % of the kinetic energy lies.
+
+    Parameters
+    ----------
+    velocity : array, shape (n,)
+        Measured velocity, or differenced position.
+    sample_time : float
+        Sample time [s].
+
+    Returns
+    -------
+    float
+        Band edge [Hz], after the noise floor of the spectrum has been taken off.
+    """
+    from scipy.signal import welch
+
+    v = np.asarray(velocity, dtype=float)
+    # Segments of about a sixth of the record average the noise yet resolve slow motion.
+    segment = int(min(len(v), max(256, 2 ** int(np.log2(max(len(v) / 6, 2))))))
+    frequency, power = welch(v, fs=1.0 / sample_time, nperseg=segment)
+    upper = frequency > 0.8 * frequency[-1]
+    shape = np.sin(np.pi * frequency * sample_time) ** 2
+    # Differenced position noise rises as sin², measured velocity noise is flat: take the better fit.
+    rising = np.median(power[upper] / shape[upper]) * shape
+    flat = np.full_like(power, np.median(power[upper]))
+    spread = [float(np.std(np.log(power[upper] / floor[upper] + 1e-300))) for floor in (rising, flat)]
+    floor = rising if spread[0] <= spread[1] else flat
+    signal = np.maximum(power - 2.0 * floor, 0.0)
+    total = np.cumsum(signal)
+    if total[-1] <= 0.0:
+        return float(frequency[1])
+    edge = frequency[min(int(np.searchsorted(total, _ENERGY_SHARE * total[-1])), len(total) - 1)]
+    return float(max(edge, frequency[1]))
+
+
+def uniform(time: Array, values: Array) -> tuple[Array, Array] | None:
+    """Values on a uniform grid at the median rate, gaps bridged by straight lines.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+    values : array, shape (n,)
+        NaN where not measured.
+
+    Returns
+    -------
+    (time, values) or None
+        None when more than 5 % is missing: differentiation would invent motion.
+    """
+    known = np.isfinite(values)
+    if np.mean(known) < 0.95 or np.sum(known) < 50:
+        return None
+    step = float(np.median(np.diff(time)))
+    if np.ptp(np.diff(time)) < 1e-3 * step and np.all(known):
+        return time, values
+    grid = np.arange(time[0], time[-1] + 0.5 * step, step)
+    return grid, np.interp(grid, time[known], values[known])
+
+
+def measured_motion(model: Model, record: Data | Record, cutoff: float | None = None) -> Motion | None:
+    """Motion of all bodies, or None when a body is not measured.
+
+    Parameters
+    ----------
+    model : Model
+        Tells which output measures what.
+    record : Data or Record
+        Measured outputs; jitter and short gaps are resampled.
+    cutoff : float, optional
+        Cut-off of the differentiating filter [Hz]; from the data when left out.
+
+    Returns
+    -------
+    Motion or None
+    """
+    sensors = body_sensors(model)
+    if any(pair == (None, None) for pair in sensors) or len(record.time) < 100:
+        return None
+    series: dict[int, Array] = {}
+    grid = record.time
+    for pair in sensors:
+        for row in pair:
+            if row is None:
+                continue
+            column = uniform(record.time, record.output[:, row])
+            if column is not None:
+                grid, series[row] = column[0], column[1] / model.outputs[row].scale
+    pairs = [tuple(r if r in series else None for r in pair) for pair in sensors]
+    if any(pair == (None, None) for pair in pairs):
+        return None
+    step = float(np.median(np.diff(grid)))
+    if cutoff is None:
+        bands = []
+        for place, speed in pairs:
+            v = series[speed] if speed is not None else np.diff(series[place]) / step  # type: ignore[index]
+            bands.append(excitation_band(v, step))
+        cutoff = _FILTER_RATIO * max(bands)
+    cutoff = float(min(cutoff, 0.45 / step))
+    columns = [
+        _body(None if i is None else series[i], None if j is None else series[j], cutoff, step)
+        for i, j in pairs
+    ]
+    return Motion(
+        time=grid,
+        position=np.column_stack([c[0] for c in columns]),
+        velocity=np.column_stack([c[1] for c in columns]),
+        acceleration=np.column_stack([c[2] for c in columns]),
+        noise_share=np.array([c[3] for c in columns]),
+        cutoff=cutoff,
+    )
+
+
+def _body(
+    place: Array | None, speed: Array | None, cutoff: float, step: float
+) -> tuple[Array, Array, Array, float]:
+    """Motion of one body from whichever sensor gives the quieter acceleration."""
+    # One-sided noise density 2 σ² step, through the derivative of the sensor, up to the cut-off.
+    omega = 2.0 * np.pi * cutoff
+    by_place = by_speed = np.inf
+    if place is not None:
+        by_place = 2.0 * noise_std(place) ** 2 * step * cutoff * omega**4 / 5.0
+    if speed is not None:
+        by_speed = 2.0 * noise_std(speed) ** 2 * step * cutoff * omega**2 / 3.0
+    if by_place <= by_speed and place is not None:
+        position = low_pass(place, cutoff, step)
+        velocity = differentiate(position, step)
+    else:
+        assert speed is not None
+        velocity = low_pass(speed, cutoff, step)
+        if place is not None:
+            position = low_pass(place, cutoff, step)
+        else:
+            position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))]) * step
+    acceleration = differentiate(velocity, step)
+    power = float(np.var(acceleration))
+    noise = min(by_place, by_speed)
+    return position, velocity, acceleration, float(min(noise / power, 1.0)) if power > 0 else 1.0

@@ -1,0 +1,177 @@
+"""Steady-state observer with a slow disturbance force, for the prediction criterion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Stationary Kalman filter of the linear part.
+
+    Attributes
+    ----------
+    gain : array, shape (2 b + 1, p)
+        Correction of [positions, velocities, disturbance force] per unit innovation.
+    memory : float
+        Samples after which an initial error has fallen to one thousandth.
+    covariance : array, shape (p, p)
+        Innovation covariance the linear theory expects.
+    """
+
+    gain: Array
+    memory: float
+    covariance: Array
+
+
+def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, Array]:
+    """Transition matrix and noise covariance over one sample (Van Loan, 1978).
+
+    Parameters
+    ----------
+    matrix : array, shape (m, m)
+        Continuous-time system matrix [1/s].
+    noise : array, shape (m, m)
+        Intensity of the continuous white noise [state²/s].
+    sample_time : float
+        Sample time [s].
+
+    Returns
+    -------
+    transition, covariance : array, shape (m, m)
+    """
+    from scipy.linalg import expm
+
+    m = len(matrix)
+    block = np.zeros((2 * m, 2 * m))
+    block[:m, :m] = -matrix
+    block[:m, m:] = noise
+    block[m:, m:] = matrix.T
+    exponential = expm(block * sample_time)
+    transition = exponential[m:, m:].T
+    covariance = transition @ exponential[:m, m:]
+    return transition, 0.5 * (covariance + covariance.T)
+
+
+def riccati(transition: Array, output: Array, process: Array, measurement: Array) -> Array:
+    """Stationary prediction covariance by the structure-preserving doubling algorithm.
+
+    Solves ``P = A P Aᵀ − A P Cᵀ (C P Cᵀ + R)⁻¹ C P Aᵀ + Q``. Doubling (Chu, Fan
+    and Lin, Int. J. Control 2005) needs no eigenvalue split, so a motion that no
+    sensor sees (an integrator at the unit circle) does not break it.
+
+    Parameters
+    ----------
+    transition, process : array, shape (m, m)
+    output : array, shape (p, m)
+    measurement : array, shape (p, p)
+
+    Returns
+    -------
+    array, shape (m, m)
+
+    Raises
+    ------
+    IdloopError
+        If no stationary covariance exists, which means an unstable motion that
+        no sensor sees.
+    """
+    m = len(transition)
+    identity = np.eye(m)
+    a = transition.T
+    g = output.T @ np.linalg.solve(measurement, output)
+    h = process.copy()
+    for _ in range(60):
+        inverse = np.linalg.solve(identity + g @ h, np.hstack([a, g]))
+        step = a.T @ h @ inverse[:, :m]
+        g = g + a @ inverse[:, m:] @ a.T
+        h_next = h + step
+        a = a @ inverse[:, :m]
+        h_next = 0.5 * (h_next + h_next.T)
+        change = float(np.max(np.abs(h_next - h)))
+        h = h_next
+        if not np.all(np.isfinite(h)):
+            break
+        if change <= 1e-13 * float(np.max(np.abs(h))):
+            return h
+    raise IdloopError(
+        "the observer's Riccati equation has no stationary solution; "
+        "the model has an unstable motion that no output measures"
+    )
+
+
+def design(
+    a: Array,
+    c: Array,
+    g: Array,
+    sample_time: float,
+    disturbance_intensity: float,
+    output_noise: Array,
+) -> Observer:
+    """Observer gain for one disturbance intensity and output noise.
+
+    Parameters
+    ----------
+    a : array, shape (2 b, 2 b)
+        Continuous system matrix of the linear part; states positions and velocities.
+    c : array, shape (p, 2 b)
+        Output matrix.
+    g : array, shape (2 b,)
+        Where the disturbance force enters.
+    sample_time : float
+        Sample time [s].
+    disturbance_intensity : float
+        Intensity of the random walk that the disturbance force makes [N²/s or (N·m)²/s].
+    output_noise : array, shape (p,)
+        Standard deviation of the measurement noise [output unit].
+
+    Returns
+    -------
+    Observer
+
+    Raises
+    ------
+    IdloopError
+        If the linear part has an unstable motion that no output measures.
+    """
+    m, p = len(a), len(c)
+    # Work in noise units, so that the Riccati equation is well scaled for any machine.
+    c_scaled = c / output_noise[:, None]
+    force = np.sqrt(disturbance_intensity)
+    augmented = np.zeros((m + 1, m + 1))
+    augmented[:m, :m] = a
+    augmented[:m, m] = np.ravel(g) * force
+    noise = np.zeros((m + 1, m + 1))
+    noise[m, m] = 1.0
+    transition, process = discretise(augmented, noise, sample_time)
+    # A leak far slower than any record keeps unobserved integrators bounded.
+    transition = transition * (1.0 - 1e-7)
+    output = np.hstack([c_scaled, np.zeros((p, 1))])
+    prediction = riccati(transition, output, process, np.eye(p))
+    innovation = output @ prediction @ output.T + np.eye(p)
+    gain = np.linalg.solve(innovation, output @ prediction).T
+    closed = transition @ (np.eye(m + 1) - gain @ output)
+    memory = _memory(closed, output)
+    gain = gain / output_noise[None, :]
+    gain[m] *= force
+    return Observer(gain, memory, innovation * np.outer(output_noise, output_noise))
+
+
+def _memory(closed: Array, output: Array) -> float:
+    """Samples until what the outputs show of an initial error has died to 1e-3."""
+    values, vectors = np.linalg.eig(closed)
+    size = np.abs(values)
+    # A mode the outputs never show, such as an unmeasured angle, does not count.
+    seen = np.linalg.norm(output @ vectors, axis=0)
+    seen = seen > 1e-6 * max(float(np.max(seen)), 1e-300)
+    slowest = float(np.max(size[seen], initial=0.0))
+    if slowest >= 1.0:
+        return np.inf
+    return float(np.log(1e-3) / np.log(max(slowest, 1e-300)))

@@ -1,0 +1,186 @@
+"""Prediction criterion: innovations of an observer that carries a disturbance force.
+
+A free run drifts away on a plant that integrates its disturbances; the one-step
+predictor does not. The observer's gain comes from the linear part, the prediction
+step from the full nonlinear model; the intensity of the disturbance is read off
+the data by the likelihood concentrated over the innovation covariance (Ljung,
+System Identification, 2nd ed., ch. 7 and 15).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimate.criterion import Errors, InitialStates
+from idloop.estimate.dataset import Data, output_groups
+from idloop.estimate.observer import Observer, design
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine
+    from idloop.physics.engine import Linear
+
+Array = NDArray[np.float64]
+
+# Share of a record that may be spent on letting the observer forget its start.
+_BURN_IN_SHARE = 0.05
+
+
+class PredictionCriterion:
+    """Innovations of the stationary observer on every record.
+
+    Parameters
+    ----------
+    engine : Engine
+        Compiled model.
+    data : list of Data
+        Records.
+    output_noise : array, shape (p,)
+        Standard deviation of each output's measurement noise.
+    force_scale : float
+        Typical drive force; sets the range in which the disturbance is searched.
+    """
+
+    name = "prediction"
+    whiten = True
+
+    def __init__(
+        self, engine: Engine, data: list[Data], output_noise: Array, force_scale: float
+    ) -> None:
+        self.engine, self.data, self.output_noise = engine, data, output_noise
+        self.groups = output_groups(data)
+        self.measured = sorted(column for group in self.groups for column in group)
+        self.sample_time = float(np.median([d.sample_time for d in data]))
+        self.force_scale = force_scale
+        self.initial = InitialStates(engine.model, data)
+        self.intensity = 0.0
+        self.observer = Observer(np.zeros((0, 0)), np.inf, np.zeros((0, 0)))
+        self.estimate_start = True
+        self._rows: list[list[NDArray[np.bool_]]] = []
+        self._memory: dict[tuple[int, bytes], Array] = {}
+
+    # -- the observer ---------------------------------------------------------------
+
+    def _design(self, linear: Linear, intensity: float) -> Observer:
+        a, c, g = linear.A, linear.C, linear.G
+        used = self.measured
+        observer = design(a, c[used], g, self.sample_time, intensity, self.output_noise[used])
+        gain = np.zeros((len(a) + 1, len(c)))
+        gain[:, used] = observer.gain
+        return Observer(gain, observer.memory, observer.covariance)
+
+    def retune(self, theta: Array) -> None:
+        """Search the disturbance intensity and design the observer for it."""
+        linear = self.engine.linearise(theta)
+        longest = max(float(d.time[-1] - d.time[0]) for d in self.data)
+        # A walk that reaches the whole drive force within the record, and decades around it.
+        unit = self.force_scale**2 / longest
+
+        def cost(exponent: float) -> float:
+            try:
+                self._use(self._design(linear, unit * 10.0**exponent))
+                return self._log_determinant(theta)
+            except (IdloopError, np.linalg.LinAlgError):
+                return np.inf
+
+        if self.intensity > 0.0:
+            centre = np.log10(self.intensity / unit)
+            grid = centre + np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
+        else:
+            grid = np.arange(-12.0, 8.1, 1.0)
+        best = _search(cost, grid)
+        self.intensity = unit * 10.0**best
+        self._use(self._design(linear, self.intensity))
+
+    def _use(self, observer: Observer) -> None:
+        self.observer = observer
+        self._memory.clear()
+        shortest = min(len(d.time) for d in self.data)
+        self.estimate_start = observer.memory > _BURN_IN_SHARE * shortest
+        drop = 0 if self.estimate_start else int(np.ceil(observer.memory))
+        self._rows = [[_settled(d, group, drop) for d in self.data] for group in self.groups]
+
+    def _log_determinant(self, theta: Array) -> float:
+        total = 0.0
+        for group in self.errors(theta, self.nuisance()[0]):
+            stacked = np.concatenate(group)
+            if not np.all(np.isfinite(stacked)):
+                return np.inf
+            sign, value = np.linalg.slogdet(stacked.T @ stacked / len(stacked))
+            total += len(stacked) * value if sign > 0 else -np.inf
+        count = sum(int(np.sum(rows)) for group in self._rows for rows in group)
+        # Observers of different memory drop different numbers of samples: compare the mean.
+        return total / max(count, 1)
+
+    # -- the criterion --------------------------------------------------------------
+
+    def nuisance(self) -> tuple[Array, Array, Array, Array]:
+        """Initial states when the observer is slow to forget them, nothing otherwise."""
+        if not self.estimate_start:
+            empty = np.zeros(0)
+            return empty, empty, empty, empty
+        values = self.initial.values
+        unbounded = np.full(len(values), np.inf)
+        return values, -unbounded, unbounded, self.initial.scale
+
+    def keep(self, nuisance: Array) -> None:
+        """Start the next search from these initial states."""
+        if len(nuisance):
+            self.initial.values = nuisance.copy()
+
+    def innovation(self, theta: Array, nuisance: Array, record: int) -> Array:
+        """One-step prediction errors of one record, shape (n, p), NaN where not measured."""
+        values = nuisance if len(nuisance) else self.initial.values
+        position, velocity = self.initial.of(values, record)
+        key = (record, theta.tobytes() + position.tobytes() + velocity.tobytes())
+        if key not in self._memory:
+            if len(self._memory) > 4 * len(self.data):
+                self._memory.clear()
+            d = self.data[record]
+            state = self.engine.initial_state(position, velocity, theta)
+            self._memory[key] = self.engine.predict(
+                theta, d.input_time, d.input, d.time, d.output, self.observer.gain, initial_state=state
+            )
+        return self._memory[key]
+
+    def errors(self, theta: Array, nuisance: Array) -> Errors:
+        """Innovations by group and record, after the observer has forgotten its start."""
+        full = [self.innovation(theta, nuisance, r) for r in range(len(self.data))]
+        return [
+            [np.ascontiguousarray(e[keep][:, group]) for e, keep in zip(full, rows, strict=True)]
+            for group, rows in zip(self.groups, self._rows, strict=True)
+        ]
+
+
+def _settled(data: Data, group: list[int], drop: int) -> NDArray[np.bool_]:
+    """Rows of a record at which a group is measured and the observer is stationary."""
+    keep = np.all(np.isfinite(data.output[:, group]), axis=1)
+    for start in (0, *data.gaps):
+        keep[start : start + max(drop, 1 if start else 0)] = False
+    return keep
+
+
+def _search(cost: object, grid: Array) -> float:
+    """Minimum of a one-dimensional function: the best of a grid, refined by parabolas."""
+    from collections.abc import Callable
+    from typing import cast
+
+    function = cast("Callable[[float], float]", cost)
+    values = [function(float(x)) for x in grid]
+    best = int(np.argmin(values))
+    if not np.isfinite(values[best]):
+        raise IdloopError(
+            "no observer could be designed for this model and data; try the simulation criterion"
+        )
+    centre, step, value = float(grid[best]), float(np.min(np.diff(grid))) / 2.0, values[best]
+    while step > 0.1:
+        for trial in (centre - step, centre + step):
+            found = function(trial)
+            if found < value:
+                centre, value = trial, found
+                break
+        step /= 2.0
+    return centre

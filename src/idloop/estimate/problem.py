@@ -1,0 +1,104 @@
+"""From errors to a weighted, whitened residual vector that a least-squares search can minimise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimate.criterion import Criterion, Errors
+from idloop.estimate.whitening import Whitener, choose_order, fit_whitener
+
+Array = NDArray[np.float64]
+
+
+class Problem:
+    """One criterion with its current weights and orders of whitening.
+
+    Parameters
+    ----------
+    criterion : Criterion
+    parameters : int
+        Number of model parameters; what follows them in a point is nuisance.
+
+    Notes
+    -----
+    The whitening coefficients are re-estimated at every point (variable
+    projection), so the Jacobian knows what part of a parameter's trace the noise
+    model could explain as well, and the covariance counts it as unknown.
+    """
+
+    def __init__(self, criterion: Criterion, parameters: int) -> None:
+        self.criterion, self.parameters = criterion, parameters
+        self.orders: list[int] = []
+        self.weights: list[Array] = []
+        self.objective = np.inf
+
+    def errors(self, point: Array) -> Errors:
+        """Errors by group and record."""
+        return self.criterion.errors(point[: self.parameters], point[self.parameters :])
+
+    def whitened(self, point: Array) -> Errors:
+        """Errors after whitening of the present orders."""
+        errors = self.errors(point)
+        if not self.orders:
+            return errors
+        return [
+            self._whitener(group, order)[1] for group, order in zip(errors, self.orders, strict=True)
+        ]
+
+    @staticmethod
+    def _whitener(group: list[Array], order: int) -> tuple[Whitener, list[Array]]:
+        if order == 0 or not all(np.all(np.isfinite(e)) for e in group):
+            return Whitener(np.zeros((0, group[0].shape[1], group[0].shape[1]))), [e[order:] for e in group]
+        whitener = fit_whitener(group, order)
+        return whitener, [whitener.apply(e) for e in group]
+
+    def reweigh(self, point: Array, whiten: bool) -> None:
+        """Set orders and weights from the errors at a point."""
+        errors = self.errors(point)
+        self.orders = [choose_order(group) if whiten else 0 for group in errors]
+        self.weights = []
+        self.objective = 0.0
+        for group in self.whitened(point):
+            stacked = np.concatenate(group)
+            covariance = stacked.T @ stacked / max(len(stacked), 1)
+            # Outputs that the model matches exactly must not weigh infinitely.
+            floor = 1e-24 * np.maximum(np.diag(covariance), 1e-300).max()
+            covariance = covariance + floor * np.eye(len(covariance))
+            self.weights.append(np.linalg.inv(np.linalg.cholesky(covariance)))
+            self.objective += len(stacked) * float(np.linalg.slogdet(covariance)[1])
+
+    @property
+    def loss(self) -> float:
+        """Determinant of the innovation covariance, product over the groups."""
+        return float(np.prod([1.0 / np.linalg.det(w) ** 2 for w in self.weights]))
+
+    def covariances(self) -> list[Array]:
+        """Innovation covariance of each group."""
+        return [np.linalg.inv(w.T @ w) for w in self.weights]
+
+    def residual(self, point: Array) -> Array:
+        """Whitened errors in units of their standard deviation, in one vector."""
+        parts = [
+            (e @ weight.T).ravel()
+            for group, weight in zip(self.whitened(point), self.weights, strict=True)
+            for e in group
+        ]
+        return np.concatenate(parts)
+
+    def scores(self, point: Array, residual: Array, jacobian: Array) -> list[Array]:
+        """Score series by group and record: the Jacobian of each sample times its residual."""
+        scores = []
+        row = 0
+        for group in self.whitened(point):
+            for e in group:
+                n, p = e.shape
+                part = slice(row, row + n * p)
+                product = jacobian[part] * residual[part, None]
+                scores.append(product.reshape(n, p, -1).sum(axis=1))
+                row += n * p
+        return scores
+
+    def count(self, point: Array) -> int:
+        """Number of sample instants that enter."""
+        return sum(len(e) for group in self.whitened(point) for e in group)

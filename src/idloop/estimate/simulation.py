@@ -1,0 +1,76 @@
+"""Free-run criterion: the output error of a simulation from the record's start."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimate.criterion import Errors, InitialStates
+from idloop.estimate.dataset import Data, output_groups
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine
+
+Array = NDArray[np.float64]
+
+
+class SimulationCriterion:
+    """Measured minus freely simulated output; initial states are nuisance parameters.
+
+    Parameters
+    ----------
+    engine : Engine
+        Compiled model.
+    data : list of Data
+        Records.
+    """
+
+    name = "simulation"
+    whiten = False
+
+    def __init__(self, engine: Engine, data: list[Data]) -> None:
+        self.engine, self.data = engine, data
+        self.groups = output_groups(data)
+        self.initial = InitialStates(engine.model, data)
+        self._known = [
+            [np.all(np.isfinite(d.output[:, group]), axis=1) for d in data] for group in self.groups
+        ]
+        self._memory: dict[tuple[int, bytes], Array] = {}
+
+    def retune(self, theta: Array) -> None:
+        """Nothing depends on the parameters here."""
+
+    def nuisance(self) -> tuple[Array, Array, Array, Array]:
+        """Initial states, unbounded."""
+        values = self.initial.values
+        unbounded = np.full(len(values), np.inf)
+        return values, -unbounded, unbounded, self.initial.scale
+
+    def keep(self, nuisance: Array) -> None:
+        """Start the next search from these initial states."""
+        self.initial.values = nuisance.copy()
+
+    def simulated(self, theta: Array, nuisance: Array, record: int) -> Array:
+        """Free-run output of one record, shape (n, p)."""
+        position, velocity = self.initial.of(nuisance, record)
+        # A difference step in one record's initial state leaves the other records as they were.
+        key = (record, theta.tobytes() + position.tobytes() + velocity.tobytes())
+        if key not in self._memory:
+            if len(self._memory) > 4 * len(self.data):
+                self._memory.clear()
+            d = self.data[record]
+            state = self.engine.initial_state(position, velocity, theta)
+            self._memory[key] = self.engine.simulate(
+                theta, d.input_time, d.input, d.time, initial_state=state
+            )
+        return self._memory[key]
+
+    def errors(self, theta: Array, nuisance: Array) -> Errors:
+        """Output errors by group and record."""
+        full = [d.output - self.simulated(theta, nuisance, r) for r, d in enumerate(self.data)]
+        return [
+            [np.ascontiguousarray(e[known][:, group]) for e, known in zip(full, rows, strict=True)]
+            for group, rows in zip(self.groups, self._known, strict=True)
+        ]

@@ -1,0 +1,214 @@
+"""The search: alternate between tuning the noise model and moving the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimate.covariance import sandwich
+from idloop.estimate.criterion import Criterion
+from idloop.estimate.force import ForceCriterion
+from idloop.estimate.levenberg import difference_jacobian, minimise
+from idloop.estimate.problem import Problem
+
+Array = NDArray[np.float64]
+
+_MOST_ROUNDS = 15
+_ITERATIONS_PER_ROUND = 10
+# Moves below this share of a standard error end the search.
+_SETTLED = 0.03
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where a search ended, with everything the covariance needs."""
+
+    problem: Problem
+    theta: Array
+    nuisance: Array
+    jacobian: Array
+    step: Array
+    scale: Array
+    lower: Array
+    upper: Array
+    iterations: int
+    converged: bool
+
+
+def typical_size(values: Array, lower: Array, upper: Array) -> Array:
+    """Typical size of parameters: their value, or a part of a finite range where that is 0.
+
+    Parameters
+    ----------
+    values, lower, upper : array, shape (k,)
+
+    Returns
+    -------
+    array, shape (k,)
+        Positive.
+    """
+    size = np.abs(values)
+    span = np.where(np.isfinite(upper - lower), upper - lower, 0.0)
+    return np.where(size > 0, size, np.where(span > 0, 1e-2 * span, 1.0))
+
+
+def _probed_size(problem: Problem, point: Array, scale: Array, index: int, upper: Array) -> float:
+    """Size of a parameter that starts at 0: the change that moves the residual by a few units."""
+    base = problem.residual(point)
+    best, distance = scale[index], np.inf
+    for exponent in range(-8, 7):
+        moved = point.copy()
+        step = 10.0**exponent
+        moved[index] += step if moved[index] + step <= upper[index] else -step
+        norm = float(np.linalg.norm(problem.residual(moved) - base))
+        if np.isfinite(norm) and norm > 0.0 and abs(np.log(norm / 10.0)) < distance:
+            best, distance = step, abs(np.log(norm / 10.0))
+    return best
+
+
+def solve(
+    criterion: Criterion,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    report: Callable[[float, str], None] | None = None,
+) -> Solution:
+    """Minimise a criterion over the parameters and its own nuisance parameters.
+
+    Parameters
+    ----------
+    criterion : Criterion
+    start, lower, upper : array, shape (k,)
+    report : callable, optional
+        Called with the share done and a short text.
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    IdloopError
+        If the model gives no finite errors at the start.
+    """
+    theta = np.clip(start, lower, upper)
+    k = len(theta)
+    problem = Problem(criterion, k)
+    scale: Array | None = None
+    step: Array | None = None
+    iterations, settled = 0, False
+    previous = theta
+    for round_ in range(_MOST_ROUNDS):
+        criterion.retune(theta)
+        nuisance, nuisance_lower, nuisance_upper, nuisance_scale = criterion.nuisance()
+        point = np.concatenate([theta, nuisance])
+        low, high = np.concatenate([lower, nuisance_lower]), np.concatenate([upper, nuisance_upper])
+        # The first rounds are too far off for what is left over to be noise.
+        with np.errstate(all="ignore"):
+            try:
+                problem.reweigh(point, criterion.whiten and round_ > 1)
+            except np.linalg.LinAlgError as error:
+                raise IdloopError(
+                    "the model gives no finite output at its starting values; check signs and magnitudes"
+                ) from error
+        if scale is None or len(scale) != len(point):
+            sizes = typical_size(theta, lower, upper)
+            if scale is None:
+                for i in np.flatnonzero(theta == 0.0):
+                    sizes[i] = _probed_size(problem, point, sizes, int(i), high)
+                base_sizes = sizes
+            else:
+                sizes = np.maximum(sizes, 0.0) if np.all(theta != 0.0) else base_sizes
+            scale = np.concatenate([sizes, nuisance_scale])
+            step = None
+        scale[:k] = np.where(theta != 0.0, np.maximum(np.abs(theta), 1e-3 * base_sizes), base_sizes)
+        found = minimise(
+            problem.residual, point, low, high, scale, step, max_iterations=_ITERATIONS_PER_ROUND
+        )
+        theta, nuisance, step = found.point[:k], found.point[k:], found.step
+        criterion.keep(nuisance)
+        iterations += found.iterations
+        error = _conditional_errors(found.jacobian, k)
+        moved = float(np.max(np.abs(theta - previous) / np.maximum(error, 1e-9 * scale[:k])))
+        previous = theta
+        if report is not None:
+            report(round_ / _MOST_ROUNDS, f"round {round_ + 1}, objective {problem.objective:.6g}")
+        if found.converged and moved < _SETTLED and round_ >= (3 if criterion.whiten else 1):
+            settled = True
+            break
+    residual = problem.residual(found.point)
+    jacobian = found.jacobian
+    if len(jacobian) != len(residual):
+        jacobian, step = difference_jacobian(problem.residual, found.point, residual, low, high, step, scale)
+    return Solution(problem, theta, nuisance, jacobian, step, scale, low, high, iterations, settled)
+
+
+def _conditional_errors(jacobian: Array, parameters: int) -> Array:
+    """Standard errors from the plain Hessian, to judge how far a step was."""
+    hessian = jacobian.T @ jacobian
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    inverse = np.linalg.pinv(hessian / np.outer(size, size), rcond=1e-12, hermitian=True)
+    return np.asarray((np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size)[:parameters])
+
+
+def instrument(solution: Solution, lower: Array, upper: Array) -> tuple[Array, Array, Array] | None:
+    """Instrumental-variable estimate from a least-squares solution of the force balance.
+
+    Solves ``Zᵀ r(θ) = 0`` with Z the slopes of the balance along the motion that
+    the reference explains.
+
+    Parameters
+    ----------
+    solution : Solution
+        Least-squares fit of a `ForceCriterion` with instruments.
+    lower, upper : array, shape (k,)
+        Bounds of the parameters.
+
+    Returns
+    -------
+    theta, nuisance, covariance : arrays, or None
+        None when the instruments are too weak or the estimate leaves the bounds.
+    """
+    problem = solution.problem
+    rule = problem.criterion
+    assert isinstance(rule, ForceCriterion)
+    k = len(solution.theta)
+    weight = problem.weights[0]
+
+    def explained(point: Array) -> Array:
+        parts = rule.explained_errors(point[:k], point[k:])[0]
+        return np.concatenate([(e @ weight.T).ravel() for e in parts])
+
+    point = np.concatenate([solution.theta, solution.nuisance])
+    step = solution.step
+    for _ in range(10):
+        residual = problem.residual(point)
+        slope, step = difference_jacobian(
+            problem.residual, point, residual, solution.lower, solution.upper, step, solution.scale
+        )
+        base = explained(point)
+        z, _ = difference_jacobian(
+            explained, point, base, solution.lower, solution.upper, step, solution.scale
+        )
+        bread = z.T @ slope
+        size = np.maximum(np.linalg.norm(slope, axis=0), 1e-300)
+        scaled = bread / np.outer(size, size)
+        if np.linalg.cond(scaled) > 1e8:
+            return None
+        move = -np.linalg.solve(scaled, z.T @ residual / size) / size
+        point = np.clip(point + move, solution.lower, solution.upper)
+        if np.linalg.norm(move * size) < 1e-2:
+            break
+    else:
+        return None
+    if np.any((point[:k] <= lower) | (point[:k] >= upper)):
+        return None
+    residual = problem.residual(point)
+    scores = problem.scores(point, residual, z)
+    covariance = sandwich(bread, scores)
+    rule.keep(point[k:])
+    return point[:k], point[k:], covariance

@@ -1,0 +1,96 @@
+"""How sure a fit is: covariance, parameters at bounds, combinations that the data cannot tell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Below this eigenvalue of the unit-diagonal Hessian two parameters act as one (correlation 0.9999).
+_TIED = 1e-4
+# A parameter of which nuisance parameters explain all but this much cannot be seen at all.
+_UNSEEN = 1e-8
+
+
+def reduced_hessian(hessian: Array, parameters: int) -> Array:
+    """Information on the parameters after the nuisance parameters took their share.
+
+    Parameters
+    ----------
+    hessian : array, shape (k + m, k + m)
+        Gauss-Newton Hessian, parameters first.
+    parameters : int
+        k.
+
+    Returns
+    -------
+    array, shape (k, k)
+        Schur complement.
+    """
+    k = parameters
+    if len(hessian) == k:
+        return hessian
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled = hessian / np.outer(size, size)
+    cross = scaled[:k, k:]
+    inner = np.linalg.pinv(scaled[k:, k:], rcond=1e-12, hermitian=True)
+    return np.asarray((scaled[:k, :k] - cross @ inner @ cross.T) * np.outer(size[:k], size[:k]))
+
+
+def ties(hessian: Array, parameters: int, names: tuple[str, ...]) -> tuple[list[str], Array]:
+    """Find what the data cannot tell.
+
+    Parameters
+    ----------
+    hessian : array, shape (k + m, k + m)
+        Gauss-Newton Hessian, parameters first.
+    parameters : int
+        k.
+    names : tuple of str
+        Parameter names.
+
+    Returns
+    -------
+    warnings : list of str
+        One line per unseen parameter and per tied combination.
+    seen : array of bool, shape (k,)
+        Which parameters have any trace in the data.
+    """
+    k = parameters
+    reduced = reduced_hessian(hessian, k)
+    raw = np.maximum(np.diag(hessian)[:k], 0.0)
+    left = np.maximum(np.diag(reduced), 0.0)
+    seen = (raw > 0.0) & (left > _UNSEEN * np.maximum(raw, 1e-300))
+    warnings = [
+        f"{name} has no effect on this data; fix it or record motion that shows it"
+        for name, visible in zip(names, seen, strict=True)
+        if not visible
+    ]
+    index = np.flatnonzero(seen)
+    if len(index) > 1:
+        size = np.sqrt(left[index])
+        values, vectors = np.linalg.eigh(reduced[np.ix_(index, index)] / np.outer(size, size))
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value > _TIED:
+                break
+            strong = np.argsort(-np.abs(vector))
+            strong = strong[np.abs(vector[strong]) > 0.2][:4]
+            together = ", ".join(names[index[i]] for i in sorted(strong))
+            warnings.append(f"this data cannot tell {together} apart; fix one of them or excite differently")
+    return warnings, seen
+
+
+def bounded(values: Array, lower: Array, upper: Array, scale: Array) -> NDArray[np.bool_]:
+    """Which parameters ended on a bound.
+
+    Parameters
+    ----------
+    values, lower, upper, scale : array, shape (k,)
+
+    Returns
+    -------
+    array of bool, shape (k,)
+    """
+    near = 1e-9 * scale
+    return np.asarray((values <= lower + near) | (values >= upper - near))

@@ -1,0 +1,135 @@
+"""How close a model's output is to the measured one: RMSE, NRMSE and FIT per output."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def _columns(measured: ArrayLike, modelled: ArrayLike) -> tuple[Array, Array]:
+    y = np.asarray(measured, dtype=float)
+    y_hat = np.asarray(modelled, dtype=float)
+    if y.shape != y_hat.shape:
+        raise InputError(
+            f"measured output has shape {y.shape} and model output {y_hat.shape}; "
+            "simulate the model at the measurement times"
+        )
+    if y.ndim == 1:
+        y, y_hat = y[:, None], y_hat[:, None]
+    # A sample counts only where both sides know it.
+    known = np.isfinite(y) & np.isfinite(y_hat)
+    return np.where(known, y, np.nan), np.where(known, y_hat, np.nan)
+
+
+def _root_mean_square(values: Array) -> Array:
+    count = np.sum(np.isfinite(values), axis=0)
+    total = np.nansum(values**2, axis=0)
+    return np.asarray(np.sqrt(np.where(count > 0, total / np.maximum(count, 1), np.nan)))
+
+
+def rmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
+    """Root mean square error of every output.
+
+    Parameters
+    ----------
+    measured, modelled : array, shape (n,) or (n, p)
+        Measured and model output in the output's unit; NaN samples are left out.
+
+    Returns
+    -------
+    array, shape (p,)
+        RMSE in the output's unit; NaN where an output was never measured.
+
+    Raises
+    ------
+    InputError
+        If the shapes differ.
+    """
+    y, y_hat = _columns(measured, modelled)
+    return _root_mean_square(y - y_hat)
+
+
+def nrmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
+    """Error norm over the norm of the measured output about its mean.
+
+    Parameters
+    ----------
+    measured, modelled : array, shape (n,) or (n, p)
+        Measured and model output; NaN samples are left out.
+
+    Returns
+    -------
+    array, shape (p,)
+        ``‖y − ŷ‖ / ‖y − mean y‖``, dimensionless (0.12 is a FIT of 88 %);
+        infinite where a constant output is missed, NaN where nothing was measured.
+
+    Raises
+    ------
+    InputError
+        If the shapes differ.
+    """
+    y, y_hat = _columns(measured, modelled)
+    count = np.maximum(np.sum(np.isfinite(y), axis=0), 1)
+    spread = _root_mean_square(y - np.nansum(y, axis=0) / count)
+    error = _root_mean_square(y - y_hat)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = error / spread
+    # A constant output matched exactly has no error, whatever its spread.
+    return np.asarray(np.where(error == 0.0, 0.0, ratio))
+
+
+def fit_percent(measured: ArrayLike, modelled: ArrayLike) -> Array:
+    """FIT of every output in percent: ``100 (1 − ‖y − ŷ‖ / ‖y − mean y‖)``.
+
+    Parameters
+    ----------
+    measured, modelled : array, shape (n,) or (n, p)
+        Measured and model output; NaN samples are left out.
+
+    Returns
+    -------
+    array, shape (p,)
+        FIT in percent: 100 is perfect, 0 is as good as the mean, below 0 is worse.
+
+    Raises
+    ------
+    InputError
+        If the shapes differ.
+    """
+    return np.asarray(100.0 * (1.0 - nrmse(measured, modelled)))
+
+
+def measures(names: tuple[str, ...], measured: ArrayLike, modelled: ArrayLike) -> dict[str, Any]:
+    """All three measures as plain numbers by output name, ready for JSON.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Output names, for example ``("motor.position",)``.
+    measured, modelled : array, shape (n, p)
+        Measured and model output.
+
+    Returns
+    -------
+    dict
+        ``{"fit": {name: percent}, "nrmse": {name: ratio}, "rmse": {name: value}}``;
+        ``None`` where a measure is not finite, as JSON has no NaN.
+    """
+    table = {
+        "fit": fit_percent(measured, modelled),
+        "nrmse": nrmse(measured, modelled),
+        "rmse": rmse(measured, modelled),
+    }
+    return {
+        key: {
+            name: (float(value) if np.isfinite(value) else None)
+            for name, value in zip(names, row, strict=True)
+        }
+        for key, row in table.items()
+    }

@@ -1,0 +1,267 @@
+"""Residual tests: is what the model leaves over white, and free of the input?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """Correlations of one output's residual with itself and with the input.
+
+    Attributes
+    ----------
+    name : str
+        Output the residual belongs to.
+    lag : array, shape (m,)
+        Lags 1..m of the autocorrelation, in samples.
+    autocorrelation, autocorrelation_band : array, shape (m,)
+        Autocorrelation and the half width of its 99 % band for white noise.
+    ljung_box, ljung_box_p : float
+        Portmanteau statistic over all lags and its p-value under whiteness.
+    cross_lag : array, shape (2 m + 1,)
+        Lags −m..m; a positive lag means that the residual follows the input.
+    cross_correlation, cross_correlation_band : array, shape (2 m + 1,)
+        Correlation between input and residual and the half width of its 99 % band.
+    cross_p : float
+        p-value that no causal lag (≥ 0) carries input left in the residual.
+    """
+
+    name: str
+    lag: Array
+    autocorrelation: Array
+    autocorrelation_band: Array
+    ljung_box: float
+    ljung_box_p: float
+    cross_lag: Array
+    cross_correlation: Array
+    cross_correlation_band: Array
+    cross_p: float
+
+    @property
+    def white(self) -> bool:
+        """Whether whiteness stands at the 1 % level."""
+        return self.ljung_box_p > 0.01
+
+    @property
+    def input_free(self) -> bool:
+        """Whether independence of residual and past input stands at the 1 % level."""
+        return self.cross_p > 0.01
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdicts as plain numbers for JSON."""
+        return {
+            "output": self.name,
+            "white": bool(self.white),
+            "ljung_box": self.ljung_box,
+            "ljung_box_p": self.ljung_box_p,
+            "input_free": bool(self.input_free),
+            "input_correlation_p": self.cross_p,
+        }
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw both correlations with their bands; returns the two matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        if axes is None:
+            _, axes = plt.subplots(2, 1, figsize=(8, 5), layout="constrained")
+        top, bottom = axes
+        _stems(top, self.lag, self.autocorrelation, self.autocorrelation_band)
+        top.set(title=f"residual of {self.name}", xlabel="lag [samples]", ylabel="autocorrelation")
+        _stems(bottom, self.cross_lag, self.cross_correlation, self.cross_correlation_band)
+        bottom.set(xlabel="lag [samples]", ylabel="correlation with the input")
+        return axes
+
+
+def _stems(axes: Any, lag: Array, value: Array, band: Array) -> None:
+    axes.fill_between(lag, -band, band, color="0.85", step="mid", label="99 % band")
+    axes.vlines(lag, 0.0, value, color="C0")
+    axes.plot(lag, value, ".", color="C0", markersize=4)
+    axes.axhline(0.0, color="0.4", linewidth=0.6)
+    axes.legend(loc="upper right", frameon=False)
+
+
+def autocorrelation(values: ArrayLike, lags: int) -> Array:
+    """Autocorrelation of a series with its mean removed, biased estimate.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Series without NaN.
+    lags : int
+        Largest lag.
+
+    Returns
+    -------
+    array, shape (lags + 1,)
+        Correlation at lags 0..lags; 1 at lag 0 (0 everywhere for a constant series).
+    """
+    e = np.asarray(values, dtype=float)
+    return _cross(e, e, lags)[lags:]
+
+
+def _cross(x: Array, e: Array, lags: int) -> Array:
+    """Return corr(x[t − lag], e[t]) for lags −m..m, by FFT."""
+    n = len(e)
+    x, e = x - x.mean(), e - e.mean()
+    scale = float(np.sqrt(np.sum(x**2) * np.sum(e**2)))
+    if scale <= 0.0:
+        return np.zeros(2 * lags + 1)
+    size = 1 << (2 * n - 1).bit_length()
+    product = np.fft.irfft(np.fft.rfft(e, size) * np.conj(np.fft.rfft(x, size)), size)
+    return np.concatenate([product[size - lags :], product[: lags + 1]]) / scale
+
+
+def ljung_box(values: ArrayLike, lags: int) -> tuple[float, float]:
+    """Portmanteau test of whiteness (Ljung and Box, Biometrika 65, 1978).
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Series without NaN.
+    lags : int
+        Number of lags pooled.
+
+    Returns
+    -------
+    statistic, p_value : float
+        ``n (n + 2) Σ r_k² / (n − k)`` and its χ²(lags) tail probability.
+    """
+    from scipy.stats import chi2
+
+    e = np.asarray(values, dtype=float)
+    n = len(e)
+    r = autocorrelation(e, lags)[1:]
+    statistic = float(n * (n + 2) * np.sum(r**2 / (n - np.arange(1, lags + 1))))
+    return statistic, float(chi2.sf(statistic, lags))
+
+
+def input_residual_test(
+    signal: ArrayLike, residual: ArrayLike, lags: int
+) -> tuple[Array, Array, float]:
+    """Cross-correlation of an input with a residual, judged under both colours.
+
+    The variance of a cross-correlation of independent series is
+    ``Σ_k r_u(k) r_e(k) / n`` (Bartlett), so that a slow input with a coloured
+    residual is not taken for a finding. The causal lags are pooled by a Wald
+    test with the same covariance, on its well-determined directions only.
+
+    Parameters
+    ----------
+    signal, residual : array, shape (n,)
+        Input and residual at the same instants, without NaN.
+    lags : int
+        Largest lag.
+
+    Returns
+    -------
+    correlation : array, shape (2 lags + 1,)
+        Correlation at lags −lags..lags.
+    band : array, shape (2 lags + 1,)
+        Half width of the 99 % band.
+    p_value : float
+        p-value of the pooled test over lags 0..lags.
+    """
+    from scipy.linalg import toeplitz
+    from scipy.stats import chi2
+
+    u, e = np.asarray(signal, dtype=float), np.asarray(residual, dtype=float)
+    n = len(e)
+    correlation = _cross(u, e, lags)
+    reach = min(n - 1, max(10 * lags, 200))
+    r_u, r_e = autocorrelation(u, reach), autocorrelation(e, reach)
+    # The lag window keeps the variance positive and its own noise small.
+    window = 1.0 - np.arange(reach + 1) / (reach + 1)
+    kernel = r_u * r_e * window
+    product = np.concatenate([kernel[:0:-1], kernel])
+    covariance = np.array([_shifted_sum(r_u, r_e * window, k) for k in range(lags + 1)]) / n
+    variance = max(float(np.sum(product)) / n, 1.0 / n**2)
+    band = np.full(2 * lags + 1, 2.5758293035489004 * np.sqrt(variance))
+    causal = correlation[lags:]
+    values, vectors = np.linalg.eigh(toeplitz(covariance))
+    keep = values > 1e-3 * values[-1] if values[-1] > 0 else np.zeros(len(values), dtype=bool)
+    if not np.any(keep):
+        return correlation, band, 1.0
+    statistic = float(np.sum((vectors[:, keep].T @ causal) ** 2 / values[keep]))
+    return correlation, band, float(chi2.sf(statistic, int(np.sum(keep))))
+
+
+def _shifted_sum(a: Array, b: Array, shift: int) -> float:
+    """Σ_k a(k + shift) b(k) over both signs of k, for even sequences given at k ≥ 0."""
+    m = len(a) - 1
+    k = np.arange(-m, m + 1)
+    moved = np.abs(k + shift)
+    inside = moved <= m
+    return float(np.sum(a[moved[inside]] * b[np.abs(k[inside])]))
+
+
+def residual_tests(
+    residual: ArrayLike,
+    signal: ArrayLike,
+    names: tuple[str, ...] | None = None,
+    lags: int = 25,
+) -> list[ResidualTest]:
+    """Whiteness and input-residual tests for every output.
+
+    Parameters
+    ----------
+    residual : array, shape (n,) or (n, p)
+        Innovations or simulation errors; NaN samples are left out.
+    signal : array, shape (n,)
+        Input that held at the same instants.
+    names : tuple of str, optional
+        Output names.
+    lags : int
+        Largest lag in samples.
+
+    Returns
+    -------
+    list of ResidualTest
+        One per output that has enough samples.
+
+    Raises
+    ------
+    InputError
+        If lengths differ or there are fewer than ``4 · lags`` samples.
+    """
+    e = np.asarray(residual, dtype=float)
+    e = e[:, None] if e.ndim == 1 else e
+    u = np.asarray(signal, dtype=float)
+    if len(u) != len(e):
+        raise InputError(
+            f"residual has {len(e)} samples and input {len(u)}; sample the input at the output's times"
+        )
+    if len(e) < 4 * lags:
+        raise InputError(f"{len(e)} samples are too few for {lags} lags; give {4 * lags} or fewer lags")
+    names = names or tuple(f"output{i}" for i in range(e.shape[1]))
+    tests = []
+    for column, name in zip(e.T, names, strict=True):
+        known = np.isfinite(column)
+        if np.sum(known) < 4 * lags:
+            continue
+        values, held = column[known], u[known]
+        statistic, p_value = ljung_box(values, lags)
+        cross, band, cross_p = input_residual_test(held, values, lags)
+        tests.append(
+            ResidualTest(
+                name=name,
+                lag=np.arange(1, lags + 1, dtype=float),
+                autocorrelation=autocorrelation(values, lags)[1:],
+                autocorrelation_band=np.full(lags, 2.5758293035489004 / np.sqrt(len(values))),
+                ljung_box=statistic,
+                ljung_box_p=p_value,
+                cross_lag=np.arange(-lags, lags + 1, dtype=float),
+                cross_correlation=cross,
+                cross_correlation_band=band,
+                cross_p=cross_p,
+            )
+        )
+    return tests
