@@ -88,7 +88,7 @@ def ramp(samples: int, sample_time: float, ramp_in: float) -> FloatArray:
     """Half-cosine fade from 0 to 1 over `ramp_in` seconds, shape (samples,)."""
     if ramp_in <= 0.0:
         return np.ones(samples)
-    fraction = np.minimum(np.arange(samples) * (sample_time / ramp_in), 1.0)
+    fraction = np.minimum(np.arange(samples) * sample_time, ramp_in) / ramp_in
     fade: FloatArray = 0.5 - 0.5 * np.cos(math.pi * fraction)
     return fade
 
