@@ -60,7 +60,7 @@ class Axis(NamedTuple):
 GAIN, DELAY, RATE = 0, 1, 2
 
 # Inner functions allocate nothing, so they need no reference counts: twenty times faster.
-inner = njit(_nrt=False, error_model="numpy")
+inner = njit(_nrt=False, error_model="numpy", forceinline=True)
 entry = njit(cache=True, error_model="numpy")
 
 
