@@ -60,6 +60,9 @@ class Controller:
         self._y = np.zeros(len(kernel.inputs))
         self._next_time = -math.inf
         self._held = 0.0
+        # Loading the compiled step takes a moment: now, not on the first sample of a running drive.
+        self.step(0.0, 0.0, self._y)
+        self.reset()
 
     @property
     def saturated(self) -> bool:
