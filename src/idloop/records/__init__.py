@@ -5,6 +5,7 @@ from __future__ import annotations
 from idloop.records.align import read_record, read_records
 from idloop.records.checks import check_record
 from idloop.records.finding import Finding
+from idloop.records.inspection import Inspection, inspect_bag
 from idloop.records.read import read_streams
 from idloop.records.record import Record
 from idloop.records.stream import JointStream
@@ -12,9 +13,11 @@ from idloop.records.write import make_stream, record_streams, write_bag
 
 __all__ = [
     "Finding",
+    "Inspection",
     "JointStream",
     "Record",
     "check_record",
+    "inspect_bag",
     "make_stream",
     "read_record",
     "read_records",

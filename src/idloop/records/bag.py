@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from idloop.errors import InputError
 from idloop.records.suggest import did_you_mean, listed
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
     from types import TracebackType
 
     from rosbags.typesys.store import Typestore
@@ -119,25 +122,29 @@ class Bag:
     def raw(self, topics: Collection[str]) -> dict[str, tuple[list[int], list[bytes]]]:
         """Return receive stamps in ns and serialised messages per topic, in the order of reception."""
         result: dict[str, tuple[list[int], list[bytes]]] = {topic: ([], []) for topic in topics}
+        for connection, receive, data in self._messages(topics):
+            stamps, payloads = result[connection.topic]
+            stamps.append(receive)
+            payloads.append(data)
+        return result
+
+    def receive_stamps(self, topics: Collection[str]) -> dict[str, NDArray[np.int64]]:
+        """Return receive stamps in ns per topic without keeping the messages."""
+        found: dict[str, list[int]] = {topic: [] for topic in topics}
+        for connection, receive, _ in self._messages(topics):
+            found[connection.topic].append(receive)
+        return {topic: np.array(stamps, dtype=np.int64) for topic, stamps in found.items()}
+
+    def _messages(self, topics: Collection[str]) -> Iterator[tuple[Any, int, bytes]]:
         try:
             for reader in self._readers:
-                wanted = [connection for connection in reader.connections if connection.topic in result]
-                if not wanted:
-                    continue
-                sinks = {
-                    connection.id: (result[connection.topic][0].append, result[connection.topic][1].append)
-                    for connection in wanted
-                }
-                for connection, receive, data in reader.messages(wanted):
-                    add_receive, add_data = sinks[connection.id]
-                    add_receive(receive)
-                    add_data(data)
+                if wanted := [connection for connection in reader.connections if connection.topic in topics]:
+                    yield from reader.messages(wanted)
         except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
             raise InputError(
                 f"{self.path}: damaged inside ({_one_line(str(error))}); copy it again, or save the rest with"
                 f" `idloop recover {self.path}`"
             ) from None
-        return result
 
     @property
     def typestore(self) -> Typestore:

@@ -59,7 +59,7 @@ def read_streams(
             return read_streams(opened, topics)
     known = bag.topics
     if topics is None:
-        wanted = [topic for topic in known.values() if topic.count and _readable(bag, topic)]
+        wanted = [known[name] for name in readable_topics(bag)]
     else:
         wanted = [known[resolve_topic(name, known, bag.path)] for name in topics]
         for topic in wanted:
@@ -70,6 +70,11 @@ def read_streams(
         receive, payloads = raw[topic.name]
         streams[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
     return streams
+
+
+def readable_topics(bag: Bag) -> list[str]:
+    """Return the topics of a bag that hold messages with numbers of an axis."""
+    return [topic.name for topic in bag.topics.values() if topic.count and _readable(bag, topic)]
 
 
 def _readable(bag: Bag, topic: Topic) -> bool:

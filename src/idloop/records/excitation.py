@@ -1,0 +1,112 @@
+"""What a command excites: levels, amplitude, band, reversals, saturation."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.filtering import resample_held
+
+Floats = NDArray[np.float64]
+
+_MANY_LEVELS = 64  # a signal with more distinct values than this counts as continuous
+_LONGEST_SPECTRUM = 1 << 18
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A command in numbers.
+
+    Attributes
+    ----------
+    minimum, maximum, mean : float
+        In the command's unit.
+    rms : float
+        Root mean square about the mean.
+    crest_factor : float
+        Largest deviation from the mean over `rms`; 1 for a two-level signal, about 1.4 for a sine. NaN when constant.
+    levels : int
+        Number of distinct values, at most 65: more counts as continuous.
+    changes, sign_changes : int
+        How often the value and its sign change.
+    band_hz : (float, float)
+        Band that holds the middle 90 % of the power about the mean [Hz].
+    top_hz : float
+        Highest frequency with power within 20 dB of the strongest [Hz].
+    zero_share : float
+        Share of the time at exactly zero.
+    limit_share : float
+        Share of the time at the largest or smallest value.
+    """
+
+    minimum: float
+    maximum: float
+    mean: float
+    rms: float
+    crest_factor: float
+    levels: int
+    changes: int
+    sign_changes: int
+    band_hz: tuple[float, float]
+    top_hz: float
+    zero_share: float
+    limit_share: float
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values for JSON."""
+        return asdict(self)
+
+
+def analyse_command(time: Floats, value: Floats) -> Excitation:
+    """Describe a held command, shapes (m,), stamps increasing [s] and values finite."""
+    step = np.diff(time)
+    # Each value counts for as long as it is in force.
+    weight = np.append(step, np.median(step) if step.size else 1.0)
+    weight = weight / weight.sum()
+    mean = float(weight @ value)
+    rms = float(np.sqrt(weight @ (value - mean) ** 2))
+    peak = float(np.abs(value - mean).max())
+    moved = rms > 1e-12 * max(peak, float(np.abs(value).max()), 1e-300)
+    signs = np.sign(value[value != 0])
+    band, top = _band(time, value) if moved and step.size > 8 else ((0.0, 0.0), 0.0)
+    at_limit = (value == value.max()) | (value == value.min())
+    return Excitation(
+        minimum=float(value.min()),
+        maximum=float(value.max()),
+        mean=mean,
+        rms=rms,
+        crest_factor=peak / rms if moved else float("nan"),
+        levels=min(int(np.unique(value).size), _MANY_LEVELS + 1),
+        changes=int(np.count_nonzero(np.diff(value))),
+        sign_changes=int(np.count_nonzero(np.diff(signs))),
+        band_hz=band,
+        top_hz=top,
+        zero_share=float(weight @ (value == 0)),
+        limit_share=float(weight @ at_limit),
+    )
+
+
+def power_spectrum(time: Floats, value: Floats) -> tuple[Floats, Floats]:
+    """Return frequency [Hz] and share of the power per line of a held command, mean removed."""
+    period = float(np.median(np.diff(time)))
+    count = int(min((time[-1] - time[0]) / period + 1, _LONGEST_SPECTRUM))
+    grid = time[0] + period * (np.arange(count) + 0.5)
+    held = resample_held(time, value, grid)
+    power: Floats = np.abs(np.fft.rfft(held - held.mean())) ** 2
+    frequency: Floats = np.arange(power.size) / (count * period)
+    total = float(power.sum())
+    return frequency, power / total if total > 0 else power
+
+
+def _band(time: Floats, value: Floats) -> tuple[tuple[float, float], float]:
+    frequency, power = power_spectrum(time, value)
+    share = np.cumsum(power)
+    if not share.size or share[-1] <= 0:
+        return (0.0, 0.0), 0.0
+    low, high = (float(frequency[min(int(np.searchsorted(share, level)), share.size - 1)]) for level in (0.05, 0.95))
+    # A smooth spectrum: single weak lines of a long record would otherwise hide between strong ones.
+    width = max(power.size // 200, 1)
+    smooth = np.convolve(power, np.full(width, 1.0 / width), mode="same")
+    return (low, high), float(frequency[np.flatnonzero(smooth >= 0.01 * smooth.max())[-1]])

@@ -1,0 +1,364 @@
+"""A look at a bag before any model: topics, stamps, excitation, and what the data can show."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.bag import Bag, resolve_topic
+from idloop.records.clocks import StampStatistics, compare_clocks, stamp_findings, stamp_statistics
+from idloop.records.excitation import Excitation, analyse_command
+from idloop.records.finding import Finding
+from idloop.records.insight import Evidence, insights, verdict
+from idloop.records.mapping import load_mapping, ready_mappings
+from idloop.records.motion import Motion, analyse_motion
+from idloop.records.read import read_streams, readable_topics
+from idloop.records.stream import FIELDS, JointStream
+from idloop.records.suggest import listed
+
+Floats = NDArray[np.float64]
+
+_COMMANDS = ("joint_command", "commands", "command")
+_ADDED = ("reference", "excitation", "estimator/prediction", "estimator/residual")
+_A_DAY = 86_400.0
+
+
+@dataclass(frozen=True)
+class TopicReport:
+    """One topic.
+
+    Attributes
+    ----------
+    name, type : str
+    count : int
+        Messages.
+    readable : bool
+        Whether its numbers could be read.
+    stamped : bool
+        Whether its messages carry stamps of their own.
+    stamps : StampStatistics
+        Of the header stamps where there are any, else of the receive times.
+    receive : StampStatistics
+        Of the receive times.
+    delay : dict of str to float
+        Receive time minus stamp, ``p50``, ``p99``, ``max`` [s]; empty where the clocks have nothing in common.
+    """
+
+    name: str
+    type: str
+    count: int
+    readable: bool
+    stamped: bool
+    stamps: StampStatistics
+    receive: StampStatistics
+    delay: dict[str, float]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values for JSON."""
+        return {
+            "name": self.name,
+            "type": self.type,
+            "count": self.count,
+            "readable": self.readable,
+            "stamped": self.stamped,
+            "stamps": self.stamps.to_dict(),
+            "receive": self.receive.to_dict(),
+            "delay": self.delay,
+        }
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What `inspect_bag` found.
+
+    Attributes
+    ----------
+    path : Path
+    topics : tuple of TopicReport
+    commands : dict of str to Excitation
+        By ``joint.field``.
+    signals : dict of str to dict of str to Motion
+        Measured signals: topic to ``joint.field`` to numbers.
+    units : dict of str to str
+        Units by ``joint.field``, where the bag states them.
+    findings : tuple of Finding
+    insights : tuple of str
+        What this data can show, in sentences.
+    verdict : str
+        ``usable``, ``not_excited``, ``no_command`` or ``unreadable``.
+    streams : dict of str to JointStream
+        The data itself, for plots.
+    command_topic : str
+        "" when none was found.
+    """
+
+    path: Path
+    topics: tuple[TopicReport, ...]
+    commands: dict[str, Excitation]
+    signals: dict[str, dict[str, Motion]]
+    units: dict[str, str]
+    findings: tuple[Finding, ...]
+    insights: tuple[str, ...]
+    verdict: str
+    command_topic: str
+    imported: dict[str, Any] = field(default_factory=dict)
+    streams: dict[str, JointStream] = field(default_factory=dict, repr=False)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values, schema ``idloop/inspect/1``."""
+        return {
+            "schema": "idloop/inspect/1",
+            "bag": str(self.path),
+            "verdict": self.verdict,
+            "insights": list(self.insights),
+            "topics": [topic.to_dict() for topic in self.topics],
+            "command_topic": self.command_topic,
+            "commands": {name: command.to_dict() for name, command in self.commands.items()},
+            "signals": {
+                topic: {name: motion.to_dict() for name, motion in motions.items()}
+                for topic, motions in self.signals.items()
+            },
+            "units": self.units,
+            "findings": [finding.to_dict() for finding in self.findings],
+            "imported": self.imported,
+        }
+
+
+def inspect_bag(
+    path: Path | str,
+    *,
+    command: str | None = None,
+    distro: str | None = None,
+    definitions: Mapping[str, str] | None = None,
+) -> Inspection:
+    """Look at a bag: rates, stamps, excitation, and what can be learnt from it.
+
+    Parameters
+    ----------
+    path : Path or str
+        Bag.
+    command : str, optional
+        Topic of the command; by default ``joint_command``, or a topic that ends in ``commands``.
+    distro : str, optional
+        ROS distribution of message types that the bag does not define.
+    definitions : mapping of str to str, optional
+        Definitions of further message types; those of the ready mappings are known anyway.
+
+    Raises
+    ------
+    InputError
+        Bag missing, empty, damaged, or `command` not in it.
+    """
+    path = Path(path)
+    known_definitions = {
+        name: text for ready in ready_mappings() for name, text in load_mapping(ready).definitions.items()
+    }
+    with Bag(path, distro, known_definitions | dict(definitions or {})) as bag:
+        streams = read_streams(bag)
+        read = set(readable_topics(bag))
+        receive = bag.receive_stamps([topic for topic in bag.topics if topic not in streams])
+        imported = _imported(bag.custom)
+        topics = bag.topics
+        command_topic = _command_topic(streams, topics, command, path)
+    reports = []
+    findings: list[Finding] = []
+    for topic in topics.values():
+        stream = streams.get(topic.name)
+        received = stream.receive_ns if stream is not None else receive[topic.name]
+        stamps = stream.stamp_ns if stream is not None else received
+        report = TopicReport(
+            name=topic.name,
+            type=topic.type,
+            count=int(received.size),
+            readable=topic.name in read,
+            stamped=stream is not None and stream.stamped,
+            stamps=stamp_statistics(stamps),
+            receive=stamp_statistics(received),
+            delay=_delay(stream) if stream is not None else {},
+        )
+        reports.append(report)
+        if topic.count == 0:
+            findings.append(Finding("no_messages", f"{topic.name}: no message recorded", where=topic.name))
+            continue
+        if topic.type in bag.unknown_types:
+            findings.append(
+                Finding(
+                    "unread_topic",
+                    f"{topic.name}: type {topic.type} is unknown, its content was not read",
+                    topic.count,
+                    topic.name,
+                    "warning",
+                )
+            )
+        if stream is not None:
+            findings += stream.findings
+            findings += stamp_findings(topic.name, report.stamps)
+    units = _units(imported)
+    measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
+    signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
+    findings += _value_findings(signals)
+    commands = _commands(streams[command_topic]) if command_topic else {}
+    if command_topic:
+        findings += _clock_findings(streams, command_topic, measured)
+    evidence = _evidence(streams, command_topic, commands, measured, signals, units)
+    return Inspection(
+        path=path,
+        topics=tuple(reports),
+        commands=commands,
+        signals=signals,
+        units=units,
+        findings=tuple(findings),
+        insights=tuple(insights(evidence)),
+        verdict=verdict(evidence),
+        command_topic=command_topic,
+        imported=imported,
+        streams=streams,
+    )
+
+
+def _command_topic(
+    streams: Mapping[str, JointStream], topics: Mapping[str, object], said: str | None, path: Path
+) -> str:
+    if said is not None:
+        topic = resolve_topic(said, topics, path)
+        if topic not in streams:
+            raise InputError(
+                f"{path}: {topic} carries no numbers that could be a command; readable are {listed(streams)}"
+            )
+        return topic
+    for ending in _COMMANDS:
+        found = [topic for topic in streams if topic.rsplit("/", 1)[-1] == ending]
+        if found:
+            return found[0]
+    return ""
+
+
+def _imported(custom: Mapping[str, str]) -> dict[str, Any]:
+    try:
+        content = json.loads(custom.get("idloop.import", "{}"))
+    except json.JSONDecodeError:
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _units(imported: Mapping[str, Any]) -> dict[str, str]:
+    """Return units by signal; an import writes them as ``topic joint.field``."""
+    said = imported.get("units", {})
+    return {str(name).rpartition(" ")[2]: str(unit) for name, unit in said.items()} if isinstance(said, dict) else {}
+
+
+def _delay(stream: JointStream) -> dict[str, float]:
+    if not stream.stamped:
+        return {}
+    delay = (stream.receive_ns - stream.stamp_ns).astype(np.float64) * 1e-9
+    if abs(float(np.median(delay))) > _A_DAY:
+        return {}  # stamps of a simulation against a wall clock
+    p50, p99 = np.percentile(delay, [50, 99])
+    return {"p50": float(p50), "p99": float(p99), "max": float(delay.max())}
+
+
+def columns_of(stream: JointStream) -> dict[str, Floats]:
+    """Return the measured columns of a stream by ``joint.field``, or by path for other types."""
+    if not stream.is_joint_state:
+        return {name: stream.position[:, index] for index, name in enumerate(stream.names)}
+    found = {}
+    for index, joint in enumerate(stream.names):
+        for name in FIELDS:
+            column = getattr(stream, name)[:, index]
+            if not np.isnan(column).all():
+                found[f"{joint}.{name}"] = column
+    return found
+
+
+def _motions(stream: JointStream) -> dict[str, Motion]:
+    found = {name: analyse_motion(column) for name, column in columns_of(stream).items()}
+    return {name: motion for name, motion in found.items() if motion is not None}
+
+
+def _commands(stream: JointStream) -> dict[str, Excitation]:
+    stamp, first = np.unique(stream.stamp_ns, return_index=True)
+    time = (stamp - stamp[0]) * 1e-9
+    found = {}
+    for name, column in columns_of(stream).items():
+        value = column[first]
+        known = np.isfinite(value)
+        if known.any():
+            found[name] = analyse_command(time[known], value[known])
+    return found
+
+
+def _value_findings(signals: Mapping[str, Mapping[str, Motion]]) -> list[Finding]:
+    return [
+        Finding("infinite", f"{topic} {name}: {motion.infinite} infinite samples", motion.infinite, topic, "warning")
+        for topic, motions in signals.items()
+        for name, motion in motions.items()
+        if motion.infinite
+    ]
+
+
+def _clock_findings(
+    streams: Mapping[str, JointStream], command: str, measured: Mapping[str, JointStream]
+) -> list[Finding]:
+    found = []
+    for name, stream in measured.items():
+        clocks = compare_clocks(
+            (streams[command].stamp_ns, streams[command].receive_ns), (stream.stamp_ns, stream.receive_ns)
+        )
+        where = f"{command}, {name}"
+        if clocks.overlap < 0:
+            found.append(
+                Finding("two_clocks", f"stamps of {where} do not overlap: two clocks", where=where, level="warning")
+            )
+        elif np.isfinite(clocks.drift) and abs(clocks.drift) > 5e-5 and abs(clocks.drifted) > 0.02:
+            text = f"stamps of {where} drift apart by {clocks.drift * 1e6:.0f} ppm: perhaps two clocks"
+            found.append(Finding("clock_drift", text, where=where, level="warning"))
+    return found
+
+
+def _evidence(
+    streams: Mapping[str, JointStream],
+    command_topic: str,
+    commands: Mapping[str, Excitation],
+    measured: Mapping[str, JointStream],
+    signals: Mapping[str, Mapping[str, Motion]],
+    units: Mapping[str, str],
+) -> Evidence:
+    motions = {name: motion for found in signals.values() for name, motion in found.items()}
+    # Of several driven joints the strongest command speaks for the recording.
+    name = max(commands, key=lambda key: commands[key].rms, default=None)
+    rates = [stamp_statistics(measured[topic].stamp_ns).rate for topic in signals]
+    return Evidence(
+        command=commands[name] if name is not None else None,
+        motions=motions,
+        units=units,
+        closed_loop=any(topic.rsplit("/", 1)[-1] == "reference" for topic in streams),
+        sample_rate=max(rates, default=float("nan")),
+        coasting=_coasting(streams[command_topic], name, measured) if name is not None else 0.0,
+    )
+
+
+def _coasting(command: JointStream, name: str, measured: Mapping[str, JointStream]) -> float:
+    """Return the longest time with zero command while some velocity is above 5 % of its largest value [s]."""
+    value = columns_of(command)[name]
+    longest = 0.0
+    for stream in measured.values():
+        for signal, velocity in columns_of(stream).items():
+            if not signal.endswith(".velocity"):
+                continue
+            index = np.searchsorted(command.stamp_ns, stream.stamp_ns, side="right") - 1
+            coasts = (
+                (index >= 0)
+                & (value[np.maximum(index, 0)] == 0)
+                & (np.abs(velocity) > 0.05 * np.nanmax(np.abs(velocity)))
+            )
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], coasts.astype(np.int8), [0]])))
+            for start, stop in zip(edges[::2], edges[1::2], strict=True):
+                longest = max(longest, float(stream.stamp_ns[stop - 1] - stream.stamp_ns[start]) * 1e-9)
+    return longest
