@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from idloop.physics import Model, load_model, simulate
 from scipy.integrate import solve_ivp
+
+from idloop.physics import Model, load_model, simulate
 
 TIME = np.arange(0.0, 5.0, 0.02)
 COMMAND = np.random.default_rng(3).uniform(-1.0, 1.0, len(TIME))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from idloop.physics import Model, load_model, simulate
 
 TIME = np.arange(0.0, 3.0, 0.01)
@@ -48,7 +49,9 @@ def test_breakaway_accelerates_with_what_exceeds_the_level(axis: Model) -> None:
 
 
 def test_spring_to_ground_is_a_harmonic_oscillator(axis: Model) -> None:
-    model = axis.with_values({"axis.viscous_friction": 0.0}).with_effect("cable_spring", "axis", stiffness=50.0, rest=0.1)
+    model = axis.with_values({"axis.viscous_friction": 0.0}).with_effect(
+        "cable_spring", "axis", stiffness=50.0, rest=0.1
+    )
     run = simulate(model, [0.0], [0.0], TIME)
     np.testing.assert_allclose(run.output[:, 0], 0.1 - 0.1 * np.cos(10.0 * TIME), atol=2e-5)
 
@@ -106,7 +109,9 @@ def test_play_on_the_sensor_follows_the_play_operator(axis: Model) -> None:
 
 
 def test_velocity_filter_is_a_first_order_lag(axis: Model) -> None:
-    model = axis.with_values({"axis.viscous_friction": 0.0}).with_effect("velocity_filter", "velocity[axis]", time_constant=0.1)
+    model = axis.with_values({"axis.viscous_friction": 0.0}).with_effect(
+        "velocity_filter", "velocity[axis]", time_constant=0.1
+    )
     run = simulate(model, [0.0], [0.5], TIME)
     np.testing.assert_allclose(run.output[:, 1], TIME - 0.1 * (1.0 - np.exp(-TIME / 0.1)), atol=1e-9)
 

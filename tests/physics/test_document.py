@@ -13,6 +13,7 @@ def test_the_page_of_effects_is_current() -> None:
 
 def test_the_worked_example_of_an_own_effect_loses_the_sign_of_the_speed() -> None:
     import numpy as np
+
     from idloop.physics import load_model, simulate
 
     model = load_model(DOCS / "examples" / "own_effect" / "belt_drive.yaml")

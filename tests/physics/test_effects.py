@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from idloop.errors import InputError
 from idloop.physics import Model, catalogue, load_model, simulate
 from idloop.physics.effect import Effect

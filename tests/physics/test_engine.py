@@ -4,8 +4,9 @@ import pickle
 
 import numpy as np
 import pytest
-from idloop.physics import Engine, Plant, load_model, simulate
 from scipy.linalg import expm
+
+from idloop.physics import Engine, Plant, load_model, simulate
 
 TIME = np.arange(0.0, 2.0, 0.002)
 COMMAND = np.sign(np.sin(9.0 * TIME)) + 0.3 * np.sin(31.0 * TIME)
@@ -49,9 +50,9 @@ def test_the_force_balance_closes_on_the_models_own_motion() -> None:
     command = np.sign(np.sin(9.0 * fine))
     x, v = simulate(model, fine, command, fine).output.T
     a = np.gradient(v, fine)
-    left = Engine(model).equation_error(
-        None, x[:, None], v[:, None], a[:, None], fine, command, fine, rest_speed=1e-6
-    )[:, 0]
+    left = Engine(model).equation_error(None, x[:, None], v[:, None], a[:, None], fine, command, fine, rest_speed=1e-6)[
+        :, 0
+    ]
     away = np.abs(v) > 0.05
     assert np.percentile(np.abs(left[away]), 99) < 2e-3
     wrong = Engine(model.without_effect("imbalance@axis")).equation_error(
@@ -85,7 +86,11 @@ def test_the_linear_part_predicts_small_motion() -> None:
 
 def test_a_plant_stepped_is_the_same_as_a_simulation() -> None:
     model = load_model("torsion").with_effects(
-        ["coulomb_friction@motor(level=0.02)", "input_delay@input(delay=0.0031)", "sensor_delay@position[load3](delay=0.0123)"]
+        [
+            "coulomb_friction@motor(level=0.02)",
+            "input_delay@input(delay=0.0031)",
+            "sensor_delay@position[load3](delay=0.0123)",
+        ]
     )
     plant = Plant(model, noise=False)
     seen = []

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from idloop.errors import InputError
 from idloop.physics import load_model, parse_effect, preset_names
 from idloop.physics.model import build_model
@@ -87,6 +88,7 @@ WRONG = [
     ("drive:", "driev:", "unknown key 'driev': did you mean 'drive'?"),
     ("couplings: []", "couplings: [{from: motor, to: load, stiffness: 1.0}]", "does not join neighbours"),
     ("name: dc_motor", "name: [", "not valid YAML"),
+    ("controller: null", "controller: {type: p, output: motor.position, pk: 1.0}", "controller"),
 ]
 
 
@@ -116,7 +118,9 @@ def test_effects_are_read_from_text(width: float) -> None:
     assert parse_effect(f"dead_zone@input(width={width!r})") == ("dead_zone", "input", {"width": width})
 
 
-@pytest.mark.parametrize("text", ["dead_zone", "dead_zone@", "@input", "dead_zone@input(width)", "dead_zone@input(width=a)"])
+@pytest.mark.parametrize(
+    "text", ["dead_zone", "dead_zone@", "@input", "dead_zone@input(width)", "dead_zone@input(width=a)"]
+)
 def test_text_that_is_no_effect_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="write NAME@SITE"):
         parse_effect(text)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 from idloop.physics.effect import Effect, ParameterSpec, catalogue
 
 HEAD = """\
@@ -35,7 +37,8 @@ def page() -> str:
     """Return the page as Markdown."""
     lines = [HEAD]
     for site, words in PLACES.items():
-        lines.append(f"## Effects at {words}\n\n| effect | what happens | parameters | looks like |\n|---|---|---|---|\n")
+        lines.append(f"## Effects at {words}\n\n")
+        lines.append("| effect | what happens | parameters | looks like |\n|---|---|---|---|\n")
         effects = [effect for several in catalogue().values() for effect in several if effect.site == site]
         lines += [_row(effect) + "\n" for effect in sorted(effects, key=lambda effect: effect.name)]
         lines.append("\n")
@@ -43,4 +46,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    print(page(), end="")
+    sys.stdout.write(page())

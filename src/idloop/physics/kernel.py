@@ -64,8 +64,19 @@ inner = njit(_nrt=False, error_model="numpy", forceinline=True)
 entry = njit(cache=True, error_model="numpy")
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def call(typingctx, address, a, b, c, elapsed, state, state_at, parameters, parameter_at):  # type: ignore[no-untyped-def]
+@intrinsic
+def call(
+    typingctx: Any,
+    address: int,
+    a: float,
+    b: float,
+    c: float,
+    elapsed: float,
+    state: Any,
+    state_at: int,
+    parameters: Any,
+    parameter_at: int,
+) -> Any:
     """Call an equation by its address, with pointers into the state and parameter arrays."""
     signature = types.float64(
         types.int64,

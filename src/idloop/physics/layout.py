@@ -129,9 +129,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
     chain = _Chain(model, values)
     n = len(chain.inertia)
     body_of = dict(zip(model.bodies, chain.body_of, strict=True))
-    joint_of = {
-        coupling: body_of[b] - 1 for coupling, b in zip(model.couplings, model.bodies[1:], strict=True)
-    }
+    joint_of = {coupling: body_of[b] - 1 for coupling, b in zip(model.couplings, model.bodies[1:], strict=True)}
     output_of = {output.site: index for index, output in enumerate(model.outputs)}
     output_delay = np.zeros(len(model.outputs))
     tables: dict[str, list[list[int]]] = {kind: [] for kind in (INPUT, BODY, "friction", COUPLING, OUTPUT)}

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
+from idloop.control import check_controller
 from idloop.errors import InputError
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, did_you_mean, find_effect
 from idloop.physics.parameter import Parameter
-from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file, read_text, read_value
+from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file, read_text, read_value, reason
 from idloop.physics.units import FORCES, Units, input_unit, position_unit
 
 PRESETS = Path(__file__).parent / "presets"
@@ -266,9 +268,16 @@ class Model:
         as_values = {
             key: Value(value=float(value)) if isinstance(value, int | float) else value for key, value in values.items()
         }
-        return self._add(name, at, as_values)
+        return self.with_entry(name, at, as_values)
 
-    def _add(self, name: str, at: str, values: Mapping[str, Any]) -> Model:
+    def with_entry(self, name: str, at: str, values: Mapping[str, Any]) -> Model:
+        """Return the model with one more effect as a model file writes it: a bare number is known.
+
+        Raises
+        ------
+        InputError
+            As `with_effect`.
+        """
         kind = self.site_kind(at)
         effect = find_effect(name, kind, *self._effect_folders)
         active = ActiveEffect(effect, at)
@@ -276,7 +285,9 @@ class Model:
             raise InputError(f"model {self.name} has the effect {active.name} twice: remove one")
         output = next((o for o in self.outputs if o.site == at), None)
         if output is not None and output.field not in effect.outputs:
-            raise InputError(f"effect {name} does not act on a {output.field}: it acts on {' or '.join(effect.outputs)}")
+            raise InputError(
+                f"effect {name} does not act on a {output.field}: it acts on {' or '.join(effect.outputs)}"
+            )
         added = self._effect_parameters(active, values, output.unit if output else "")
         return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))
 
@@ -288,8 +299,7 @@ class Model:
             try:
                 given[key] = read_value(raw)
             except ValueError as error:
-                message = getattr(error, "errors", lambda: [{"msg": str(error)}])()[0]["msg"]
-                raise InputError(f"{active.name}.{key}: {message.removeprefix('Value error, ')}") from error
+                raise InputError(f"{active.name}.{key}: {reason(error)}") from error
             if not spec.min <= given[key].value <= spec.max:
                 raise InputError(
                     f"{active.name}.{key}: {given[key].value:g} is outside {spec.min:g} .. {spec.max:g} "
@@ -491,9 +501,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         if body not in bodies:
             raise InputError(f"{at}: there is no body '{body}'{did_you_mean(body, list(bodies))}")
         outputs.append(
-            OutputSignal(
-                output.topic, output.joint, output.field, output.unit, body, float(output.scale), output.noise
-            )
+            OutputSignal(output.topic, output.joint, output.field, output.unit, body, float(output.scale), output.noise)
         )
     names = [output.name for output in outputs]
     for name in names:
@@ -518,7 +526,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
                 f"{name}.viscous_friction", body_file.viscous_friction, units.fill("{force}·s/{position}"), 0.0, where
             )
         )
-    chain = [(a, b) for a, b in zip(bodies[:-1], bodies[1:], strict=True)]
+    chain = list(pairwise(bodies))
     given = {(c.source, c.target): c for c in file.couplings}
     for pair in given:
         if pair not in chain:
@@ -536,6 +544,9 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         parameters.append(_base_parameter(f"{name}.damping", coupling.damping, damping_unit, 0.0, where))
     gain_unit = "-" if force == command.unit else f"{force}/{command.unit}"
     parameters.append(_base_parameter("drive.gain", file.drive.gain, gain_unit, -np.inf, where))
+
+    if file.controller is not None:
+        check_controller(file.controller, f"{where}: controller")
 
     model = Model(
         name=file.name,
@@ -557,7 +568,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
 
 def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:
     try:
-        return model._add(entry.effect, entry.at, entry.model_extra or {})
+        return model.with_entry(entry.effect, entry.at, entry.model_extra or {})
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
 
@@ -580,5 +591,7 @@ def load_model(source: str | Path) -> Model:
         path = PRESETS / f"{source}.yaml"
         return build_model(read_model_file(read_text(path), f"preset {source}"), f"preset {source}")
     if not path.exists():
-        raise InputError(f"model '{source}': no such file, and no preset of this name: presets are {', '.join(preset_names())}")
+        raise InputError(
+            f"model '{source}': no such file, and no preset of this name: presets are {', '.join(preset_names())}"
+        )
     return build_model(read_model_file(read_text(path), str(path)), str(path), path.resolve().parent)

@@ -78,18 +78,18 @@ class Plant:
     @property
     def position(self) -> NDArray[np.float64]:
         """True positions of the model's bodies (n,)."""
-        return self._state[kernel.FIRST + np.array(self._layout.body_of)]
+        return np.asarray(self._state[kernel.FIRST + np.array(self._layout.body_of)])
 
     @property
     def velocity(self) -> NDArray[np.float64]:
         """True velocities of the model's bodies (n,)."""
-        return self._state[kernel.FIRST + self._layout.bodies + np.array(self._layout.body_of)]
+        return np.asarray(self._state[kernel.FIRST + self._layout.bodies + np.array(self._layout.body_of)])
 
     def measure(self) -> NDArray[np.float64]:
         """Read the sensors now, with noise (p,)."""
         noise = self._noise_std * self._random.standard_normal(len(self._noise_std))
         kernel.read(self._layout.axis, self._state, self._history, noise, self._reading)
-        return self._reading.copy()
+        return np.array(self._reading)
 
     def schedule(self, stamp: float, command: float) -> None:
         """Let a command take effect at ``stamp`` [s], or now when that is past.

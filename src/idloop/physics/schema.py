@@ -42,7 +42,7 @@ class Value(BaseModel):
 def read_value(raw: Any) -> Any:
     """Take a bare number as known."""
     if isinstance(raw, bool):
-        raise ValueError("a number or a mapping with 'value' is needed")
+        raise ValueError("a number or a mapping with 'value' is needed")  # noqa: TRY004 (pydantic makes a line of it)
     if isinstance(raw, int | float):
         return Value(value=float(raw), free=False)
     if isinstance(raw, Mapping):
@@ -140,6 +140,12 @@ class ModelFile(BaseModel):
     effects: list[EffectEntry] = []
     disturbance: Disturbance | None = None
     controller: dict[str, Any] | None = None
+
+
+def reason(error: ValueError) -> str:
+    """What a checked value was refused for."""
+    message = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+    return message.removeprefix("Value error, ")
 
 
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:

@@ -9,7 +9,7 @@ from idloop.physics.hooks import hook
 
 @hook
 def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
-    """tau dv/dt = u - v, exact while u is held."""
+    """Tau dv/dt = u - v, exact while u is held."""
     if parameters[0] <= 0.0:
         return value
     return value + (state[0] - value) * math.exp(-elapsed / parameters[0])

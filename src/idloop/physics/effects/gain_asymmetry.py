@@ -8,7 +8,7 @@ from idloop.physics.hooks import hook
 
 @hook
 def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
-    """v = u (1 + ratio sign u)."""
+    """V = u (1 + ratio sign u)."""
     return value + parameters[0] * abs(value)
 
 

@@ -8,7 +8,7 @@ from idloop.physics.hooks import hook
 
 @hook
 def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
-    """v = u + offset."""
+    """V = u + offset."""
     return value + parameters[0]
 
 

@@ -8,7 +8,7 @@ from idloop.physics.hooks import hook
 
 @hook
 def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
-    """v = clip(u, -limit, +limit)."""
+    """V = clip(u, -limit, +limit)."""
     return min(max(value, -parameters[0]), parameters[0])
 
 
