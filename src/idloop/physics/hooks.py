@@ -10,17 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import cfunc, types
-
-SIGNATURE = types.float64(
-    types.float64,
-    types.float64,
-    types.float64,
-    types.float64,
-    types.CPointer(types.float64),
-    types.CPointer(types.float64),
-)
-
 
 class Hook:
     """An equation, compiled when its address is first asked for and cached beside its file."""
@@ -33,7 +22,13 @@ class Hook:
     def address(self) -> int:
         """Where the machine code starts, for the simulator."""
         if self._compiled is None:
-            self._compiled = cfunc(SIGNATURE, cache=True)(self.function)
+            # imported here, so that reading a model file does not start the compiler
+            from numba import cfunc, types
+
+            number = types.float64
+            array = types.CPointer(number)
+            signature = number(number, number, number, number, array, array)
+            self._compiled = cfunc(signature, cache=True)(self.function)
         return int(self._compiled.address)
 
     def __call__(self, *arguments: Any) -> float:
