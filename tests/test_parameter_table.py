@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.errors import InputError
-from idloop.parameter_table import REQUIRED, ParameterSpec, check_values, did_you_mean
+from idloop.parameter_table import REQUIRED, ParameterSpec, check_values
+from idloop.spelling import did_you_mean
 
 TABLE = (
     ParameterSpec("gain", "float", REQUIRED, "Gain.", unit="V", minimum=0.0, exclusive=True),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from idloop.errors import InputError
+from idloop.spelling import did_you_mean
 
 ParameterType = Literal["float", "int", "bool", "str", "floats", "strs", "matrix"]
 
@@ -235,13 +235,6 @@ def flatten(given: Mapping[str, Any], known: Iterable[str], prefix: str = "") ->
         elif value is not None or name not in groups:
             flat[name] = value
     return flat
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return ``, did you mean 'x'?`` for the nearest known name, or an empty text."""
-    lowered = {item.lower(): item for item in known}
-    close = difflib.get_close_matches(str(name).lower(), list(lowered), n=1, cutoff=0.6)
-    return f" (did you mean {lowered[close[0]]!r}?)" if close else ""
 
 
 def _short(value: Any) -> str:

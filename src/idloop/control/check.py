@@ -7,7 +7,8 @@ from typing import Any
 
 from idloop.control.catalogue import CONTROLLERS
 from idloop.errors import InputError
-from idloop.parameter_table import check_values, did_you_mean
+from idloop.parameter_table import check_values
+from idloop.spelling import did_you_mean
 
 FIELDS = ("position", "velocity", "effort")
 

@@ -23,7 +23,6 @@ writes the state that the next step starts from.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib.util
 import os
@@ -36,6 +35,7 @@ from types import ModuleType
 
 from idloop.errors import InputError
 from idloop.physics.hooks import Hook
+from idloop.spelling import did_you_mean_or_known
 
 INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
 
@@ -148,13 +148,7 @@ class Effect:
             if spec.name == name:
                 return spec
         known = [spec.name for spec in self.parameters]
-        raise InputError(f"effect {self.name} has no parameter '{name}'{did_you_mean(name, known)}")
-
-
-def did_you_mean(word: str, known: list[str]) -> str:
-    """End of an error line: the nearest known word, or all of them."""
-    near = difflib.get_close_matches(word, known, n=1)
-    return f": did you mean '{near[0]}'?" if near else f": known are {', '.join(sorted(known))}"
+        raise InputError(f"effect {self.name} has no parameter '{name}'{did_you_mean_or_known(name, known)}")
 
 
 def _load_file(path: Path) -> ModuleType:
@@ -239,7 +233,7 @@ def find_effect(name: str, site: str, *folders: Path) -> Effect:
     """
     known = catalogue(*folders)
     if name not in known:
-        raise InputError(f"unknown effect '{name}'{did_you_mean(name, list(known))}")
+        raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
     for effect in known[name]:
         if effect.site == site:
             return effect

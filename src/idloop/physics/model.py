@@ -17,10 +17,11 @@ from ruamel.yaml import YAML
 
 from idloop.control import check_controller
 from idloop.errors import InputError
-from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, did_you_mean, find_effect
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, find_effect
 from idloop.physics.parameter import Parameter
 from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file, read_text, read_value, reason
 from idloop.physics.units import FORCES, Units, input_unit, position_unit
+from idloop.spelling import did_you_mean_or_known
 
 PRESETS = Path(__file__).parent / "presets"
 EFFECT_TEXT = re.compile(r"^\s*(\w+)\s*@\s*([^()\s]+)\s*(?:\((.*)\))?\s*$")
@@ -170,9 +171,7 @@ class Model:
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
-        raise InputError(
-            f"model {self.name} has no parameter '{name}'{did_you_mean(name, [p.name for p in self.parameters])}"
-        )
+        raise InputError(f"model {self.name} has no parameter '{name}'{did_you_mean_or_known(name, self.values)}")
 
     def with_values(
         self,
@@ -238,7 +237,7 @@ class Model:
         if at in self.sites(OUTPUT):
             return OUTPUT
         known = [site for kind in (INPUT, BODY, COUPLING, OUTPUT) for site in self.sites(kind)]
-        raise InputError(f"model {self.name} has no site '{at}'{did_you_mean(at, known)}")
+        raise InputError(f"model {self.name} has no site '{at}'{did_you_mean_or_known(at, known)}")
 
     def sites(self, kind: str) -> tuple[str, ...]:
         """Names of all sites of one kind."""
@@ -338,7 +337,7 @@ class Model:
         """
         if name not in self.effect_names:
             raise InputError(
-                f"model {self.name} has no effect '{name}'{did_you_mean(name, list(self.effect_names))}"
+                f"model {self.name} has no effect '{name}'{did_you_mean_or_known(name, list(self.effect_names))}"
                 if self.effects
                 else f"model {self.name} has no effects"
             )
@@ -499,7 +498,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         position_unit(output.unit, output.field, f"{at}.unit")
         body = output.body or output.joint
         if body not in bodies:
-            raise InputError(f"{at}: there is no body '{body}'{did_you_mean(body, list(bodies))}")
+            raise InputError(f"{at}: there is no body '{body}'{did_you_mean_or_known(body, bodies)}")
         outputs.append(
             OutputSignal(output.topic, output.joint, output.field, output.unit, body, float(output.scale), output.noise)
         )

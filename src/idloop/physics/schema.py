@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from idloop.errors import InputError
-from idloop.physics.effect import did_you_mean
+from idloop.spelling import did_you_mean_or_known
 
 SCHEMA = "idloop/model/1"
 STRICT = ConfigDict(extra="forbid", frozen=True)
@@ -49,7 +49,7 @@ def read_value(raw: Any) -> Any:
         known = ["value", "min", "max", "stderr"]
         for key in raw:
             if key not in known:
-                raise ValueError(f"unknown key '{key}'{did_you_mean(str(key), known)}")
+                raise ValueError(f"unknown key '{key}'{did_you_mean_or_known(str(key), known)}")
         if "value" not in raw:
             raise ValueError("the mapping needs the key 'value'")
         return Value(**raw)
@@ -170,7 +170,7 @@ def _one_line(error: ValidationError, where: str) -> str:
     for part in location:
         key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else str(part)
     if first["type"] == "extra_forbidden":
-        return f"{where}: unknown key '{key}'{did_you_mean(str(location[-1]), _known_keys(location))}"
+        return f"{where}: unknown key '{key}'{did_you_mean_or_known(str(location[-1]), _known_keys(location))}"
     if first["type"] == "missing":
         return f"{where}: the key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")

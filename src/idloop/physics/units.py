@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from idloop.errors import InputError
-from idloop.physics.effect import did_you_mean
+from idloop.spelling import did_you_mean_or_known
 
 ALIASES = {"Nm": "N·m", "N.m": "N·m", "N*m": "N·m", "N m": "N·m", "1": "-", "": "-"}
 INPUT_UNITS = ("V", "A", "N·m", "N", "-")
@@ -48,7 +48,7 @@ def input_unit(unit: str, where: str) -> str:
     """
     unit = ALIASES.get(unit, unit)
     if unit not in INPUT_UNITS:
-        raise InputError(f"{where}: unknown unit '{unit}'{did_you_mean(unit, list(INPUT_UNITS))}")
+        raise InputError(f"{where}: unknown unit '{unit}'{did_you_mean_or_known(unit, INPUT_UNITS)}")
     return unit
 
 
@@ -62,5 +62,5 @@ def position_unit(unit: str, field: str, where: str) -> str:
     """
     known = [name if field == "position" else f"{name}/s" for name in FORCES]
     if unit not in known:
-        raise InputError(f"{where}: unknown unit '{unit}' of a {field}{did_you_mean(unit, known)}")
+        raise InputError(f"{where}: unknown unit '{unit}' of a {field}{did_you_mean_or_known(unit, known)}")
     return unit.removesuffix("/s")

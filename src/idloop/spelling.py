@@ -1,0 +1,26 @@
+"""The end of an error line about a name that a person typed."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ``" (did you mean 'x'?)"`` for the nearest known name, or an empty text."""
+    lowered = {item.lower(): item for item in known}
+    close = difflib.get_close_matches(str(name).lower(), list(lowered), n=1, cutoff=0.6)
+    return f" (did you mean {lowered[close[0]]!r}?)" if close else ""
+
+
+def did_you_mean_or_known(name: str, known: Iterable[str]) -> str:
+    """Return the nearest known name, or else all of them."""
+    names = list(known)
+    return did_you_mean(name, names) or f" (known: {listed(names)})"
+
+
+def listed(names: Iterable[str], limit: int = 30) -> str:
+    """Return names joined by commas, the tail counted instead of printed."""
+    every = list(names)
+    shown = ", ".join(every[:limit])
+    return shown + (f", ... ({len(every)} in all)" if len(every) > limit else "") if every else "none"
