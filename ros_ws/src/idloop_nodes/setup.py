@@ -19,6 +19,6 @@ setup(
     install_requires=["numpy"],
     zip_safe=False,
     entry_points={
-        "console_scripts": [f"{name} = idloop_nodes.{name}:main" for name in EXECUTABLES],
+        "console_scripts": [f"{name} = idloop_nodes.executables:{name}" for name in EXECUTABLES],
     },
 )

@@ -201,7 +201,8 @@ class JointReader:
     Parameters
     ----------
     wanted : sequence of (joint, field)
-        What to take, in this order; NaN stands where a message has no such joint or field.
+        What to take, in this order; NaN stands where a message has no such joint or field. The joint
+        ``*`` is the first joint of the message, whatever its name.
     """
 
     def __init__(self, wanted: Sequence[tuple[str, str]]) -> None:
@@ -227,7 +228,7 @@ class JointReader:
         offsets: list[int | None] = []
         for joint, field in self.wanted:
             start = layout.starts.get(field)
-            index = layout.names.index(joint) if joint in layout.names else -1
+            index = 0 if joint == "*" else layout.names.index(joint) if joint in layout.names else -1
             known = start is not None and 0 <= index < layout.counts[FIELDS.index(field)]
             offsets.append(start + 8 * index if known and start is not None else None)
         self._pick = _picker(offsets)

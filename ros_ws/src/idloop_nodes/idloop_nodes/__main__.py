@@ -1,0 +1,14 @@
+"""``python -m idloop_nodes EXECUTABLE [--ros-args ...]``: a node without its installed script."""
+
+from __future__ import annotations
+
+import sys
+
+from idloop_nodes.runtime import WRONG_USE, run
+from idloop_nodes.wiring import NODES
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2 or sys.argv[1] not in NODES:
+        print(f"usage: python -m idloop_nodes {{{','.join(NODES)}}} [--ros-args ...]", file=sys.stderr)
+        sys.exit(WRONG_USE)
+    sys.exit(run(sys.argv[1], sys.argv[1:]))

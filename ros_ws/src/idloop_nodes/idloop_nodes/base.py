@@ -1,0 +1,253 @@
+"""What all nodes share: parameters, raw streams, health once a second, progress and the start barrier."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from idloop.errors import IdloopError
+from idloop_nodes import qos, wiring
+from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
+from idloop_nodes.parameters import NodeParameters, Table
+from idloop_nodes.progress import READY, Progress
+
+TYPES: dict[str, type] = {
+    wiring.JOINT_STATE: JointState,
+    wiring.DIAGNOSTICS: DiagnosticArray,
+    wiring.HEADER: Header,
+    wiring.CLOCK: ClockMessage,
+}
+PROGRESS_DEPTH = 200
+
+
+def topic_type(topic: str) -> type:
+    """Return the message class of one of our topics; any other topic is taken for joint states."""
+    return TYPES[wiring.TOPICS[topic][0]] if topic in wiring.TOPICS else JointState
+
+
+def topic_qos(topic: str) -> QoSProfile:
+    """Return the quality of service of one of our topics."""
+    if topic in wiring.RESULTS:
+        return qos.latched()
+    if topic == "progress":
+        return qos.latched(PROGRESS_DEPTH)
+    if topic == "/diagnostics":
+        return qos.health()
+    return qos.stream()
+
+
+class PolledStream:
+    """A raw subscription that is read when its node wants to: many messages for one wake-up."""
+
+    def __init__(self, subscription: Any) -> None:
+        self.subscription = subscription
+        self._type = subscription.msg_type
+
+    def take(self, limit: int = 5000) -> Iterator[tuple[bytes, dict[str, Any]]]:
+        """Yield (bytes, information) of what has arrived, at most `limit` messages."""
+        handle = self.subscription.handle
+        with handle:
+            for _ in range(limit):
+                taken = handle.take_message(self._type, True)
+                if taken is None:
+                    return
+                yield taken
+
+
+class StreamNode(Node):  # type: ignore[misc]
+    """A node whose streams are bytes.
+
+    Parameters
+    ----------
+    kind : str
+        Executable's name; also the default name of the node.
+    table : sequence of NodeParameter
+        Its parameters.
+    """
+
+    poll_period = 0.2  # seconds between calls of `poll` when nothing else wakes the node
+
+    def __init__(self, kind: str, table: Table, **options: Any) -> None:
+        self._polled: list[Any] = []
+        super().__init__(kind, **options)
+        self.kind = kind
+        self.finished = False
+        self.parameters = NodeParameters(self, table)
+        self.others = [peer for peer in self.parameters["peers"] if peer != kind]
+        self.progress = Progress()
+        self._publishers_by_topic: dict[str, Any] = {}
+        self._subscriptions_by_topic: dict[str, Any] = {}
+        self._ready = False
+        self._born = time.monotonic()
+        self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", qos.health())
+        self._progress_publisher = self.create_publisher(Header, "progress", qos.latched(PROGRESS_DEPTH))
+        # Wall time may jump and simulated time may stand still; health goes on in either case.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._health_timer = self.create_timer(1.0, self._publish_health, clock=steady)
+
+    @property
+    def subscriptions(self) -> Iterator[Any]:
+        """Subscriptions the executor serves: the polled ones are not its business."""
+        return (one for one in super().subscriptions if one not in self._polled)
+
+    # streams
+
+    def publisher(self, topic: str) -> Callable[[bytes], None]:
+        """Create a raw publisher and return its publish function."""
+        publisher = self.create_publisher(topic_type(topic), topic, topic_qos(topic))
+        self._publishers_by_topic[topic] = publisher
+        publish: Callable[[bytes], None] = publisher.publish
+        return publish
+
+    def listen(self, topic: str, callback: Callable[[bytes], None]) -> None:
+        """Call back with the bytes of every message."""
+        self._subscriptions_by_topic[topic] = self.create_subscription(
+            topic_type(topic), topic, callback, topic_qos(topic), raw=True
+        )
+
+    def poll_topic(self, topic: str, message_type: type | None = None) -> PolledStream:
+        """Return a subscription that this node empties itself."""
+        subscription = self.create_subscription(
+            message_type or topic_type(topic), topic, lambda data: None, topic_qos(topic), raw=True
+        )
+        self._polled.append(subscription)
+        self._subscriptions_by_topic[topic] = subscription
+        return PolledStream(subscription)
+
+    # progress and barrier
+
+    def hear_progress(self) -> None:
+        """Subscribe `progress`."""
+        self.listen("progress", lambda data: self.progress.hear(*decode_header(data)))
+
+    def tell_progress(self, stamp: int, word: str = "") -> None:
+        """Publish this node's progress."""
+        frame = f"{self.get_name()}/{word}" if word else self.get_name()
+        self._progress_publisher.publish(encode_header(stamp, frame))
+
+    def matched(self) -> bool:
+        """Whether every stream has as many partners as the peers make expect."""
+        peers = [*self.others, self.kind]
+        for topic, publisher in self._publishers_by_topic.items():
+            if publisher.get_subscription_count() < wiring.expected_subscribers(topic, peers):
+                return False
+        for topic, subscription in self._subscriptions_by_topic.items():
+            if subscription.get_publisher_count() < wiring.expected_publishers(topic, peers):
+                return False
+        return True
+
+    def announce_when_matched(self) -> bool:
+        """Tell the others once that this node is ready; return whether it is.
+
+        Raises
+        ------
+        IdloopError
+            When the peers do not appear in time.
+        """
+        if self._ready:
+            return True
+        if self.matched():
+            self._ready = True
+            self.tell_progress(0, READY)
+        else:
+            self.give_up_waiting()
+        return self._ready
+
+    def peers_ready(self) -> bool:
+        """Whether every other node of the graph has said that it is ready too."""
+        if not self.announce_when_matched():
+            return False
+        if len(self.progress.ready - {self.get_name()}) >= len(self.others):
+            return True
+        self.give_up_waiting()
+        return False
+
+    def give_up_waiting(self) -> None:
+        """Raise IdloopError when the peers have had their time."""
+        limit = self.parameters["start_timeout"]
+        if self.others and time.monotonic() - self._born > limit:
+            raise IdloopError(
+                f"not all of {', '.join(self.others)} were ready within {limit:g} s; check the parameter peers "
+                "and that all of them run in one ROS domain"
+            )
+
+    # what a node fills in
+
+    def poll(self) -> None:
+        """Do what is due; called after every event and at least every `poll_period`."""
+        self.announce_when_matched()
+
+    def health(self) -> list[Status]:
+        """Return this node's checks, without the node's name."""
+        return []
+
+    def close(self) -> None:
+        """Leave the outside world in order; the last thing called while publishing still works."""
+
+    def _publish_health(self) -> None:
+        name = self.get_name()
+        statuses = [
+            Status(f"{name}: {one.name}", one.message, one.level, one.values, one.hardware_id) for one in self.health()
+        ]
+        if statuses:
+            self._health_publisher.publish(encode_diagnostics(time.time_ns(), statuses))
+
+
+class ManagedNode(StreamNode, LifecycleNode):  # type: ignore[misc]
+    """A stream node with a lifecycle: only the active state may move a motor."""
+
+    def __init__(self, kind: str, table: Table) -> None:
+        self.active = False
+        self._configured = False
+        super().__init__(kind, table)
+
+    def start_by_itself(self) -> None:
+        """Configure and activate when the parameter autostart says so."""
+        if self.parameters["autostart"]:
+            self.bring_up()
+
+    def bring_up(self) -> None:
+        """Go to the active state from wherever the node is."""
+        if not self._configured:
+            self.trigger_configure()
+        if not self.active:
+            self.trigger_activate()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Remember that only activation is left."""
+        self._configured = True
+        return super().on_configure(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Back to unconfigured."""
+        self._configured = False
+        return super().on_cleanup(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Become active."""
+        self.active = True
+        self.activated()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Become inactive: from now on only neutral values leave this node."""
+        self.active = False
+        self.deactivated()
+        return super().on_deactivate(state)
+
+    def activated(self) -> None:
+        """Do what activation needs."""
+
+    def deactivated(self) -> None:
+        """Do what deactivation needs."""

@@ -1,0 +1,51 @@
+"""Absolute deadlines on a grid of the system clock, kept by the steady clock."""
+
+from __future__ import annotations
+
+import time
+
+
+class Deadlines:
+    """Instants ``start + k * period``; a sleep to an absolute instant does not drift as a timer does.
+
+    Parameters
+    ----------
+    period_ns : int
+        Time between deadlines.
+
+    Attributes
+    ----------
+    missed : int
+        Deadlines at which the caller came more than a period late.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.missed = 0
+        self._start_ns = 0
+        self._steady_start = 0
+
+    def start(self, phase: float = 0.0, lead_ns: int = 20_000_000) -> int:
+        """Put the grid on whole periods of the system clock; return its first stamp (nanoseconds).
+
+        Parameters
+        ----------
+        phase : float
+            Part of a period by which the deadlines lie behind the stamps.
+        lead_ns : int
+            How long before the first deadline.
+        """
+        system, steady = time.time_ns(), time.monotonic_ns()
+        self._start_ns = (system + lead_ns) // self.period_ns * self.period_ns
+        self._steady_start = steady + self._start_ns - system + round(phase * self.period_ns)
+        return self._start_ns
+
+    def wait(self, index: int) -> int:
+        """Sleep until deadline `index`; return the system time of now on the same clock (nanoseconds)."""
+        target = self._steady_start + index * self.period_ns
+        now = time.monotonic_ns()
+        while now < target:
+            time.sleep((target - now) / 1e9)
+            now = time.monotonic_ns()
+        self.missed += now - target > self.period_ns
+        return self._start_ns + now - self._steady_start

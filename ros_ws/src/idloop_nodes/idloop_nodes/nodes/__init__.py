@@ -1,0 +1,1 @@
+"""One node per file; each has a function ``make`` that builds it."""

@@ -1,0 +1,272 @@
+"""The controller: joint states and reference in, joint command out, zero whenever something is wrong."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any
+
+from std_srvs.srv import Trigger
+
+from idloop.control import build_controller
+from idloop.errors import InputError
+from idloop.physics import Model, load_model
+from idloop_nodes.base import ManagedNode, PolledStream
+from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
+from idloop_nodes.deadlines import Deadlines
+from idloop_nodes.held_stream import HeldStream
+from idloop_nodes.joint_layout import output_columns, output_topic
+from idloop_nodes.rates import RateCounter
+from idloop_nodes.tables import CONTROLLER
+
+SECOND = 1_000_000_000
+JUMP_NS = SECOND  # a measurement this far from the last one means that a clock was set
+
+
+class ControllerNode(ManagedNode):
+    """Runs `idloop.control` sample by sample.
+
+    Lock-step: each measurement is answered with a command of the same stamp. Real time: a thread with
+    absolute deadlines computes from the newest measurement and stamps the command one period later.
+    """
+
+    poll_period = 0.005
+
+    def __init__(self) -> None:
+        super().__init__("controller", CONTROLLER)
+        values = self.parameters
+        model = load_model(values["model"])
+        self._period_ns = round(values["sample_time"] * SECOND)
+        self._controller = build_controller(self._specification(model))
+        known = {f"{joint}.{field}": (joint, field) for joint, field in output_columns(model)}
+        missing = [name for name in self._controller.inputs if name not in known]
+        if missing:
+            raise InputError(f"controller: {missing[0]} is no output of model {model.name} ({', '.join(known)})")
+        self._reader = JointReader([known[name] for name in self._controller.inputs])
+        self._writer = JointWriter([model.input.joint], [model.input.field])
+        self._reference = HeldStream()
+        self._excitation = HeldStream()
+        self._lockstep = values["mode"] == "lockstep"
+        self._pending: tuple[int, tuple[float, ...]] | None = None
+        self._last: int | None = None
+        self._emergency = ""
+        self._lock = threading.Lock()
+        self._answers = RateCounter()
+        self._saturated = 0
+        self._jumps = 0
+        self._silences = 0
+        self._unreadable = 0
+        self._publish = self.publisher(model.input.topic)
+        # Both streams are always subscribed, so that the start barrier knows what to expect.
+        self._inputs: tuple[tuple[PolledStream, HeldStream, JointReader, bool], ...] = (
+            self._input("reference", self._reference, ("position", "velocity"), values["use_reference"]),
+            self._input("excitation", self._excitation, ("position", "effort"), values["use_excitation"]),
+        )
+        self._deadlines = Deadlines(self._period_ns)
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._warm_up()
+        if self._lockstep:
+            self.listen(output_topic(model), self._on_measurement)
+        else:
+            self._measurements = self.poll_topic(output_topic(model))
+            self._thread = threading.Thread(target=self._run_by_clock, name="controller", daemon=True)
+        self.create_service(Trigger, "~/emergency_stop", self._on_emergency_stop)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.start_by_itself()
+        if self._thread is not None:
+            self._thread.start()
+
+    def _specification(self, model: Model) -> dict[str, Any]:
+        text = self.parameters["controller"]
+        if not text:
+            section = model.controller or {"type": "none"}
+        else:
+            import yaml
+
+            try:
+                section = yaml.safe_load(text)
+            except yaml.YAMLError as error:
+                raise InputError(f"controller: no YAML: {error}") from error
+            if not isinstance(section, dict):
+                raise InputError(f"controller: {text!r} is no mapping such as {{type: pid, kp: 1.0}}")
+        return {"sample_time": self.parameters["sample_time"], **section}
+
+    def _input(
+        self, topic: str, held: HeldStream, fields: tuple[str, ...], used: bool
+    ) -> tuple[PolledStream, HeldStream, JointReader, bool]:
+        # The joint's name is known from the first message: a reference may name any joint.
+        return self.poll_topic(topic), held, JointReader([("*", field) for field in fields]), used
+
+    def _warm_up(self) -> None:
+        """Compile before the first deadline."""
+        self._controller.step(0.0, 0.0, [0.0] * len(self._controller.inputs))
+        self._controller.reset()
+
+    def _take_inputs(self) -> None:
+        for stream, held, reader, used in self._inputs:
+            for data, _ in stream.take():
+                if not used:
+                    continue
+                try:
+                    held.push(*reader.read(data))
+                except CdrError:
+                    self._unreadable += 1
+
+    # lock-step
+
+    def _on_measurement(self, data: bytes) -> None:
+        try:
+            stamp, measured = self._reader.read(data)
+        except CdrError:
+            self._unreadable += 1
+            self._publish(self._writer.pack(peek_stamp(data), (0.0,)))
+            return
+        self._pending = (stamp, measured)
+        self._answer_pending()
+
+    def _answer_pending(self) -> None:
+        if self._pending is None:
+            return
+        stamp, measured = self._pending
+        if not self._covered(stamp):
+            self._take_inputs()
+            if not self._covered(stamp):
+                return
+        self._pending = None
+        self._publish(self._writer.pack(stamp, (self._compute(stamp, measured),)))
+
+    def _covered(self, stamp: int) -> bool:
+        return all(held.covers(stamp) for _, held, _, used in self._inputs if used)
+
+    def poll(self) -> None:
+        """Answer a measurement that had to wait for its reference."""
+        super().poll()
+        if self._lockstep:
+            self._answer_pending()
+
+    # one sample
+
+    def _compute(self, stamp: int, measured: tuple[float, ...]) -> float:
+        """Return the command for a measurement; zero whenever the node may not move anything."""
+        with self._lock:
+            self._answers.count += 1
+            if self._last is not None and not 0 < stamp - self._last < JUMP_NS:
+                self._jumps += 1
+                self._controller.reset()
+                self._last = stamp
+                return 0.0
+            self._last = stamp
+            if not self.active or self._emergency:
+                return 0.0
+            position, velocity, feedforward = self._wanted(stamp)
+            command = self._controller.step(position, velocity, measured, feedforward)
+            self._saturated += self._controller.saturated
+            return command if math.isfinite(command) else 0.0
+
+    def _wanted(self, stamp: int) -> tuple[float, float, float]:
+        position = velocity = feedforward = 0.0
+        reference = self._reference.at(stamp)
+        if reference is not None:
+            position, velocity = reference[1]
+            velocity = 0.0 if math.isnan(velocity) else velocity
+        excitation = self._excitation.at(stamp)
+        # A stream that has stopped must not leave its last push on the motor.
+        if excitation is not None and stamp - excitation[0] < 2 * self._period_ns:
+            shift, effort = excitation[1]
+            position += 0.0 if math.isnan(shift) else shift
+            feedforward = 0.0 if math.isnan(effort) else effort
+        return position, velocity, feedforward
+
+    # real time
+
+    def _run_by_clock(self) -> None:
+        deadlines = self._deadlines
+        start = deadlines.start(phase=self.parameters["phase"])
+        index, silent_since, silent = 0, start, False
+        newest: tuple[int, tuple[float, ...]] | None = None
+        while not self._stop.is_set():
+            now = deadlines.wait(index)
+            # After an overrun the deadlines that have passed are counted, not worked off.
+            index = max(index, (now - start) // self._period_ns) + 1
+            fresh = False
+            for data, _ in self._measurements.take():
+                try:
+                    newest, fresh = self._reader.read(data), True
+                except CdrError:
+                    self._unreadable += 1
+            self._take_inputs()
+            if fresh and newest is not None:
+                if silent:
+                    self._controller.reset()
+                silent_since, silent = now, False
+                command = self._compute(*newest)
+                self._publish(self._writer.pack(newest[0] + self._period_ns, (command,)))
+            elif now - silent_since > self.parameters["watchdog"] * SECOND:
+                self._silences += not silent and newest is not None
+                silent = True
+                self._publish(self._writer.pack(now, (0.0,)))
+
+    # lifecycle, services, health
+
+    def deactivated(self) -> None:
+        """Publish a zero command at once."""
+        self._controller.reset()
+        self._publish_zero()
+
+    def activated(self) -> None:
+        """Start with no memory of what was before."""
+        self._controller.reset()
+
+    def _publish_zero(self) -> None:
+        """Zero command outside the loop's rhythm; in lock-step the answers themselves are zero."""
+        if not self._lockstep:
+            self._publish(self._writer.pack((self._last or 0) + self._period_ns, (0.0,)))
+
+    def _on_emergency_stop(self, request: Any, response: Any) -> Any:  # noqa: ARG002
+        with self._lock:
+            self._emergency = "emergency stop"
+            self._publish_zero()
+        self.get_logger().warning("emergency stop: zero command until ~/reset")
+        response.success, response.message = True, "zero command until ~/reset"
+        return response
+
+    def _on_reset(self, request: Any, response: Any) -> Any:  # noqa: ARG002
+        with self._lock:
+            self._emergency = ""
+            self._controller.reset()
+        response.success, response.message = True, "controller reset"
+        return response
+
+    def close(self) -> None:
+        """Leave a zero command behind."""
+        self._stop.set()
+        if self._thread is not None and self._thread.is_alive():
+            self._thread.join(timeout=1.0)
+        self._publish_zero()
+
+    def health(self) -> list[Status]:
+        """Return loop and safety state."""
+        rate = self._answers.rate()
+        fault = self._emergency or self._controller.fault or ""
+        loop = {
+            "answers": str(self._answers.count),
+            "rate": f"{rate:.1f}",
+            "saturated": str(self._saturated),
+            "missed_deadlines": str(self._deadlines.missed),
+            "silences": str(self._silences),
+            "clock_jumps": str(self._jumps),
+            "unreadable": str(self._unreadable),
+        }
+        bad = self._deadlines.missed + self._silences + self._jumps + self._unreadable
+        level = Level.WARN if bad else Level.OK
+        state = fault or ("active" if self.active else "inactive: zero command")
+        return [
+            Status("loop", f"{rate:.0f} commands/s", level, loop),
+            Status("safety", state, Level.ERROR if fault else Level.OK, {"active": str(self.active).lower()}),
+        ]
+
+
+def make() -> ControllerNode:
+    """Build the node."""
+    return ControllerNode()

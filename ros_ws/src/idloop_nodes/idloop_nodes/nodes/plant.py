@@ -1,0 +1,207 @@
+"""The simulated machine: takes joint commands, answers with joint states."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from idloop.errors import IdloopError
+from idloop.physics import Plant, load_model
+from idloop_nodes.base import StreamNode
+from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
+from idloop_nodes.deadlines import Deadlines
+from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
+from idloop_nodes.progress import DONE, END, BackPressure
+from idloop_nodes.rates import RateCounter
+from idloop_nodes.tables import PLANT
+
+SECOND = 1_000_000_000
+
+
+class PlantNode(StreamNode):
+    """Steps `idloop.physics.Plant`: when the command arrives (lock-step) or by the clock (real time)."""
+
+    poll_period = 0.005
+
+    def __init__(self) -> None:
+        super().__init__("plant", PLANT)
+        values = self.parameters
+        model = load_model(values["model"]).with_effects(values["effects"])
+        self._plant = Plant(
+            model,
+            seed=values["seed"],
+            noise=values["noise"],
+            disturbance_std=values["disturbance_std"],
+            disturbance_time_constant=values["disturbance_time_constant"],
+        )
+        self._period = values["sample_time"]
+        self._period_ns = round(self._period * SECOND)
+        self._samples = round(values["duration"] / self._period) or None
+        self._packer = OutputPacker(output_columns(model))
+        self._reader = JointReader([(model.input.joint, model.input.field)])
+        self._start_ns = round(values["start_time"] * SECOND)
+        self._index = 0
+        self._running = False
+        self._held_back: bytes | None = None
+        self._drain_until: float | None = None
+        self._steps = RateCounter()
+        self._wrong_stamps = 0
+        self._late_commands = 0
+        self._bad_commands = 0
+        self._clock_every = max(1, round(1.0 / (values["clock_rate"] * self._period)))
+        self._window = BackPressure(values["listeners"], values["listener_window"] * self._period_ns)
+        self._window.progress = self.progress
+        self.hear_progress()
+        self._publish = self.publisher(output_topic(model))
+        self._lockstep = values["mode"] == "lockstep"
+        if self._lockstep:
+            self._publish_clock = self.publisher("/clock")
+            self.listen(model.input.topic, self._on_command)
+        else:
+            self._commands = self.poll_topic(model.input.topic)
+            self._deadlines = Deadlines(self._period_ns)
+            self._stop = threading.Event()
+            self._thread = threading.Thread(target=self._run_by_clock, name="plant", daemon=True)
+        self._plant.measure()  # compiles before the clock runs
+        self._plant.reset()
+
+    # lock-step
+
+    def poll(self) -> None:
+        """Start when everybody is there, go on when slow listeners have caught up, end when they are done."""
+        if not self._running:
+            if self._drain_until is not None:
+                self._finish_when_drained()
+            elif self.peers_ready() and self._partners():
+                self._start()
+        elif self._held_back is not None:
+            self._send(self._held_back)
+
+    def _partners(self) -> bool:
+        """Without named peers: whether somebody listens and somebody commands."""
+        if self.others:
+            return True
+        topics = [*self._publishers_by_topic.values()]
+        commands = self._subscriptions_by_topic.values()
+        return topics[0].get_subscription_count() > 0 and any(
+            one.topic_name.endswith("joint_command") and one.get_publisher_count() > 0 for one in commands
+        )
+
+    def _start(self) -> None:
+        self._running = True
+        self.get_logger().info(f"start: {self._plant.model.name}, {1.0 / self._period:g} Hz, {self.parameters['mode']}")
+        if self._lockstep:
+            self._measure()
+        else:
+            self._thread.start()
+
+    def _stamp(self) -> int:
+        return self._start_ns + self._index * self._period_ns
+
+    def _measure(self) -> None:
+        stamp = self._stamp()
+        if self._index % self._clock_every == 0:
+            self._publish_clock(encode_time(stamp))
+        self._send(self._packer.pack(stamp, self._plant.measure().tolist()))
+
+    def _send(self, message: bytes) -> None:
+        if self._window.open(self._stamp(), self._start_ns):
+            self._held_back = None
+            self._publish(message)
+        else:
+            self._window.waits += self._held_back is None
+            self._held_back = message
+
+    def _on_command(self, data: bytes) -> None:
+        stamp, (command,) = self._reader.read(data)
+        if stamp != self._stamp() or not self._running or self._held_back is not None:
+            self._wrong_stamps += 1
+            return
+        self._index += 1
+        self._plant.step(command, self._index * self._period)
+        self._steps.count += 1
+        if self._index == self._samples:
+            self._end()
+        else:
+            self._measure()
+
+    def _end(self) -> None:
+        self._running = False
+        last = self._start_ns + (self._index - 1) * self._period_ns
+        self.tell_progress(last, END)
+        self._drain_until = time.monotonic() + self.parameters["drain_timeout"]
+        self.get_logger().info(f"end: {self._index} samples, waited {self._window.waits} times for listeners")
+
+    def _finish_when_drained(self) -> None:
+        assert self._drain_until is not None
+        if self._window.finished():
+            self.tell_progress(self._stamp() - self._period_ns, DONE)
+            self.finished = True
+        elif time.monotonic() > self._drain_until:
+            raise IdloopError(
+                f"plant: {', '.join(self._window.missing())} did not finish within "
+                f"{self.parameters['drain_timeout']:g} s after the end; raise drain_timeout"
+            )
+
+    # real time
+
+    def _run_by_clock(self) -> None:
+        """Measure at every deadline; commands act at their stamps, late ones on arrival."""
+        deadlines = self._deadlines
+        self._start_ns = deadlines.start()
+        applied = 0
+        last_command = self._start_ns
+        while not self._stop.is_set():
+            now = deadlines.wait(self._index)
+            for data, _ in self._commands.take():
+                try:
+                    stamp, (command,) = self._reader.read(data)
+                    self._plant.schedule((stamp - self._start_ns) / SECOND, command)
+                except (CdrError, IdloopError):
+                    self._bad_commands += 1
+                    continue
+                self._late_commands += stamp < now - self._period_ns // 10
+                last_command, applied = now, applied + 1
+            if applied and now - last_command > self.parameters["command_timeout"] * SECOND:
+                self._plant.schedule(self._plant.time, 0.0)
+                applied = 0
+            self._plant.advance(self._index * self._period)
+            self._publish(self._packer.pack(self._stamp(), self._plant.measure().tolist()))
+            self._steps.count += 1
+            self._index += 1
+            if self._index == self._samples:
+                self._end()
+                return
+
+    def close(self) -> None:
+        """Stop the deadline thread."""
+        if not self._lockstep:
+            self._stop.set()
+            if self._thread.is_alive():
+                self._thread.join(timeout=1.0)
+
+    def health(self) -> list[Status]:
+        """Return rate, misplaced and late commands, and who holds the loop back."""
+        rate = self._steps.rate()
+        values = {
+            "steps": str(self._steps.count),
+            "rate": f"{rate:.1f}",
+            "mode": self.parameters["mode"],
+            "misplaced_commands": str(self._wrong_stamps),
+            "late_commands": str(self._late_commands),
+            "bad_commands": str(self._bad_commands),
+            "waits_for_listeners": str(self._window.waits),
+        }
+        bad = self._wrong_stamps + self._bad_commands
+        if not self._lockstep:
+            values["missed_deadlines"] = str(self._deadlines.missed)
+            bad += self._deadlines.missed
+        level = Level.WARN if bad else Level.OK
+        state = f"{rate:.0f} steps/s" if self._running else "waiting for peers" if not self._index else "at the end"
+        return [Status("loop", state, level, values)]
+
+
+def make() -> PlantNode:
+    """Build the node."""
+    return PlantNode()
+

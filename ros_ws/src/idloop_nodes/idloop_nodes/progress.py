@@ -1,0 +1,74 @@
+"""How far everybody has come: start barrier, back-pressure and end of a run over one topic.
+
+Messages on `progress` are headers. The frame says who speaks and what about:
+
+- ``name/ready``: my streams are matched with those of all my peers,
+- ``name``: I have dealt with everything up to this stamp,
+- ``name/end``: there is nothing after this stamp,
+- ``name/done``: I have dealt with everything, queued work included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+READY, END, DONE = "ready", "end", "done"
+
+
+class Progress:
+    """What has been said on `progress` so far."""
+
+    def __init__(self) -> None:
+        self.ready: set[str] = set()
+        self.done: set[str] = set()
+        self.end: int | None = None
+        self.reached: dict[str, int] = {}
+
+    def hear(self, stamp: int, frame: str) -> None:
+        """Take in one message."""
+        name, _, word = frame.partition("/")
+        if word == READY:
+            self.ready.add(name)
+        elif word == DONE:
+            self.done.add(name)
+            self.reached[name] = max(stamp, self.reached.get(name, stamp))
+        elif word == END:
+            self.end = stamp
+        else:
+            self.reached[name] = max(stamp, self.reached.get(name, stamp))
+
+
+class BackPressure:
+    """Holds a sender back while a listener is too far behind.
+
+    Parameters
+    ----------
+    listeners : iterable of str
+        Names of the nodes that must not lose anything.
+    window_ns : int
+        How far behind they may be.
+    """
+
+    def __init__(self, listeners: Iterable[str], window_ns: int) -> None:
+        self.listeners = tuple(listeners)
+        self.window_ns = window_ns
+        self.progress = Progress()
+        self.waits = 0
+        self._limit = -1
+
+    def open(self, stamp: int, start: int) -> bool:
+        """Whether `stamp` may be sent in a run that began at `start`."""
+        if not self.listeners or stamp <= self._limit:
+            return True
+        reached = self.progress.reached
+        slowest = min(reached.get(name, start) for name in self.listeners)
+        self._limit = slowest + self.window_ns
+        return stamp <= self._limit
+
+    def finished(self) -> bool:
+        """Whether every listener has said that it is done."""
+        return self.progress.done.issuperset(self.listeners)
+
+    def missing(self) -> list[str]:
+        """Listeners that have not said so."""
+        return [name for name in self.listeners if name not in self.progress.done]
