@@ -139,10 +139,15 @@ def apply_options(model: Model, settings: Sequence[str], effects: Sequence[str])
 
 
 def read_records(bags: Iterable[Path], model: Model) -> list[Record]:
-    """Read the streams that the model names from each bag."""
-    from idloop.records import read_record
+    """Read the streams that the model names from each bag; what may spoil a fit goes to stderr."""
+    from idloop import records
 
-    return [read_record(bag, model) for bag in bags]
+    found = records.read_records(bags, model)
+    for record in found:
+        for finding in record.findings:
+            if finding.level == "warning":
+                log(f"{record.name}: {finding.text}")
+    return found
 
 
 class ListOptionCommand(click.Command):
