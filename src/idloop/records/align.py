@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -25,7 +25,7 @@ Stamps = NDArray[np.int64]
 _DRIFT_NOTED = 5e-5  # s/s; crystal clocks agree better than this
 _DRIFT_REFUSED = 1e-3  # s/s; over a minute the streams would slide by 60 ms
 _DRIFTED_NOTED = 0.02  # s on the recorder's clock, above the delays of a busy machine
-_DRIFTED_REFUSED = 0.2
+_DRIFTED_REFUSED = 0.1
 
 
 class Signal(Protocol):
@@ -146,7 +146,7 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         extra = {
             name: found
             for name in ("reference", "excitation")
-            if (found := _sibling(command, model.input.topic, name)) in topics and topics[found].count
+            if (found := _sibling(command, name, topics)) in topics and topics[found].count
         }
         streams = read_streams(bag, {command, *measured, *extra.values()})
     if stamps == "receive":
@@ -170,12 +170,11 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
     return records
 
 
-def _sibling(command: str, name: str, other: str) -> str:
-    """Return the topic `other` in the namespace in which the command was found."""
-    prefix = (
-        command[: -len(name.lstrip("/"))] if command.endswith(name.lstrip("/")) else command.rsplit("/", 1)[0] + "/"
-    )
-    return prefix + other
+def _sibling(command: str, other: str, topics: Collection[str]) -> str:
+    """Return the topic `other` beside the command, or at the root beside a controller's own command topic."""
+    folder, _, name = command.rpartition("/")
+    beside = f"{folder}/{other}"
+    return beside if beside in topics or name == "joint_command" else f"/{other}"
 
 
 def _sorted_column(

@@ -65,48 +65,36 @@ class StampStatistics:
 
 def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
     """Measure the stamps of one stream, shape (n,) in nanoseconds and in the order of reception."""
-    step = np.diff(stamp_ns).astype(np.float64) * 1e-9
+    received = np.diff(stamp_ns).astype(np.float64) * 1e-9
+    ahead = received[received > 0]
+    tolerance = _REORDERED * float(np.median(ahead)) if ahead.size else 0.0
+    backward = np.flatnonzero(received < 0)
+    reset = backward[received[backward] < -tolerance] + 1
+    # Within a run of the clock the order of reception does not matter for rate and losses.
+    runs = [np.sort(run) for run in np.split(stamp_ns, reset)]
+    step = np.concatenate([np.diff(run) for run in runs]).astype(np.float64) * 1e-9
+    begin = np.concatenate([run[:-1] for run in runs]) - (stamp_ns[0] if stamp_ns.size else 0)
     forward = step[step > 0]
-    if forward.size == 0:
-        nothing = {"p50": np.nan, "p95": np.nan, "p99": np.nan, "max": np.nan}
-        back = float(-step.min()) if step.size else 0.0
-        resets = tuple(int(k) for k in np.flatnonzero(step < 0) + 1)
-        return StampStatistics(
-            int(stamp_ns.size),
-            0.0,
-            np.nan,
-            np.nan,
-            nothing,
-            False,
-            0,
-            (),
-            int((step == 0).sum()),
-            resets,
-            0,
-            max(back, 0.0),
-        )
-    period = float(np.median(forward))
-    p50, p95, p99 = np.percentile(np.abs(forward - period), [50, 95, 99])
-    low, high = np.percentile(forward, [10, 90])
-    regular = bool((high - low) < _IRREGULAR * period)
+    period = float(np.median(forward)) if forward.size else float("nan")
+    spread = np.abs(forward - period)
+    p50, p95, p99, largest = np.percentile(spread, [50, 95, 99, 100]) if forward.size else [np.nan] * 4
+    low, high = np.percentile(forward, [10, 90]) if forward.size else (0.0, 0.0)
+    regular = bool(forward.size and (high - low) < _IRREGULAR * period)
     missing = np.where(forward > _LOST * period, np.round(forward / period) - 1, 0.0)
-    backward = np.flatnonzero(step < 0)
-    reset = backward[step[backward] < -_REORDERED * period]
     wide = np.flatnonzero(step > _GAP * period)
-    gaps = tuple((float(stamp_ns[k] - stamp_ns[0]) * 1e-9, float(step[k])) for k in wide)
     return StampStatistics(
         count=int(stamp_ns.size),
-        duration=float(stamp_ns.max() - stamp_ns.min()) * 1e-9,
+        duration=float(np.ptp(stamp_ns)) * 1e-9 if stamp_ns.size else 0.0,
         period=period,
         rate=1.0 / period,
-        jitter={"p50": float(p50), "p95": float(p95), "p99": float(p99), "max": float(np.abs(forward - period).max())},
+        jitter={"p50": float(p50), "p95": float(p95), "p99": float(p99), "max": float(largest)},
         regular=regular,
         lost=int(missing.sum()) if regular else 0,
-        gaps=gaps,
-        duplicates=int((step == 0).sum()),
-        resets=tuple(int(k) + 1 for k in reset),
+        gaps=tuple((float(begin[k]) * 1e-9, float(step[k])) for k in wide),
+        duplicates=int(np.count_nonzero(step == 0)),
+        resets=tuple(int(k) for k in reset),
         reordered=int(backward.size - reset.size),
-        largest_step_back=float(-step[backward].min()) if backward.size else 0.0,
+        largest_step_back=float(-received[backward].min()) if backward.size else 0.0,
     )
 
 

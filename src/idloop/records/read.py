@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Result = TypeVar("Result")
 _MOST_LAYOUTS = 32  # more changes of layout than this: message by message is faster
 
 
@@ -101,27 +104,30 @@ def _check_readable(bag: Bag, topic: Topic) -> None:
         )
 
 
+def _decoded(bag: Bag, topic: Topic, decode: Callable[[], Result]) -> Result:
+    try:
+        return decode()
+    except Exception as error:  # noqa: BLE001 - the bytes may be anything
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise InputError(
+            f"{bag.path}: a message on {topic.name} does not decode as {topic.type} ({reason}); the file is damaged,"
+            " copy it again"
+        ) from None
+
+
+def _decode_other(bag: Bag, kind: str, payloads: list[bytes]) -> tuple[Stamps | None, tuple[str, ...], Floats]:
+    return decode_any(bag.typestore, kind, payloads)
+
+
 def decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloads: list[bytes]) -> JointStream:
     """Turn serialised messages of one topic into a `JointStream`."""
     findings: list[Finding] = []
     if topic.type == JOINT_STATE:
-        try:
-            stamp, names, values = decode_joint_states(payloads, lambda: bag.typestore)
-        except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
-            raise InputError(
-                f"{bag.path}: a message on {topic.name} does not decode as {topic.type} ({error})".replace("\n", " ")
-            ) from None
-        position, velocity, effort = values
-        if any(name == "" for name in names):
-            findings.append(Finding("unnamed_joint", f"{topic.name}: a joint has an empty name", where=topic.name))
-        stamps: NDArray[np.int64] | None = stamp
+        decode = partial(decode_joint_states, payloads, lambda: bag.typestore)
+        stamps: NDArray[np.int64] | None
+        stamps, names, (position, velocity, effort) = _decoded(bag, topic, decode)
     else:
-        try:
-            stamps, names, table = decode_any(bag.typestore, topic.type, payloads)
-        except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
-            raise InputError(
-                f"{bag.path}: a message on {topic.name} does not decode as {topic.type} ({error})".replace("\n", " ")
-            ) from None
+        stamps, names, table = _decoded(bag, topic, partial(_decode_other, bag, topic.type, payloads))
         position = velocity = effort = table
     stamped = stamps is not None and bool(np.any(stamps))
     if not stamped:

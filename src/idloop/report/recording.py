@@ -81,14 +81,19 @@ def _draw_spectrum(axes: Any, inspection: Inspection) -> None:
 
 
 def _draw_intervals(axes: Any, inspection: Inspection) -> None:
+    widest = [np.inf, -np.inf]
     for index, (topic, stream) in enumerate(inspection.streams.items()):
         step = np.diff(stream.stamp_ns) * 1e-6
         if step.size < 2:
             continue
         share = np.arange(1, step.size + 1) / step.size
+        median = float(np.median(step))
+        widest = [min(widest[0], float(step.min()), 0.9 * median), max(widest[1], float(step.max()), 1.1 * median)]
         style.line(axes, np.sort(step), share, label=topic, **style.model_look(index))
     axes.set_title("intervals between stamps", loc="left")
     axes.set_xlabel(style.label("interval", "ms"))
     axes.set_ylabel(style.label("share below", None))
     if axes.get_legend_handles_labels()[0]:
+        # Not closer than this: rounding of the stamps would look like jitter.
+        axes.set_xlim(*widest)
         axes.legend(loc="lower right")
