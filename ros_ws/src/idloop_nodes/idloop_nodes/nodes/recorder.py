@@ -1,0 +1,175 @@
+"""The recorder: every message as it came, in a rosbag2 directory, with every loss counted."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+
+from idloop.errors import IdloopError
+from idloop_nodes.bag_writer import BagWriter, choose_folder
+from idloop_nodes.base import PolledStream, StreamNode
+from idloop_nodes.canonical_order import CanonicalOrder, rank_topics
+from idloop_nodes.codec import Level, Status, peek_stamp
+from idloop_nodes.progress import DONE
+from idloop_nodes.rates import RateCounter
+from idloop_nodes.sequence_check import SequenceCheck
+from idloop_nodes.tables import RECORDER
+from idloop_nodes.wiring import JOINT_STATE, TOPICS
+
+SECOND = 1_000_000_000
+SLACK = 1200  # samples by which streams may run apart before they are written in order
+DRAIN_QUIET = 0.1  # seconds without a message after which nothing more is expected at the end
+DRAIN_LIMIT = 3.0
+
+Batch = list[tuple[str, int, bytes]]  # topic, log time, payload
+
+
+class RecorderNode(StreamNode):
+    """Polls raw subscriptions and hands batches to a writer thread; a slow disk never holds a subscription up.
+
+    Lock-step: log time is the message's stamp and the order is canonical, so that equal runs give equal bags.
+    Real time: log time is the time of arrival.
+    """
+
+    poll_period = 0.01
+
+    def __init__(self) -> None:
+        super().__init__("recorder", RECORDER)
+        values = self.parameters
+        self._lockstep = values["mode"] == "lockstep"
+        self._period_ns = round(values["sample_time"] * SECOND)
+        self._topics = list(dict.fromkeys(values["topics"]))
+        self._ranks = rank_topics(self._topics)
+        self._by_rank = {rank: topic for topic, rank in self._ranks.items()}
+        self._checks = {topic: SequenceCheck(self._period_ns) for topic in self._topics}
+        self._streams: dict[str, PolledStream] = {topic: self.poll_topic(topic) for topic in self._topics}
+        self.hear_progress()
+        # full names, as every other recorder would write them
+        self._names = {topic: stream.subscription.topic_name for topic, stream in self._streams.items()}
+        types = {self._names[topic]: TOPICS.get(topic, (JOINT_STATE, ""))[0] for topic in self._topics}
+        folder = choose_folder(values["bag"], values["directory"], values["prefix"])
+        self._writer = BagWriter(
+            folder,
+            types,
+            os.environ.get("ROS_DISTRO", "kilted"),
+            split_bytes=int(values["split_size"] * 1e6),
+            split_ns=int(values["split_duration"] * SECOND),
+        )
+        self._order = CanonicalOrder()
+        self._watermark = -1
+        self._batches: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
+        self._waiting = 0
+        self._overflow = 0
+        self._written = RateCounter()
+        self._told = -1
+        self._done = False
+        self._failure = ""
+        self._thread = threading.Thread(target=self._write, name="writer", daemon=True)
+        self._thread.start()
+        self.get_logger().info(f"recording {len(self._topics)} topics to {folder}")
+
+    def poll(self) -> None:
+        """Empty the subscriptions, pass on what is due, tell how far everything is."""
+        super().poll()
+        if self._failure:
+            raise IdloopError(self._failure)
+        self._collect()
+        self._hand_over()
+        self._report()
+
+    def _collect(self) -> int:
+        batch: Batch = []
+        count = 0
+        for topic, stream in self._streams.items():
+            check, rank, name = self._checks[topic], self._ranks[topic], self._names[topic]
+            for data, information in stream.take():
+                count += 1
+                stamp = peek_stamp(data)
+                check.take(information, stamp)
+                if self._lockstep:
+                    self._order.add(stamp, rank, data)
+                    if topic == "joint_states":
+                        self._watermark = stamp
+                else:
+                    batch.append((name, information.get("received_timestamp") or time.time_ns(), data))
+        self._queue(sorted(batch, key=lambda one: one[1]))
+        return count
+
+    def _hand_over(self, everything: bool = False) -> None:
+        if not self._lockstep:
+            return
+        until = None if everything else self._watermark - SLACK * self._period_ns
+        due = self._order.take(until)
+        self._queue([(self._names[self._by_rank[rank]], stamp, data) for stamp, rank, data in due])
+
+    def _queue(self, batch: Batch) -> None:
+        if not batch:
+            return
+        if self._waiting + len(batch) > self.parameters["queue_limit"]:
+            self._overflow += len(batch)
+            return
+        self._waiting += len(batch)
+        self._batches.put(batch)
+
+    def _report(self) -> None:
+        # Back-pressure asks what has been received: the rest is in this process and cannot be overrun.
+        if self._watermark >= 0 and self._watermark - self._told >= 100 * self._period_ns:
+            self._told = self._watermark
+            self.tell_progress(self._watermark)
+        end = self.progress.end
+        if end is not None and not self._done and self._watermark >= end:
+            self._done = True
+            self.tell_progress(end, DONE)
+
+    def _write(self) -> None:
+        """Run in the writer thread: disk pauses of milliseconds stay here."""
+        while (batch := self._batches.get()) is not None:
+            try:
+                for topic, log_time, data in batch:
+                    self._writer.write(topic, log_time, data)
+            except OSError as error:
+                self._failure = f"recording to {self._writer.folder} failed: {error.strerror}"
+                return
+            self._waiting -= len(batch)
+            self._written.count += len(batch)
+
+    def close(self) -> None:
+        """Take in what is still on its way, then finish the bag."""
+        quiet_since = started = time.monotonic()
+        while (now := time.monotonic()) - quiet_since < DRAIN_QUIET and now - started < DRAIN_LIMIT:
+            if self._collect():
+                quiet_since = now
+            time.sleep(0.005)
+        self._hand_over(everything=True)
+        self._batches.put(None)
+        self._thread.join()
+        self._writer.close()
+        lost = sum(check.lost for check in self._checks.values())
+        self.get_logger().info(
+            f"recorded {self._writer.count} messages to {self._writer.folder}, lost {lost}, dropped {self._overflow}"
+        )
+
+    def health(self) -> list[Status]:
+        """Return rates, losses of every topic and the queue."""
+        lost = {topic: check.lost for topic, check in self._checks.items()}
+        total = sum(lost.values()) + self._overflow
+        values = {
+            "bag": str(self._writer.folder),
+            "written": str(self._written.count),
+            "rate": f"{self._written.rate():.1f}",
+            "waiting": str(self._waiting),
+            "dropped_by_queue": str(self._overflow),
+        }
+        values |= {f"received/{topic}": str(check.received) for topic, check in self._checks.items()}
+        values |= {f"lost/{topic}": str(count) for topic, count in lost.items()}
+        level = Level.ERROR if self._failure else Level.WARN if total else Level.OK
+        text = self._failure or f"{self._written.count} messages, {total} lost"
+        return [Status("recording", text, level, values)]
+
+
+def make() -> RecorderNode:
+    """Build the node."""
+    return RecorderNode()
+
