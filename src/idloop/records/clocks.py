@@ -11,7 +11,8 @@ from idloop.records.finding import Finding
 
 Stamps = NDArray[np.int64]
 
-_IRREGULAR = 0.5  # spread of the middle 80 % of the intervals, relative to the median
+_OFF_GRID = 0.3  # periods that an interval may lie beside a whole number of periods
+_REGULAR = 0.9  # share of such intervals that makes a grid
 _LOST = 1.5  # an interval longer than this many periods misses a sample
 _GAP = 10.0  # ... and longer than this many is a gap worth naming
 _REORDERED = 3.0  # a step back of at most this many periods is the transport's doing, not the clock's
@@ -78,9 +79,10 @@ def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
     period = float(np.median(forward)) if forward.size else float("nan")
     spread = np.abs(forward - period)
     p50, p95, p99, largest = np.percentile(spread, [50, 95, 99, 100]) if forward.size else [np.nan] * 4
-    low, high = np.percentile(forward, [10, 90]) if forward.size else (0.0, 0.0)
-    regular = bool(forward.size and (high - low) < _IRREGULAR * period)
-    missing = np.where(forward > _LOST * period, np.round(forward / period) - 1, 0.0)
+    periods = np.round(forward / period)
+    on_grid = (periods >= 1) & (np.abs(forward / period - periods) < _OFF_GRID)
+    regular = bool(forward.size) and bool(on_grid.mean() > _REGULAR)
+    missing = np.where(forward > _LOST * period, periods - 1, 0.0)
     wide = np.flatnonzero(step > _GAP * period)
     return StampStatistics(
         count=int(stamp_ns.size),

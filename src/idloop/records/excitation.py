@@ -91,7 +91,7 @@ def analyse_command(time: Floats, value: Floats) -> Excitation:
 def power_spectrum(time: Floats, value: Floats) -> tuple[Floats, Floats]:
     """Return frequency [Hz] and share of the power per line of a held command, mean removed."""
     period = float(np.median(np.diff(time)))
-    count = int(min((time[-1] - time[0]) / period + 1, _LONGEST_SPECTRUM))
+    count = min(round((time[-1] - time[0]) / period) + 1, _LONGEST_SPECTRUM)
     grid = time[0] + period * (np.arange(count) + 0.5)
     held = resample_held(time, value, grid)
     power: Floats = np.abs(np.fft.rfft(held - held.mean())) ** 2

@@ -188,7 +188,7 @@ def _read_mat(path: Path, _: dict[str, Any]) -> Table:
 
 def _read_npz(path: Path, _: dict[str, Any]) -> Table:
     try:
-        with np.load(path, allow_pickle=False) as content:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             return _from_tree(path, {name: content[name] for name in content.files})
     except (OSError, ValueError, EOFError) as error:
         raise InputError(

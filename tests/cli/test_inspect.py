@@ -1,0 +1,68 @@
+"""`idloop inspect`: tables and sentences for people, one document with --json, a figure with --plot."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from idloop.cli import main
+from idloop.records import make_stream, write_bag
+
+
+@pytest.fixture
+def bag(tmp_path):
+    stamps = 10**9 + 10**7 * np.arange(500)
+    command = np.where(np.arange(500) // 30 % 2, 1.0, -1.0)
+    return write_bag(
+        tmp_path / "bag",
+        [
+            make_stream("joint_command", stamps, {"motor": {"effort": command}}),
+            make_stream("joint_states", stamps, {"motor": {"position": np.cumsum(command)}}),
+        ],
+    )
+
+
+def _run(capsys, *words):
+    code = main.run(["inspect", *map(str, words)])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_for_people(bag, capsys):
+    code, out, _ = _run(capsys, bag)
+    assert code == 0
+    for words in ("/joint_states", "motor.effort", "two levels", "Verdict: usable for identification"):
+        assert words in out
+
+
+def test_json_and_plot(bag, tmp_path, capsys):
+    figure = tmp_path / "figure.svg"
+    code, out, _ = _run(capsys, bag, "--json", "--plot", figure)
+    assert code == 0
+    document = json.loads(out)
+    assert document["schema"] == "idloop/inspect/1"
+    assert document["commands"]["motor.effort"]["levels"] == 2
+    drawn = figure.read_text()
+    for words in ("motor.effort [command unit]", "time [s]", "frequency [Hz]", "interval [ms]"):
+        assert words in drawn
+
+
+def test_command_topic(bag, capsys):
+    assert json.loads(_run(capsys, bag, "--json", "--command", "joint_states")[1])["command_topic"] == "/joint_states"
+
+
+def test_the_real_idle_axis(data_dir, tmp_path, capsys):
+    path = data_dir / "odrive_rosbag2_idle" / "rosbag2_2024_08_22-12_20_42"
+    code, out, _ = _run(capsys, path, "--plot", tmp_path / "figure.png")
+    assert code == 0
+    assert "nothing can be identified" in out
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("words", [["nowhere"], ["{bag}", "--command", "joint_comand"], ["{bag}", "--distro", "jazy"]])
+def test_mistakes(bag, capsys, words):
+    code, out, err = _run(capsys, *(word.format(bag=bag) for word in words))
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1

@@ -1,0 +1,105 @@
+"""Files of four formats become the same columns; damaged ones are refused with one line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from idloop.errors import InputError
+from idloop.records.tables import read_table
+
+T, U = [0.0, 0.1, 0.2], [1.0, -1.0, 2.5]
+
+
+def _csv(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+CSV = {
+    "comma": "t,u\n0,1\n0.1,-1\n0.2,2.5\n",
+    "trailing comma, quotes": '"t","u",\n0,1,\n0.1,-1,\n0.2,2.5,\n',
+    "tab": "t\tu\n0\t1\n0.1\t-1\n0.2\t2.5\n",
+    "blanks": "t   u\n0   1\n0.1  -1\n0.2 2.5\n",
+    "comments and empty lines": "# made by hand\n\nt;u\n0;1\n0.1;-1\n\n0.2;2.5\n",
+    "byte order mark": "\ufefft,u\n0,1\n0.1,-1\n0.2,2.5\n",
+}
+
+
+@pytest.mark.parametrize("name", CSV)
+def test_csv_dialects(tmp_path, name):
+    table = read_table(_csv(tmp_path / "a.csv", CSV[name]))
+    assert list(table.columns) == ["t", "u"]
+    np.testing.assert_array_equal(table.numbers("t"), T)
+    np.testing.assert_array_equal(table.numbers("u"), U)
+
+
+def test_csv_without_header_and_with_decimal_commas(tmp_path):
+    table = read_table(_csv(tmp_path / "a.csv", "0;1\n0,1;-1\n0,2;2,5\n"), options={"decimal": ","})
+    np.testing.assert_array_equal(table.numbers(0), T)
+    np.testing.assert_array_equal(table.numbers("1"), U)
+
+
+def test_empty_cells_are_not_measured(tmp_path):
+    table = read_table(_csv(tmp_path / "a.csv", "t,u\n0,\n0.1,3\n"))
+    np.testing.assert_array_equal(table.numbers("u"), [np.nan, 3.0])
+
+
+def test_mat_npz_and_json_agree(tmp_path):
+    from scipy.io import savemat
+
+    savemat(
+        tmp_path / "a.mat", {"data": {"t": np.array(T)[:, None], "u": np.array(U)}, "gain": 3.5, "two": np.ones((3, 2))}
+    )
+    np.savez(tmp_path / "a.npz", t=T, u=U, gain=3.5)
+    (tmp_path / "a.json").write_text(
+        json.dumps({"gain": 3.5, "rows": [{"t": t, "u": u} for t, u in zip(T, U, strict=True)]})
+    )
+    (tmp_path / "b.json").write_text(json.dumps({"t": T, "u": U, "gain": 3.5}))
+    for name, prefix, options in (
+        ("a.mat", "data.", {}),
+        ("a.npz", "", {}),
+        ("a.json", "", {"entries": "rows"}),
+        ("b.json", "", {}),
+    ):
+        table = read_table(tmp_path / name, options=options)
+        np.testing.assert_array_equal(table.numbers(prefix + "t"), T)
+        np.testing.assert_array_equal(table.numbers(prefix + "u"), U)
+        assert table.attributes["gain"] == 3.5
+    assert {"two[0]", "two[1]"} <= set(read_table(tmp_path / "a.mat").columns)
+
+
+BAD = {
+    "cell that is no number": ("a.csv", b"t,u\n0,1\n0.1,one\n", "row 1 of column 'u' is 'one'"),
+    "row cut off": ("a.csv", b"t,u\n0,1\n0.1", "row 1 has 1 cells instead of 2"),
+    "column twice": ("a.csv", b"u,u\n0,1\n", "'u' occurs twice"),
+    "no rows": ("a.csv", b"", "no rows"),
+    "not text": ("a.csv", b"\xff\xfe\x00,\x91\n", "not a text file"),
+    "damaged MAT": ("a.mat", b"MATLAB 5.0 rubbish" * 20, "not a readable MAT file"),
+    "damaged NPZ": ("a.npz", b"PK\x03\x04rubbish", "not a readable NPZ file"),
+    "damaged JSON": ("a.json", b'{"a": [1, 2', "not valid JSON"),
+    "JSON without samples": ("a.json", b"3", "neither a list of samples"),
+    "unknown format": ("a.xlsx", b"PK", "unknown format '.xlsx'"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_files(tmp_path, name):
+    file, content, words = BAD[name]
+    (tmp_path / file).write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_table(tmp_path / file).numbers("u")
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_misspelt_names(tmp_path):
+    path = _csv(tmp_path / "data.csv", "time,speed\n0,1\n")
+    with pytest.raises(InputError, match=r"did you mean 'data\.csv'"):
+        read_table(tmp_path / "date.csv")
+    with pytest.raises(InputError, match="did you mean 'speed'"):
+        read_table(path).numbers("sped")
+    with pytest.raises(InputError, match="no column 5"):
+        read_table(path).numbers(5)
