@@ -117,18 +117,19 @@ def read_records(
     model: ModelSignals,
     *,
     stamps: Literal["header", "receive"] = "header",
+    split: bool = False,
     wrap: Mapping[str, float] | None = None,
     distro: str | None = None,
 ) -> list[Record]:
-    """Read one or several bags as one experiment: a list of records, one per run of the clock.
+    """Read one or several bags as one experiment: a list of records.
 
-    Parameters and errors as in `read_record`, except that a bag in which the clock was set back gives one
-    record for each run.
+    Parameters and errors as in `read_record`; with `split` a bag in which the clock was set back gives one
+    record for each run instead of an error.
     """
     paths = [bags] if isinstance(bags, Path | str) else list(bags)
     records = []
     for path in paths:
-        for record in _read_runs(Path(path), model, stamps, distro, split=True):
+        for record in _read_runs(Path(path), model, stamps, distro, split=split):
             whole = record
             for name, span in (wrap or {}).items():
                 whole = whole.unwrapped(name, span)

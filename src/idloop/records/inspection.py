@@ -17,7 +17,6 @@ from idloop.records.clocks import StampStatistics, compare_clocks, stamp_finding
 from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
 from idloop.records.insight import Evidence, insights, verdict
-from idloop.records.mapping import load_mapping, ready_mappings
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
 from idloop.records.stream import FIELDS, JointStream
@@ -156,6 +155,9 @@ def inspect_bag(
     InputError
         Bag missing, empty, damaged, or `command` not in it.
     """
+    # Only here: validation of mapping files is slow to load.
+    from idloop.records.mapping import load_mapping, ready_mappings
+
     path = Path(path)
     known_definitions = {
         name: text for ready in ready_mappings() for name, text in load_mapping(ready).definitions.items()

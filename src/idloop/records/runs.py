@@ -50,5 +50,5 @@ def backwards_message(path: Path, streams: Mapping[str, JointStream], resets: Ma
     return (
         f"{path}: time runs backwards on {topic} (message {at} of {len(streams[topic])}: {back:.6g} s back; clock"
         " set back "
-        f"{len(parts) - 1} times); record one run per bag, or read the runs apart with read_records()"
+        f"{len(parts) - 1} times); record one run per bag, or read the runs apart with read_records(split=True)"
     )
