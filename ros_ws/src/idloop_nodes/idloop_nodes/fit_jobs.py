@@ -144,7 +144,6 @@ class FitWorker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
-            start_new_session=True,  # Ctrl-C is for the estimator, which ends its worker itself
         )
         threading.Thread(target=self._listen, args=(self._process,), name="fits", daemon=True).start()
 

@@ -78,7 +78,17 @@ class EstimatorNode(StreamNode):
         self._recursion_failed = ""
         values.check = self._check
         values.apply = self._apply
+        self._warm_up(len(columns))
         self.create_service(Trigger, "~/refit", self._on_refit)
+
+    def _warm_up(self, outputs: int) -> None:
+        """Compile before the first sample: the loop would wait for it."""
+        trial = self._make_recursive()
+        if trial is None:
+            return
+        count = 2 * trial.block + 1
+        time = np.arange(count) * self.parameters["sample_time"]
+        trial.update_block(time, np.sign(np.sin(time * 50.0)), np.zeros((count, outputs)))
 
     # parameters
 

@@ -1,0 +1,90 @@
+"""``python -m idloop_nodes.document [FILE]``: the reference of all nodes, from the tables that the nodes run on."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from idloop_nodes.parameters import NodeParameter
+from idloop_nodes.tables import tables
+from idloop_nodes.wiring import NODES, TOPICS
+
+ABOUT = {
+    "excitation": "Builds the whole signal once and publishes it ahead of the clock, each sample stamped with the "
+    "time at which it holds. Lifecycle node: inactive, it publishes neutral values.",
+    "controller": "Computes the command from measurement, reference and excitation. Lifecycle node: inactive, after "
+    "an emergency stop, on a measurement that is not finite or absent, and at its end the command is zero.",
+    "plant": "Simulates the machine. In lock-step it steps when the command arrives and waits for slow listeners; "
+    "in real time it measures at absolute deadlines.",
+    "recorder": "Writes every message as it came into a rosbag2 directory (mcap, 16 KiB chunks) and counts every loss.",
+    "estimator": "Predicts every sample, fits a sliding window in a worker process, judges the fit on the samples "
+    "after the window.",
+    "replay": "Plays a recording into the live graph, byte for byte.",
+}
+SERVICES = {
+    "excitation": {"~/start": "start the signal from its beginning", "~/stop": "neutral values from the next sample"},
+    "controller": {"~/emergency_stop": "zero command until reset", "~/reset": "clear stop, fault and memory"},
+    "estimator": {"~/refit": "fit the newest window now"},
+}
+EXAMPLE = {
+    "excitation": "-p signal:=prbs -p prbs.band_hz:=10.0 -p amplitude:=0.6",
+    "controller": "-p model:=torsion",
+    "plant": "-p model:=torsion -p duration:=10.0 -p effects:=\"['coulomb_friction@motor(level=0.01)']\"",
+    "recorder": "-p bag:=bags/first",
+    "estimator": "-p model:=torsion -p window:=10.0",
+    "replay": "-p bag:=bags/first -p rate:=1.0",
+}
+
+
+def document() -> str:
+    """Return the reference as Markdown."""
+    lines = [
+        "# Nodes",
+        "",
+        "Written by `python -m idloop_nodes.document docs/nodes.md`; do not edit.",
+        "Each node is its own process: `ros2 run idloop_nodes NODE`, or `python -m idloop_nodes NODE`.",
+        "Every node publishes `/diagnostics` once a second and `progress`.",
+        "",
+        "## Topics",
+        "",
+        *_table(("topic", "type", "content"), ((f"`{name}`", kind, text) for name, (kind, text) in TOPICS.items())),
+    ]
+    for kind, table in tables().items():
+        lines += _section(kind, table)
+    return "\n".join(lines) + "\n"
+
+
+def _section(kind: str, table: Iterable[NodeParameter]) -> list[str]:
+    wiring = NODES[kind]
+    lines = ["", f"## {kind}", "", ABOUT[kind], ""]
+    lines.append("Publishes: " + (", ".join(f"`{one}`" for one in wiring.publishes) or "only the common topics") + ".  ")
+    lines.append("Subscribes: " + (", ".join(f"`{one}`" for one in wiring.subscribes) or "none") + ".")
+    if kind in SERVICES:
+        lines += ["", *_table(("service (std_srvs/Trigger)", "does"), ((f"`{k}`", v) for k, v in SERVICES[kind].items()))]
+    lines += ["", *_table(("parameter", "type", "default", "range", "unit", "meaning"), map(_row, table))]
+    lines += ["", f"    ros2 run idloop_nodes {kind} --ros-args {EXAMPLE[kind]}"]
+    return lines
+
+
+def _row(spec: NodeParameter) -> tuple[str, ...]:
+    default = "not set" if spec.default is None else repr(spec.default) if spec.default != () else "none"
+    if isinstance(spec.default, tuple) and spec.default:
+        default = ", ".join(map(str, spec.default))
+    text = spec.description + (" Fixed at the start." if spec.read_only else "")
+    return f"`{spec.name}`", spec.ros_type, default, spec.range_text.replace("|", "/"), spec.unit, text
+
+
+def _table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    return [
+        "| " + " | ".join(header) + " |",
+        "|" + "---|" * len(header),
+        *("| " + " | ".join(one.replace("|", "\\|") for one in row) + " |" for row in rows),
+    ]
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        Path(sys.argv[1]).write_text(document(), encoding="utf-8")
+    else:
+        print(document(), end="")

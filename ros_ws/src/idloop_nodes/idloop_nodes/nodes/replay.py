@@ -1,0 +1,130 @@
+"""Replay: plays a recording into the live graph, byte for byte, so that listeners see what they saw then."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from idloop.errors import IdloopError, InputError
+from idloop_nodes.base import StreamNode
+from idloop_nodes.codec import Level, Status, peek_stamp
+from idloop_nodes.progress import DONE, END, BackPressure
+from idloop_nodes.rates import RateCounter
+from idloop_nodes.tables import REPLAY
+from idloop_nodes.wiring import JOINT_STATE
+
+SECOND = 1_000_000_000
+BURST = 500  # messages in one go, so that services stay answered
+
+
+class ReplayNode(StreamNode):
+    """Publishes the chosen topics of a bag in the order of the bag."""
+
+    poll_period = 0.001
+
+    def __init__(self) -> None:
+        super().__init__("replay", REPLAY)
+        values = self.parameters
+        if not values["bag"]:
+            raise InputError("parameter bag: name the recording to play, -p bag:=FOLDER")
+        self._bag = Path(values["bag"])
+        if not self._bag.exists():
+            raise InputError(f"no bag {self._bag}: check the path")
+        self._messages = self._read(self._bag, set(values["topics"]))
+        self._publish = {topic: self.publisher(topic) for topic in values["topics"]}
+        self.hear_progress()
+        self._next = next(self._messages, None)
+        if self._next is None:
+            raise InputError(f"bag {self._bag} holds none of {', '.join(values['topics'])} as joint states")
+        self._start_ns = self._next[1]
+        self._last_measurement = self._start_ns
+        self._window = BackPressure(values["listeners"], self._window_ns())
+        self._window.progress = self.progress
+        self._began: float | None = None
+        self._drain_until: float | None = None
+        self._sent = RateCounter()
+
+    def _read(self, bag: Path, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Yield (topic, stamp, payload) in the order of the bag."""
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+
+        try:
+            with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
+                chosen = {}
+                for one in reader.connections:
+                    names = [topic for topic in topics if one.topic == topic or one.topic.endswith("/" + topic)]
+                    if names and one.msgtype == JOINT_STATE:
+                        chosen[one.id] = names[0]
+                wanted = [one for one in reader.connections if one.id in chosen]
+                for connection, _, data in reader.messages(wanted) if wanted else ():
+                    payload = bytes(data)
+                    yield chosen[connection.id], peek_stamp(payload), payload
+        except (AnyReaderError, OSError) as error:
+            raise InputError(f"bag {bag} cannot be read: {error}") from error
+
+    def _window_ns(self) -> int:
+        """Return the window in time: the bag's own rate decides what a sample is."""
+        stamps = []
+        for topic, stamp, _ in self._read(self._bag, {"joint_states"}):
+            if topic == "joint_states":
+                stamps.append(stamp)
+            if len(stamps) > 100:
+                break
+        period = (stamps[-1] - stamps[0]) // (len(stamps) - 1) if len(stamps) > 1 else SECOND // 1000
+        return int(self.parameters["listener_window"]) * max(period, 1)
+
+    def poll(self) -> None:
+        """Publish what is due."""
+        if self._drain_until is not None:
+            self._finish_when_drained()
+        elif self._began is None:
+            if self.peers_ready():
+                self._began = time.monotonic()
+        else:
+            self._play(self._began)
+
+    def _play(self, began: float) -> None:
+        rate = self.parameters["rate"]
+        for _ in range(BURST):
+            if self._next is None:
+                self._end()
+                return
+            topic, stamp, payload = self._next
+            if rate > 0.0 and (stamp - self._start_ns) / SECOND > rate * (time.monotonic() - began):
+                return
+            if not self._window.open(stamp, self._start_ns):
+                return
+            self._publish[topic](payload)
+            self._sent.count += 1
+            if topic == "joint_states":
+                self._last_measurement = stamp
+            self._next = next(self._messages, None)
+
+    def _end(self) -> None:
+        self.tell_progress(self._last_measurement, END)
+        self._drain_until = time.monotonic() + self.parameters["drain_timeout"]
+        self.get_logger().info(f"end: {self._sent.count} messages of {self._bag}")
+
+    def _finish_when_drained(self) -> None:
+        assert self._drain_until is not None
+        if self._window.finished():
+            self.tell_progress(self._last_measurement, DONE)
+            self.finished = True
+        elif time.monotonic() > self._drain_until:
+            raise IdloopError(
+                f"{', '.join(self._window.missing())} did not finish within "
+                f"{self.parameters['drain_timeout']:g} s after the end; raise drain_timeout"
+            )
+
+    def health(self) -> list[Status]:
+        """Return how far the bag has been played."""
+        values: dict[str, Any] = {"bag": str(self._bag), "sent": str(self._sent.count)}
+        return [Status("playing", f"{self._sent.rate():.0f} messages/s", Level.OK, values)]
+
+
+def make() -> ReplayNode:
+    """Build the node."""
+    return ReplayNode()

@@ -1,0 +1,76 @@
+"""`idloop launch`: starts a node graph without `ros2 launch`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from idloop.cli import _common
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.graph import Graph
+
+
+def parse_arguments(words: Sequence[str]) -> dict[str, str]:
+    """Split "name:=value" words.
+
+    Raises
+    ------
+    InputError
+        When a word has another form.
+    """
+    values: dict[str, str] = {}
+    for word in words:
+        name, sign, value = word.partition(":=")
+        if not sign or not name:
+            raise InputError(f"{word!r} is no argument of a graph: write name:=value, as in duration:=10")
+        values[name] = value
+    return values
+
+
+def describe(graph: Graph) -> list[tuple[str, str, str]]:
+    """Return name, value and description of every argument."""
+    return [(one.name, graph.values.get(one.name, ""), one.description) for one in graph.arguments]
+
+
+@click.command("launch", short_help="Start a node graph without ros2 launch.")
+@click.argument("graph", required=False, metavar="GRAPH")
+@click.argument("arguments", nargs=-1, metavar="[NAME:=VALUE]...")
+@click.option("--show-args", is_flag=True, help="List the graph's arguments and stop.")
+@click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of this graph alone (ROS_DOMAIN_ID).")
+@_common.json_option
+def command(graph: str | None, arguments: tuple[str, ...], show_args: bool, domain: int | None, as_json: bool) -> None:
+    """Start GRAPH, one process per node, and end it when the run is over or at Ctrl-C.
+
+    GRAPH is the name of a graph that comes with idloop (none: they are listed) or a ROS 2 YAML launch file.
+    """
+    from idloop.graph import graph_names, load_graph, run_graph
+
+    if graph is None:
+        names = graph_names()
+        if as_json:
+            _common.print_json({"schema": "idloop/launch/1", "graphs": names})
+        else:
+            click.echo("\n".join(names))
+        return
+    description = load_graph(graph, parse_arguments(arguments))
+    if show_args:
+        if as_json:
+            rows = [{"name": name, "value": value, "description": text} for name, value, text in describe(description)]
+            _common.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": rows})
+        else:
+            _common.print_table(("argument", "value", "description"), describe(description))
+        return
+    ended = run_graph(description, say=lambda label, line: _common.log(f"[{label}] {line}"), domain_id=domain)
+    if as_json:
+        _common.print_json(
+            {
+                "schema": "idloop/launch/1",
+                "graph": description.name,
+                "arguments": description.values,
+                "ended": "by itself" if ended else "stopped",
+            }
+        )

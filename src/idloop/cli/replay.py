@@ -1,0 +1,83 @@
+"""`idloop replay`: plays a bag into a live estimator, which sees what it saw then."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import click
+
+from idloop.cli import _common
+from idloop.errors import IdloopError
+
+
+def _sample_time(bag: Path, model: Any) -> float:
+    """Return the measured period of a bag, rounded to what a person would have set."""
+    from idloop.records import read_record
+
+    period = float(read_record(bag, model).sample_time)
+    return float(f"{period:.4g}")
+
+
+@click.command("replay", short_help="Play a bag into the live graph.")
+@click.argument("bag", type=_common.BAG, metavar="BAG")
+@click.option("--model", "model_name", default="dc_motor", show_default=True, metavar="MODEL", help="Model to fit.")
+@click.option("--effect", "effects", multiple=True, metavar="NAME@SITE(...)", help="Effect added to the model.")
+@click.option("--window", type=float, default=20.0, show_default=True, help="Seconds of data a fit uses.")
+@click.option("--validation", type=float, default=10.0, show_default=True, help="Seconds after it that judge the fit.")
+@click.option("--fit-period", type=float, default=10.0, show_default=True, help="Seconds between fits.")
+@click.option("--rate", type=float, default=0.0, help="Times real time; 0: as fast as the nodes acknowledge.")
+@click.option("--output", type=click.Path(path_type=Path), help="Keep what the estimator said in this new bag.")
+@click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of this graph alone (ROS_DOMAIN_ID).")
+@_common.json_option
+def command(
+    bag: Path,
+    model_name: str,
+    effects: tuple[str, ...],
+    window: float,
+    validation: float,
+    fit_period: float,
+    rate: float,
+    output: Path | None,
+    domain: int | None,
+    as_json: bool,
+) -> None:
+    """Play BAG into a live graph of estimator and recorder; print the last fit and its parameters."""
+    from idloop.graph import load_graph, read_results, run_graph
+    from idloop.physics import load_model
+
+    model = load_model(model_name).with_effects(list(effects))
+    values = {
+        "play": str(bag.absolute()),
+        "model": model_name,
+        "effects": repr(list(effects) or [""]),
+        "sample_time": repr(_sample_time(bag, model)),
+        "window": repr(window),
+        "validation": repr(validation),
+        "fit_period": repr(fit_period),
+        "rate": repr(rate),
+    }
+    with tempfile.TemporaryDirectory(prefix="idloop_replay_") as folder:
+        target = output or Path(folder) / "replay"
+        graph = load_graph("replay", values | {"bag": str(target)})
+        if not run_graph(graph, say=lambda label, line: _common.log(f"[{label}] {line}"), domain_id=domain):
+            raise IdloopError("stopped before the end of the bag")
+        result = read_results(target)
+    if not result.fits or result.error:
+        raise IdloopError(result.error or "no fit: the bag is shorter than window plus validation; shorten them")
+    if as_json:
+        _common.print_json({"schema": "idloop/replay/1", "bag": bag, "model": model_name, "result": result})
+        return
+    _common.print_table(
+        ("output", "FIT on unseen data", "FIT on the fit's data"),
+        [(name, f"{value:.2f} %", f"{result.fit_train[name]:.2f} %") for name, value in result.fit.items()],
+    )
+    click.echo()
+    _common.print_table(
+        ("parameter", "value", "standard error", "unit"),
+        [
+            (name, _common.number(one["value"], 6), _common.number(one["stderr"], 2), one["unit"])
+            for name, one in result.parameters.items()
+        ],
+    )

@@ -1,0 +1,21 @@
+"""Node graphs without `ros2 launch`: the same YAML launch file, read and run without ROS."""
+
+from __future__ import annotations
+
+from idloop.graph.description import Argument, Graph, NodeEntry, load_graph
+from idloop.graph.find import graph_names, graph_path
+from idloop.graph.processes import GraphRun, run_graph
+from idloop.graph.results import LiveResult, read_results
+
+__all__ = [
+    "Argument",
+    "Graph",
+    "GraphRun",
+    "LiveResult",
+    "NodeEntry",
+    "graph_names",
+    "graph_path",
+    "load_graph",
+    "read_results",
+    "run_graph",
+]

@@ -1,0 +1,250 @@
+"""The part of ROS 2's YAML launch format that our graphs need, read into plain objects."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from idloop.errors import InputError
+from idloop.graph.find import graph_path, package_share
+from idloop.parameter_table import did_you_mean
+
+_SUBSTITUTION = re.compile(r"\$\((\S+)((?:\s+[^()]*)?)\)")
+_NODE_KEYS = frozenset(
+    {"pkg", "exec", "name", "namespace", "param", "remap", "args", "ros_args", "output", "on_exit", "if", "unless"}
+)
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One argument of a launch file; `default` is None when it must be given."""
+
+    name: str
+    default: str | None
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class NodeEntry:
+    """One node to start.
+
+    Attributes
+    ----------
+    package, executable : str
+        What to run.
+    name, namespace : str
+        Node name and namespace; empty for the node's own.
+    parameters : dict
+        Values by name.
+    parameter_files : tuple of Path
+        Parameter files, read before `parameters`.
+    remappings : tuple of (str, str)
+        From, to.
+    arguments : tuple of str
+        Further words of the command line.
+    ends_graph : bool
+        The graph is done when this node ends (``on_exit: shutdown``).
+    """
+
+    package: str
+    executable: str
+    name: str = ""
+    namespace: str = ""
+    parameters: dict[str, Any] = field(default_factory=dict)
+    parameter_files: tuple[Path, ...] = ()
+    remappings: tuple[tuple[str, str], ...] = ()
+    arguments: tuple[str, ...] = ()
+    ends_graph: bool = False
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A launch file with its arguments filled in."""
+
+    path: Path
+    name: str
+    arguments: tuple[Argument, ...]
+    values: dict[str, str]
+    nodes: tuple[NodeEntry, ...]
+
+
+class _Reader:
+    """Reads one launch file with the values given for its arguments."""
+
+    def __init__(self, path: Path, given: Mapping[str, str]) -> None:
+        self.path = path
+        self.given = dict(given)
+        self.arguments: list[Argument] = []
+        self.values: dict[str, str] = {}
+        self.nodes: list[NodeEntry] = []
+
+    def fail(self, text: str) -> InputError:
+        return InputError(f"{self.path}: {text}")
+
+    def read(self, document: Any) -> None:
+        if not isinstance(document, dict) or not isinstance(document.get("launch"), list):
+            raise self.fail("no YAML launch file: it starts with a list under the key launch")
+        readers: dict[str, Callable[[Any], None]] = {"arg": self.argument, "let": self.let, "node": self.node}
+        for item in document["launch"]:
+            if not isinstance(item, dict) or len(item) != 1:
+                raise self.fail(f"{item!r} is no entry such as node: {{...}}")
+            ((kind, content),) = item.items()
+            if kind not in readers:
+                raise self.fail(f"entry {kind!r} is not understood here ({', '.join(readers)}); use ros2 launch for it")
+            if not isinstance(content, dict):
+                raise self.fail(f"{kind}: {content!r} is no mapping")
+            readers[kind](content)
+        unknown = [name for name in self.given if name not in {one.name for one in self.arguments}]
+        if unknown:
+            known = [one.name for one in self.arguments]
+            raise self.fail(
+                f"no argument {unknown[0]!r}{did_you_mean(unknown[0], known)}; known: {', '.join(known) or 'none'}"
+            )
+
+    def argument(self, content: dict[str, Any]) -> None:
+        name = self.required(content, "arg", "name")
+        default = content.get("default")
+        one = Argument(
+            name, None if default is None else self.substitute(default), str(content.get("description", ""))
+        )
+        self.arguments.append(one)
+        if name in self.given:
+            self.values[name] = self.given[name]
+        elif one.default is not None:
+            self.values[name] = one.default
+        else:
+            raise self.fail(f"argument {name} must be given: {name}:=VALUE ({one.description})")
+
+    def let(self, content: dict[str, Any]) -> None:
+        self.values[self.required(content, "let", "name")] = self.substitute(content.get("value", ""))
+
+    def node(self, content: dict[str, Any]) -> None:
+        unknown = sorted(set(content) - _NODE_KEYS)
+        if unknown:
+            raise self.fail(f"node: key {unknown[0]!r} is not understood here{did_you_mean(unknown[0], _NODE_KEYS)}")
+        if not self.wanted(content):
+            return
+        parameters: dict[str, Any] = {}
+        files: list[Path] = []
+        for entry in content.get("param", []):
+            if "from" in entry:
+                files.append(Path(self.substitute(entry["from"])))
+            else:
+                parameters[self.required(entry, "param", "name")] = self.value(entry.get("value"))
+        on_exit = content.get("on_exit")
+        if on_exit not in (None, "shutdown"):
+            raise self.fail(f"node: on_exit {on_exit!r} is not understood; only shutdown is")
+        words = f"{self.substitute(content.get('args', ''))} {self.substitute(content.get('ros_args', ''))}"
+        self.nodes.append(
+            NodeEntry(
+                package=self.required(content, "node", "pkg"),
+                executable=self.required(content, "node", "exec"),
+                name=self.substitute(content.get("name", "")),
+                namespace=self.substitute(content.get("namespace", "")),
+                parameters=parameters,
+                parameter_files=tuple(files),
+                remappings=tuple(
+                    (self.required(one, "remap", "from"), self.required(one, "remap", "to"))
+                    for one in content.get("remap", [])
+                ),
+                arguments=tuple(words.split()),
+                ends_graph=on_exit == "shutdown",
+            )
+        )
+
+    def wanted(self, content: dict[str, Any]) -> bool:
+        truth = {"true": True, "1": True, "false": False, "0": False}
+        for key, keep in (("if", True), ("unless", False)):
+            if key in content:
+                text = self.substitute(content[key]).strip().lower()
+                if text not in truth:
+                    raise self.fail(f"{key}: {text!r} is neither true nor false")
+                if truth[text] != keep:
+                    return False
+        return True
+
+    def required(self, content: Any, kind: str, key: str) -> str:
+        if not isinstance(content, dict) or key not in content:
+            raise self.fail(f"{kind}: key {key} is missing")
+        return self.substitute(content[key])
+
+    def value(self, value: Any) -> Any:
+        """Return a parameter's value; text is read as YAML, as launch_ros does."""
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+
+        if isinstance(value, list):
+            return [self.value(item) for item in value]
+        if not isinstance(value, str):
+            return value
+        text = self.substitute(value)
+        try:
+            read = YAML(typ="safe", pure=True).load(text)
+        except YAMLError:
+            return text
+        # A text that looks like a mapping or like nothing stays the text it is: ROS has no such parameters.
+        return text if isinstance(read, dict) or read is None else read
+
+    def substitute(self, text: Any) -> str:
+        """Replace $(var x), $(env X default), $(find-pkg-share p), $(dirname)."""
+        if isinstance(text, bool):
+            return str(text).lower()
+        result = str(text)
+        while (match := _SUBSTITUTION.search(result)) is not None:
+            result = result[: match.start()] + self.look_up(match[1], match[2].split()) + result[match.end() :]
+        return result
+
+    def look_up(self, kind: str, words: list[str]) -> str:
+        if kind == "dirname" and not words:
+            return str(self.path.parent)
+        if not words:
+            raise self.fail(f"$({kind}) needs a name")
+        if kind == "var":
+            if words[0] not in self.values:
+                raise self.fail(f"$(var {words[0]}) has no value{did_you_mean(words[0], self.values)}")
+            return self.values[words[0]]
+        if kind == "env":
+            if words[0] in os.environ:
+                return os.environ[words[0]]
+            if len(words) > 1:
+                return " ".join(words[1:]).strip("'\"")
+            raise self.fail(f"$(env {words[0]}) is not set")
+        if kind == "find-pkg-share":
+            return str(package_share(words[0]))
+        raise self.fail(f"substitution $({kind} ...) is not understood here (var, env, find-pkg-share, dirname)")
+
+
+def load_graph(name: str, values: Mapping[str, str] | None = None) -> Graph:
+    """Read a launch file.
+
+    Parameters
+    ----------
+    name : str
+        Name of one of our graphs, or path of a launch file.
+    values : mapping of str to str, optional
+        Values of its arguments.
+
+    Returns
+    -------
+    Graph
+
+    Raises
+    ------
+    InputError
+        No such graph, argument or substitution, or something in the file that only `ros2 launch` understands.
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    path = graph_path(name)
+    try:
+        document = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise InputError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
+    reader = _Reader(path, values or {})
+    reader.read(document)
+    return Graph(path, path.name.split(".")[0], tuple(reader.arguments), reader.values, tuple(reader.nodes))

@@ -1,0 +1,55 @@
+"""Where the launch files of our bring-up package lie: in an installed ROS workspace or in the checkout."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from idloop.errors import InputError
+from idloop.parameter_table import did_you_mean
+
+PACKAGE = "idloop_bringup"
+SUFFIX = ".launch.yaml"
+
+
+def package_share(package: str) -> Path:
+    """Return the share folder of a ROS package.
+
+    Raises
+    ------
+    InputError
+        When it is neither in the sourced ROS environment nor in this checkout.
+    """
+    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        share = Path(prefix) / "share" / package
+        if share.is_dir():
+            return share
+    source = Path(__file__).parents[3] / "ros_ws" / "src" / package
+    if source.is_dir():
+        return source
+    raise InputError(f"no ROS package {package}: source the workspace that holds it, or run from the checkout")
+
+
+def graph_names() -> list[str]:
+    """Return the names of the graphs that come with idloop."""
+    folder = package_share(PACKAGE) / "launch"
+    return sorted(path.name.removesuffix(SUFFIX) for path in folder.glob(f"*{SUFFIX}"))
+
+
+def graph_path(name: str) -> Path:
+    """Return the launch file of a graph: its name, or the path of a launch file.
+
+    Raises
+    ------
+    InputError
+        When there is none; the line lists those there are.
+    """
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml"):
+        if not path.is_file():
+            raise InputError(f"no launch file {name}: check the path")
+        return path
+    names = graph_names()
+    if name not in names:
+        raise InputError(f"no graph {name!r}{did_you_mean(name, names)}; available: {', '.join(names)}")
+    return package_share(PACKAGE) / "launch" / f"{name}{SUFFIX}"

@@ -1,0 +1,204 @@
+"""Starts a graph's nodes, passes on what they say, and leaves nothing running."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import IO
+
+from idloop.errors import IdloopError
+from idloop.graph.command import node_command, node_environment, parameter_document
+from idloop.graph.description import Graph, NodeEntry
+
+GRACE = 15.0  # seconds for a node to end after SIGINT; a recorder writes what it has
+FORCE = 3.0  # seconds after SIGTERM before SIGKILL
+POLL = 0.05
+
+Say = Callable[[str, str], None]
+
+
+@dataclass
+class _Child:
+    node: NodeEntry
+    label: str
+    process: subprocess.Popen[str]
+    reader: threading.Thread
+    last_line: str = ""
+
+
+class GraphRun:
+    """A running graph.
+
+    Parameters
+    ----------
+    graph : Graph
+        What to start.
+    say : callable, optional
+        ``say(label, line)`` receives every line that a node writes; default: stderr with the label in front.
+    domain_id : int, optional
+        ROS domain of this graph alone.
+
+    Raises
+    ------
+    IdloopError
+        When a node cannot be started; those that were are stopped again.
+    """
+
+    def __init__(self, graph: Graph, say: Say | None = None, domain_id: int | None = None) -> None:
+        self.graph = graph
+        self._say = say or _to_stderr
+        self._folder = tempfile.TemporaryDirectory(prefix="idloop_graph_")
+        self._children: list[_Child] = []
+        environment = node_environment(domain_id)
+        try:
+            for number, node in enumerate(graph.nodes):
+                self._children.append(self._start(number, node, environment))
+        except BaseException:
+            self.stop()
+            raise
+
+    def _start(self, number: int, node: NodeEntry, environment: dict[str, str]) -> _Child:
+        file = Path(self._folder.name) / f"{number}_{node.executable}.yaml"
+        file.write_text(parameter_document(node.parameters), encoding="utf-8")
+        label = node.name or node.executable
+        try:
+            process = subprocess.Popen(  # noqa: S603
+                node_command(node, file),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                text=True,
+                errors="replace",
+                # A group of its own: Ctrl-C reaches the runner alone, which then ends the nodes in order.
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise IdloopError(f"node {label} cannot be started: {error.strerror}") from error
+        child = _Child(node, label, process, threading.Thread())
+        child.reader = threading.Thread(target=self._listen, args=(child,), name=label, daemon=True)
+        child.reader.start()
+        return child
+
+    def _listen(self, child: _Child) -> None:
+        stream: IO[str] | None = child.process.stdout
+        assert stream is not None
+        for line in stream:
+            text = line.rstrip()
+            if text:
+                child.last_line = text
+                self._say(child.label, text)
+
+    @property
+    def running(self) -> list[str]:
+        """Labels of the nodes that run."""
+        return [child.label for child in self._children if child.process.poll() is None]
+
+    def wait(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Wait until the node that ends the graph has ended, or `stopped` says so.
+
+        Raises
+        ------
+        IdloopError
+            When a node died before that: which, and its last line.
+        """
+        while not stopped():
+            for child in self._children:
+                code = child.process.poll()
+                if code is None:
+                    continue
+                child.reader.join(timeout=1.0)
+                if code == 0 and child.node.ends_graph:
+                    return
+                what = f"ended with exit code {code}" if code >= 0 else f"was killed by signal {-code}"
+                raise IdloopError(f"node {child.label} {what}: {child.last_line or 'it said nothing'}")
+            time.sleep(POLL)
+
+    def stop(self) -> None:
+        """End every node: SIGINT, then SIGTERM, then SIGKILL to those that do not listen."""
+        for number, patience in ((signal.SIGINT, GRACE), (signal.SIGTERM, FORCE), (signal.SIGKILL, FORCE)):
+            alive = [child for child in self._children if child.process.poll() is None]
+            for child in alive:
+                with contextlib.suppress(ProcessLookupError):
+                    child.process.send_signal(number)
+            self._wait_for(alive, patience)
+        for child in self._children:
+            child.reader.join(timeout=1.0)
+            if child.process.stdout is not None:
+                child.process.stdout.close()
+            if child.process.returncode:
+                # It did not end by itself: its group may still hold a child of its own.
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.killpg(child.process.pid, signal.SIGKILL)
+        self._folder.cleanup()
+
+    @staticmethod
+    def _wait_for(children: list[_Child], patience: float) -> None:
+        end = time.monotonic() + patience
+        for child in children:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.process.wait(timeout=max(0.0, end - time.monotonic()))
+
+
+def run_graph(graph: Graph, say: Say | None = None, domain_id: int | None = None) -> bool:
+    """Run a graph to its end.
+
+    Parameters
+    ----------
+    graph : Graph
+        What to run.
+    say : callable, optional
+        Receives (label, line) of everything the nodes write.
+    domain_id : int, optional
+        ROS domain of this graph alone.
+
+    Returns
+    -------
+    bool
+        True when the graph came to its own end, False when it was stopped by Ctrl-C or SIGTERM.
+
+    Raises
+    ------
+    IdloopError
+        When a node died.
+    """
+    with _signals() as stopped:
+        run = GraphRun(graph, say, domain_id)
+        try:
+            run.wait(stopped.is_set)
+        finally:
+            run.stop()
+        return not stopped.is_set()
+
+
+@contextlib.contextmanager
+def _signals() -> Iterator[threading.Event]:
+    """Turn SIGINT and SIGTERM into an event, so that nodes are ended in order; only the main thread can."""
+    stopped = threading.Event()
+
+    def on_signal(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        stopped.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield stopped
+        return
+    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stopped
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def _to_stderr(label: str, line: str) -> None:
+    print(f"[{label}] {line}", file=sys.stderr, flush=True)
