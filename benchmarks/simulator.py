@@ -15,9 +15,10 @@ from collections.abc import Callable
 from statistics import median
 
 import numpy as np
-from idloop.physics import load_model, simulate
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+
+from idloop.physics import load_model, simulate
 
 GAIN, VISCOUS, LEVEL = 8.255, 2.306, 1.0
 SMOOTHING = 1e-3  # rad/s over which SciPy's friction changes sign

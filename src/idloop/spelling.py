@@ -16,10 +16,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 def did_you_mean_or_known(name: str, known: Iterable[str]) -> str:
     """Return the nearest known name, or else all of them."""
     names = list(known)
-    return did_you_mean(name, names) or f" (known: {listed(names)})"
+    return did_you_mean(name, names) or f" (known: {listed(names, 40)})"
 
 
-def listed(names: Iterable[str], limit: int = 30) -> str:
+def listed(names: Iterable[str], limit: int = 12) -> str:
     """Return names joined by commas, the tail counted instead of printed."""
     every = list(names)
     shown = ", ".join(every[:limit])

@@ -48,7 +48,7 @@ def test_a_part_replaces_only_what_it_says():
 
 
 BAD = {
-    "unknown key": ({"comand": "u"}, "unknown key comand; did you mean 'command'"),
+    "unknown key": ({"comand": "u"}, "unknown key comand (did you mean 'command'"),
     "unknown key of a channel": ({"command": {"column": "u", "scael": 2}}, "did you mean 'scale'"),
     "unknown key of a part": ({"parts": {"a": {"velocty": "v"}}}, "did you mean 'velocity'"),
     "no schema": ({"schema": "idloop/model/1"}, "must be idloop/mapping/1"),

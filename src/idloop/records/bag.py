@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.suggest import did_you_mean, listed
+from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping

@@ -13,7 +13,7 @@ from idloop.records.mapping import Channel, Mapping, Signals
 from idloop.records.read import read_streams
 from idloop.records.signal import Signal, assignments, convert, target_joint
 from idloop.records.stream import JointStream
-from idloop.records.suggest import did_you_mean, listed
+from idloop.spelling import did_you_mean, listed
 
 Floats = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from idloop.records.insight import Evidence, insights, verdict
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
 from idloop.records.stream import FIELDS, JointStream
-from idloop.records.suggest import listed
+from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from idloop.errors import InputError
-from idloop.records.suggest import did_you_mean, listed
+from idloop.spelling import did_you_mean, listed
 
 SCHEMA = "idloop/mapping/1"
 

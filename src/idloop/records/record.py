@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.filtering import resample_held, resample_linear, unwrap, zero_phase
 from idloop.records.finding import Finding
-from idloop.records.suggest import did_you_mean, listed
+from idloop.spelling import did_you_mean, listed
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
 from idloop.records.finding import Finding
-from idloop.records.suggest import did_you_mean, listed
+from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.suggest import did_you_mean, listed
+from idloop.spelling import did_you_mean, listed
 
 FORMATS = {".csv": "csv", ".txt": "csv", ".tsv": "csv", ".dat": "csv", ".mat": "mat", ".npz": "npz", ".json": "json"}
 
