@@ -1,8 +1,14 @@
 """Installs launch files and configurations where ROS looks for them."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import setup
+
+
+def files(pattern: str) -> list[str]:
+    """Return the files of a pattern below this folder, as setuptools wants them."""
+    return sorted(str(path) for path in Path().glob(pattern))
+
 
 setup(
     name="idloop_bringup",
@@ -13,8 +19,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/idloop_bringup"]),
         ("share/idloop_bringup", ["package.xml"]),
-        ("share/idloop_bringup/launch", glob("launch/*.launch.yaml")),
-        ("share/idloop_bringup/config", glob("config/*.yaml")),
+        ("share/idloop_bringup/launch", files("launch/*.launch.yaml")),
+        ("share/idloop_bringup/config", files("config/*.yaml")),
     ],
     python_requires=">=3.10",
     zip_safe=False,

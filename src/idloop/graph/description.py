@@ -11,7 +11,7 @@ from typing import Any
 
 from idloop.errors import InputError
 from idloop.graph.find import graph_path, package_share
-from idloop.parameter_table import did_you_mean
+from idloop.spelling import did_you_mean
 
 _SUBSTITUTION = re.compile(r"\$\((\S+)((?:\s+[^()]*)?)\)")
 _NODE_KEYS = frozenset(
@@ -108,9 +108,7 @@ class _Reader:
     def argument(self, content: dict[str, Any]) -> None:
         name = self.required(content, "arg", "name")
         default = content.get("default")
-        one = Argument(
-            name, None if default is None else self.substitute(default), str(content.get("description", ""))
-        )
+        one = Argument(name, None if default is None else self.substitute(default), str(content.get("description", "")))
         self.arguments.append(one)
         if name in self.given:
             self.values[name] = self.given[name]

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from idloop.errors import InputError
-from idloop.parameter_table import did_you_mean
+from idloop.spelling import did_you_mean
 
 PACKAGE = "idloop_bringup"
 SUFFIX = ".launch.yaml"

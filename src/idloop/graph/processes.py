@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import IO
 
 from idloop.errors import IdloopError
 from idloop.graph.command import node_command, node_environment, parameter_document
@@ -91,9 +90,7 @@ class GraphRun:
         return child
 
     def _listen(self, child: _Child) -> None:
-        stream: IO[str] | None = child.process.stdout
-        assert stream is not None
-        for line in stream:
+        for line in child.process.stdout or ():
             text = line.rstrip()
             if text:
                 child.last_line = text
@@ -186,7 +183,7 @@ def _signals() -> Iterator[threading.Event]:
     """Turn SIGINT and SIGTERM into an event, so that nodes are ended in order; only the main thread can."""
     stopped = threading.Event()
 
-    def on_signal(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    def on_signal(number: int, frame: FrameType | None) -> None:
         stopped.set()
 
     if threading.current_thread() is not threading.main_thread():
@@ -201,4 +198,4 @@ def _signals() -> Iterator[threading.Event]:
 
 
 def _to_stderr(label: str, line: str) -> None:
-    print(f"[{label}] {line}", file=sys.stderr, flush=True)
+    sys.stderr.write(f"[{label}] {line}\n")

@@ -9,6 +9,6 @@ from idloop_nodes.wiring import NODES
 
 if __name__ == "__main__":
     if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-        print(f"usage: python -m idloop_nodes {{{','.join(NODES)}}} [--ros-args ...]", file=sys.stderr)
+        sys.stderr.write(f"usage: python -m idloop_nodes {{{','.join(NODES)}}} [--ros-args ...]\n")
         sys.exit(WRONG_USE)
     sys.exit(run(sys.argv[1], sys.argv[1:]))

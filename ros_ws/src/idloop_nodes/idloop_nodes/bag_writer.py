@@ -6,7 +6,7 @@ import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, cast
 
 from idloop.errors import InputError
 
@@ -154,7 +154,9 @@ class BagWriter:
         name = f"{self.folder.name}_{len(self._files)}.mcap"
         # Unbuffered: what the writer has handed over lies with the system, whatever happens to this process.
         self._stream = (self.folder / name).open("xb", buffering=0)
-        self._writer = Writer(_Whole(self._stream), chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)
+        self._writer = Writer(
+            cast("IO[bytes]", _Whole(self._stream)), chunk_size=CHUNK_SIZE, compression=CompressionType.NONE
+        )
         self._writer.start(profile="ros2", library="idloop")
         schemas: dict[str, int] = {}
         for one in self._topics.values():
@@ -170,7 +172,8 @@ class BagWriter:
         self._write_metadata()
 
     def _close_file(self) -> None:
-        assert self._stream is not None
+        if self._stream is None:
+            return
         self._writer.finish()
         os.fsync(self._stream.fileno())
         self._stream.close()
@@ -233,8 +236,8 @@ def _dump(content: object) -> str:
     import yaml
 
     # ros2 bag reads plain YAML: no anchors for values that occur twice
-    class Plain(yaml.SafeDumper):
-        def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
+    class Plain(yaml.SafeDumper):  # type: ignore[misc]
+        def ignore_aliases(self, data: object) -> bool:
             return True
 
     return str(yaml.dump(content, Dumper=Plain, sort_keys=False, default_flow_style=False))

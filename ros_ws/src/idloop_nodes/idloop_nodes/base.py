@@ -65,7 +65,7 @@ class PolledStream:
                 yield taken
 
 
-class StreamNode(Node):  # type: ignore[misc]
+class StreamNode(Node):
     """A node whose streams are bytes.
 
     Parameters
@@ -105,7 +105,7 @@ class StreamNode(Node):  # type: ignore[misc]
 
     def publisher(self, topic: str) -> Callable[[bytes], None]:
         """Create a raw publisher and return its publish function."""
-        publisher = self.create_publisher(topic_type(topic), topic, topic_qos(topic))
+        publisher: Any = self.create_publisher(topic_type(topic), topic, topic_qos(topic))
         self._publishers_by_topic[topic] = publisher
         publish: Callable[[bytes], None] = publisher.publish
         return publish
@@ -204,7 +204,7 @@ class StreamNode(Node):  # type: ignore[misc]
             self._health_publisher.publish(encode_diagnostics(time.time_ns(), statuses))
 
 
-class ManagedNode(StreamNode, LifecycleNode):  # type: ignore[misc]
+class ManagedNode(StreamNode, LifecycleNode):
     """A stream node with a lifecycle: only the active state may move a motor."""
 
     def __init__(self, kind: str, table: Table) -> None:

@@ -58,10 +58,12 @@ def document() -> str:
 def _section(kind: str, table: Iterable[NodeParameter]) -> list[str]:
     wiring = NODES[kind]
     lines = ["", f"## {kind}", "", ABOUT[kind], ""]
-    lines.append("Publishes: " + (", ".join(f"`{one}`" for one in wiring.publishes) or "only the common topics") + ".  ")
-    lines.append("Subscribes: " + (", ".join(f"`{one}`" for one in wiring.subscribes) or "none") + ".")
+    publishes, subscribes = (", ".join(f"`{one}`" for one in side) for side in (wiring.publishes, wiring.subscribes))
+    lines.append(f"Publishes: {publishes or 'only the common topics'}.  ")
+    lines.append(f"Subscribes: {subscribes or 'none'}.")
     if kind in SERVICES:
-        lines += ["", *_table(("service (std_srvs/Trigger)", "does"), ((f"`{k}`", v) for k, v in SERVICES[kind].items()))]
+        services = ((f"`{name}`", text) for name, text in SERVICES[kind].items())
+        lines += ["", *_table(("service (std_srvs/Trigger)", "does"), services)]
     lines += ["", *_table(("parameter", "type", "default", "range", "unit", "meaning"), map(_row, table))]
     lines += ["", f"    ros2 run idloop_nodes {kind} --ros-args {EXAMPLE[kind]}"]
     return lines
@@ -87,4 +89,4 @@ if __name__ == "__main__":
     if len(sys.argv) > 1:
         Path(sys.argv[1]).write_text(document(), encoding="utf-8")
     else:
-        print(document(), end="")
+        sys.stdout.write(document())

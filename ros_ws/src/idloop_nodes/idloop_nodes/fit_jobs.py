@@ -6,6 +6,7 @@ long a fit takes, the estimator's subscriptions are served.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import queue
@@ -116,7 +117,6 @@ class FitWorker:
         process = self._process
         if process is None:
             return
-        assert process.stdin is not None
         process.kill()
         process.wait()
 
@@ -139,7 +139,7 @@ class FitWorker:
         environment = dict(os.environ)
         # One thread: the other core belongs to the loop, and the sums come out the same every time.
         environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        self._process = subprocess.Popen(  # noqa: S603
+        self._process = subprocess.Popen(
             [sys.executable, "-m", "idloop_nodes.fit_worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -148,17 +148,13 @@ class FitWorker:
         threading.Thread(target=self._listen, args=(self._process,), name="fits", daemon=True).start()
 
     def _listen(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdout is not None
-        while (answer := receive(process.stdout)) is not None:
+        while process.stdout is not None and (answer := receive(process.stdout)) is not None:
             self._answers.put(answer)
         self._answers.put(None)
 
     def _next(self) -> None:
-        if self._running is not None or not self._waiting or self._process is None:
+        if self._running is not None or not self._waiting or self._process is None or self._process.stdin is None:
             return
-        assert self._process.stdin is not None
         self._running = self._waiting.pop(0)
-        try:
+        with contextlib.suppress(OSError):  # the listener thread reports the loss of the worker
             send(self._process.stdin, self._running)
-        except OSError:
-            pass  # the listener thread reports the loss

@@ -32,13 +32,13 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
         Exit code: 0 done, 1 could not, 2 wrong use or bad input.
     """
     try:
-        import idloop.errors as errors
+        from idloop import errors
     except ImportError as error:
         return _complain(kind, f"the library idloop cannot be imported ({error}): pip install it next to rclpy")
     try:
         import rclpy
     except ImportError as error:
-        return _complain(kind, f"rclpy cannot be imported ({error}): source a ROS 2 or pip install 'ros-rclpy[fastrtps]'")
+        return _complain(kind, f"rclpy cannot be imported ({error}): source ROS 2, or pip install ros-rclpy[fastrtps]")
     ensure_log_directory()
     try:
         _spin(kind, sys.argv if arguments is None else arguments)
@@ -56,7 +56,7 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
 
 
 def _complain(kind: str, text: str, code: int = WRONG_USE) -> int:
-    print(f"{kind}: {' '.join(text.split())}", file=sys.stderr, flush=True)
+    sys.stderr.write(f"{kind}: {' '.join(text.split())}\n")
     return code
 
 
@@ -73,7 +73,7 @@ def ensure_log_directory() -> None:
 def make_executor() -> Any:
     """Return the events executor where rclpy has it: a third of the processor time of the other one."""
     try:
-        from rclpy.experimental import EventsExecutor
+        from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
         from rclpy.executors import SingleThreadedExecutor
 
@@ -90,7 +90,7 @@ def _spin(kind: str, arguments: list[str]) -> None:
 
     stop = threading.Event()
 
-    def on_signal(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    def on_signal(number: int, frame: FrameType | None) -> None:
         stop.set()
 
     # rclpy's own handlers end the context at once; a controller must still publish its zero command.

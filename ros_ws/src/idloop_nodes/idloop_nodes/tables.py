@@ -28,9 +28,7 @@ PEERS = P(
     "Kinds of nodes in this graph; each waits until its streams are matched with all of them.",
     read_only=True,
 )
-START_TIMEOUT = P(
-    "start_timeout", "float", 30.0, "Longest wait for the peers.", unit="s", minimum=0.1, read_only=True
-)
+START_TIMEOUT = P("start_timeout", "float", 30.0, "Longest wait for the peers.", unit="s", minimum=0.1, read_only=True)
 MODEL = P("model", "str", "dc_motor", "Model: name of a preset or path of a model file.")
 EFFECTS = P("effects", "strs", (), "Effects added to the model: name@site or name@site(parameter=value,...).")
 AUTOSTART = P("autostart", "bool", True, "Configure and activate by itself.", read_only=True)
@@ -43,9 +41,7 @@ WINDOW = P(
     maximum=4000,
     read_only=True,
 )
-LISTENERS = P(
-    "listeners", "strs", (), "Names of the nodes that must not lose a sample (lock-step).", read_only=True
-)
+LISTENERS = P("listeners", "strs", (), "Names of the nodes that must not lose a sample (lock-step).", read_only=True)
 DRAIN_TIMEOUT = P(
     "drain_timeout",
     "float",

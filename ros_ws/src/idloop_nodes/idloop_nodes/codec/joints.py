@@ -6,6 +6,7 @@ import math
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from idloop_nodes.codec.cdr import HEADER, CdrError, CdrReader, CdrWriter
 
@@ -142,12 +143,10 @@ class JointWriter:
         self.names = tuple(names)
         self.fields = tuple(field for field in FIELDS if field in fields)
         blank = (NAN,) * len(self.names)
-        filled = {field: blank for field in self.fields}
-        self._template = bytearray(encode_joint_state(JointSample(0, self.names, **filled)))
+        position, velocity, effort = (blank if field in self.fields else () for field in FIELDS)
+        self._template = bytearray(encode_joint_state(JointSample(0, self.names, position, velocity, effort)))
         layout = _Layout(bytes(self._template))
-        self._packers = [
-            (struct.Struct(f"<{len(self.names)}d"), layout.starts[field]) for field in self.fields
-        ]
+        self._packers = [(struct.Struct(f"<{len(self.names)}d"), layout.starts[field]) for field in self.fields]
 
     def pack(self, stamp_ns: int, *columns: Sequence[float]) -> bytes:
         """Return one message; `columns` in the order position, velocity, effort as far as filled."""
@@ -239,7 +238,7 @@ def _picker(offsets: Sequence[int | None]) -> Callable[[bytes], tuple[float, ...
     """Return a function that reads doubles at `offsets`, in one call when they ascend."""
     known = [offset for offset in offsets if offset is not None]
     if len(known) == len(offsets) and known == sorted(set(known)) and known:
-        gaps = [b - a - 8 for a, b in zip(known, known[1:], strict=False)]
+        gaps = [b - a - 8 for a, b in pairwise(known)]
         form = struct.Struct("<d" + "".join(f"{gap}xd" for gap in gaps))
         return lambda data: form.unpack_from(data, known[0])
     one = struct.Struct("<d")

@@ -167,9 +167,7 @@ def _window(text: str) -> tuple[int, int]:
 
 
 def _numbers(values: dict[str, str], prefix: str) -> dict[str, float]:
-    return {
-        key[len(prefix) :]: float(value) for key, value in values.items() if key.startswith(prefix)
-    }
+    return {key[len(prefix) :]: float(value) for key, value in values.items() if key.startswith(prefix)}
 
 
 def _optional(value: float | None) -> str:

@@ -223,7 +223,7 @@ class ControllerNode(ManagedNode):
         if not self._lockstep:
             self._publish(self._writer.pack((self._last or 0) + self._period_ns, (0.0,)))
 
-    def _on_emergency_stop(self, request: Any, response: Any) -> Any:  # noqa: ARG002
+    def _on_emergency_stop(self, request: Any, response: Any) -> Any:
         with self._lock:
             self._emergency = "emergency stop"
             self._publish_zero()
@@ -231,7 +231,7 @@ class ControllerNode(ManagedNode):
         response.success, response.message = True, "zero command until ~/reset"
         return response
 
-    def _on_reset(self, request: Any, response: Any) -> Any:  # noqa: ARG002
+    def _on_reset(self, request: Any, response: Any) -> Any:
         with self._lock:
             self._emergency = ""
             self._controller.reset()

@@ -186,9 +186,9 @@ class EstimatorNode(StreamNode):
         self._schedule_fits()
 
     def _publish_block(self, recursive: RecursiveEstimator, block: list[tuple[int, tuple[float, ...]]]) -> None:
-        assert self._first is not None
+        origin = block[0][0] if self._first is None else self._first
         held = [self._held.at(stamp) for stamp, _ in block]
-        time = np.array([stamp - self._first for stamp, _ in block]) / SECOND
+        time = np.array([stamp - origin for stamp, _ in block]) / SECOND
         command = np.array([0.0 if one is None else one[1][0] for one in held])
         measured = np.array([row for _, row in block])
         try:
@@ -208,10 +208,9 @@ class EstimatorNode(StreamNode):
         return round(self.parameters["window"] * SECOND), round(self.parameters["validation"] * SECOND)
 
     def _schedule_fits(self) -> None:
-        assert self._first is not None and self._last is not None
         window, validation = self._span()
         period = round(self.parameters["fit_period"] * SECOND)
-        if not period:
+        if not period or self._first is None or self._last is None:
             return
         if self._next_fit is None:
             self._next_fit = self._first + window + validation
@@ -268,7 +267,7 @@ class EstimatorNode(StreamNode):
             start_ns=start,
         )
 
-    def _on_refit(self, request: Any, response: Any) -> Any:  # noqa: ARG002
+    def _on_refit(self, request: Any, response: Any) -> Any:
         response.message = self._fit_now()
         response.success = response.message.startswith("fit")
         return response

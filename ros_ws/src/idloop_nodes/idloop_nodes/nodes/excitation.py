@@ -42,7 +42,7 @@ class ExcitationNode(ManagedNode):
         self._index = 0
         self._sent = RateCounter()
         self._position, self._velocity = self._build(values.values)
-        values.check = lambda new: self._refuse_while_active(new)
+        values.check = self._refuse_while_active
         values.apply = lambda names: self._rebuild()
         if self._lockstep:
             self.listen("/clock", self._on_clock)
@@ -81,12 +81,12 @@ class ExcitationNode(ManagedNode):
             self._next = self._now + self._period_ns
             self._publish_ahead(self._now)
 
-    def _on_start(self, request: Any, response: Any) -> Any:  # noqa: ARG002
+    def _on_start(self, request: Any, response: Any) -> Any:
         self.bring_up()
         response.success, response.message = self.active, "running" if self.active else "not started"
         return response
 
-    def _on_stop(self, request: Any, response: Any) -> Any:  # noqa: ARG002
+    def _on_stop(self, request: Any, response: Any) -> Any:
         if self.active:
             self.trigger_deactivate()
         response.success, response.message = not self.active, "stopped: neutral values from the next sample on"

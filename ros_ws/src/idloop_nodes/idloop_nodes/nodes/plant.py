@@ -34,12 +34,12 @@ class PlantNode(StreamNode):
             disturbance_std=values["disturbance_std"],
             disturbance_time_constant=values["disturbance_time_constant"],
         )
-        self._period = values["sample_time"]
-        self._period_ns = round(self._period * SECOND)
+        self._period: float = values["sample_time"]
+        self._period_ns: int = round(self._period * SECOND)
         self._samples = round(values["duration"] / self._period) or None
         self._packer = OutputPacker(output_columns(model))
         self._reader = JointReader([(model.input.joint, model.input.field)])
-        self._start_ns = round(values["start_time"] * SECOND)
+        self._start_ns: int = round(values["start_time"] * SECOND)
         self._index = 0
         self._running = False
         self._held_back: bytes | None = None
@@ -71,7 +71,7 @@ class PlantNode(StreamNode):
         """Start when everybody is there, go on when slow listeners have caught up, end when they are done."""
         if not self._running:
             if self._drain_until is not None:
-                self._finish_when_drained()
+                self._finish_when_drained(self._drain_until)
             elif self.peers_ready() and self._partners():
                 self._start()
         elif self._held_back is not None:
@@ -132,12 +132,11 @@ class PlantNode(StreamNode):
         self._drain_until = time.monotonic() + self.parameters["drain_timeout"]
         self.get_logger().info(f"end: {self._index} samples, waited {self._window.waits} times for listeners")
 
-    def _finish_when_drained(self) -> None:
-        assert self._drain_until is not None
+    def _finish_when_drained(self, limit: float) -> None:
         if self._window.finished():
             self.tell_progress(self._stamp() - self._period_ns, DONE)
             self.finished = True
-        elif time.monotonic() > self._drain_until:
+        elif time.monotonic() > limit:
             raise IdloopError(
                 f"plant: {', '.join(self._window.missing())} did not finish within "
                 f"{self.parameters['drain_timeout']:g} s after the end; raise drain_timeout"
@@ -204,4 +203,3 @@ class PlantNode(StreamNode):
 def make() -> PlantNode:
     """Build the node."""
     return PlantNode()
-

@@ -172,4 +172,3 @@ class RecorderNode(StreamNode):
 def make() -> RecorderNode:
     """Build the node."""
     return RecorderNode()
-

@@ -79,7 +79,7 @@ class ReplayNode(StreamNode):
     def poll(self) -> None:
         """Publish what is due."""
         if self._drain_until is not None:
-            self._finish_when_drained()
+            self._finish_when_drained(self._drain_until)
         elif self._began is None:
             if self.peers_ready():
                 self._began = time.monotonic()
@@ -108,12 +108,11 @@ class ReplayNode(StreamNode):
         self._drain_until = time.monotonic() + self.parameters["drain_timeout"]
         self.get_logger().info(f"end: {self._sent.count} messages of {self._bag}")
 
-    def _finish_when_drained(self) -> None:
-        assert self._drain_until is not None
+    def _finish_when_drained(self, limit: float) -> None:
         if self._window.finished():
             self.tell_progress(self._last_measurement, DONE)
             self.finished = True
-        elif time.monotonic() > self._drain_until:
+        elif time.monotonic() > limit:
             raise IdloopError(
                 f"{', '.join(self._window.missing())} did not finish within "
                 f"{self.parameters['drain_timeout']:g} s after the end; raise drain_timeout"
