@@ -1,0 +1,29 @@
+"""`idloop recover`: what can be saved of a recording that was cut off by a crash."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from idloop.cli._common import BAG, json_option, print_json, print_table
+
+
+@click.command("recover")
+@click.argument("bag", type=BAG, metavar="BAG")
+@click.argument("target", type=click.Path(path_type=Path), metavar="[NEW_BAG]", required=False)
+@json_option
+def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
+    """Copy every readable message of the mcap recording BAG into NEW_BAG (default: BAG_recovered).
+
+    For recordings whose recorder was killed or whose disk was full. BAG stays as it is.
+    """
+    from idloop.records.recover import recover_bag
+
+    result = recover_bag(bag, target or bag.with_name(f"{bag.stem}_recovered"))
+    if as_json:
+        print_json({"schema": "idloop/recover/1", **vars(result)})
+        return
+    print_table(["topic", "messages"], [(topic, str(count)) for topic, count in result.topics.items()])
+    state = f"{len(result.cut)} file(s) cut off" if result.cut else "the recording was whole"
+    click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {state}")

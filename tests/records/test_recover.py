@@ -1,0 +1,60 @@
+"""A recording cut off anywhere gives back what was written before the cut."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from idloop.errors import IdloopError, InputError
+from idloop.records import read_streams, write_bag
+from idloop.records.recover import recover_bag
+from idloop.records.write import make_stream
+
+STAMPS = np.arange(1, 20_001, dtype=np.int64) * 10_000_000
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    stream = make_stream("joint_states", STAMPS, {"motor": {"position": np.sin(np.arange(20_000.0))}})
+    return write_bag(tmp_path / "whole", [stream])
+
+
+def test_a_whole_bag_is_copied_whole(bag: Path, tmp_path: Path) -> None:
+    result = recover_bag(bag, tmp_path / "saved")
+    assert (result.messages, result.cut) == (20_000, ())
+    before, after = read_streams(bag)["/joint_states"], read_streams(tmp_path / "saved")["/joint_states"]
+    np.testing.assert_array_equal(after.stamp_ns, before.stamp_ns)
+    np.testing.assert_array_equal(after.position, before.position)
+
+
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(part=st.floats(0.6, 0.95))
+def test_what_is_saved_of_a_cut_bag_is_its_beginning(bag: Path, tmp_path_factory, part: float) -> None:
+    folder = tmp_path_factory.mktemp("cut")
+    data = next(bag.glob("*.mcap")).read_bytes()
+    (folder / "cut.mcap").write_bytes(data[: int(part * len(data))])
+    result = recover_bag(folder / "cut.mcap", folder / "saved")
+    assert result.cut == (folder / "cut.mcap",)
+    saved = read_streams(folder / "saved")["/joint_states"]
+    assert 0 < result.messages < 20_000
+    np.testing.assert_array_equal(saved.stamp_ns, STAMPS[: result.messages])
+
+
+def test_nothing_readable_is_said_and_leaves_nothing(bag: Path, tmp_path: Path) -> None:
+    data = next(bag.glob("*.mcap")).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[:2000])
+    with pytest.raises(IdloopError, match="no message"):
+        recover_bag(tmp_path / "cut.mcap", tmp_path / "saved")
+    assert not (tmp_path / "saved").exists()
+
+
+def test_an_existing_bag_is_never_written_over(bag: Path) -> None:
+    with pytest.raises(InputError, match="not overwritten"):
+        recover_bag(bag, bag)
+
+
+def test_a_folder_without_mcap_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no"):
+        recover_bag(tmp_path, tmp_path / "new")
