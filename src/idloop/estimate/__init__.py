@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idloop.estimate.fit import CRITERIA, fit
+from idloop.estimate.greybox import CRITERIA, fit
 from idloop.estimate.result import FitResult, RecordResidual
 
 __all__ = ["CRITERIA", "FitResult", "RecordResidual", "fit"]

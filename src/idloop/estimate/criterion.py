@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from idloop.estimate.dataset import Data, first_motion, travel
 
 if TYPE_CHECKING:
-    from idloop.physics import Model
+    from idloop.physics import Engine
 
 Array = NDArray[np.float64]
 
@@ -39,26 +39,41 @@ class Criterion(Protocol):
 
 
 class InitialStates:
-    """Initial position and velocity of every record as nuisance parameters.
+    """Initial positions, velocities and disturbance force of every record as nuisance parameters.
 
     Parameters
     ----------
-    model : Model
+    engine : Engine
     data : list of Data
+    force_scale : float, optional
+        Typical disturbance force; without one the disturbance is 0 and no parameter.
     """
 
-    def __init__(self, model: Model, data: list[Data]) -> None:
-        bodies = len(model.bodies)
-        self.width = 2 * bodies
-        self.values = np.concatenate([np.concatenate(first_motion(model, d)) for d in data])
+    def __init__(self, engine: Engine, data: list[Data], force_scale: float | None = None) -> None:
+        from idloop.physics.kernel import DISTURBANCE
+
+        self.engine, model = engine, engine.model
+        bodies = self.bodies = len(model.bodies)
+        self._disturbance = DISTURBANCE
+        force = np.zeros(0) if force_scale is None else np.zeros(1)
+        self.width = 2 * bodies + len(force)
+        self.values = np.concatenate([np.concatenate([*first_motion(model, d), force]) for d in data])
         sizes = []
         for d in data:
             span = travel(model, d)
             speed = max(10.0 * span / float(d.time[-1] - d.time[0]), 1e-9)
-            sizes.append(np.concatenate([np.full(bodies, span), np.full(bodies, speed)]))
+            scales = [np.full(bodies, span), np.full(bodies, speed), np.full(len(force), force_scale)]
+            sizes.append(np.concatenate(scales))
         self.scale = np.concatenate(sizes)
 
-    def of(self, nuisance: Array, record: int) -> tuple[Array, Array]:
-        """Position and velocity at the start of one record."""
-        part = nuisance[record * self.width : (record + 1) * self.width]
-        return part[: self.width // 2], part[self.width // 2 :]
+    def part(self, nuisance: Array, record: int) -> Array:
+        """Nuisance parameters of one record."""
+        return nuisance[record * self.width : (record + 1) * self.width]
+
+    def state(self, nuisance: Array, record: int, theta: Array) -> Array:
+        """State at the start of one record, for the simulator."""
+        part, n = self.part(nuisance, record), self.bodies
+        state = self.engine.initial_state(part[:n], part[n : 2 * n], theta)
+        if self.width > 2 * n:
+            state[self._disturbance] = part[2 * n]
+        return state

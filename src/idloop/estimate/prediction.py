@@ -9,6 +9,7 @@ System Identification, 2nd ed., ch. 7 and 15).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from idloop.errors import IdloopError
 from idloop.estimate.criterion import Errors, InitialStates
 from idloop.estimate.dataset import Data, output_groups
 from idloop.estimate.observer import Observer, design
+from idloop.estimate.problem import Problem
 
 if TYPE_CHECKING:
     from idloop.physics import Engine
@@ -27,6 +29,8 @@ Array = NDArray[np.float64]
 
 # Share of a record that may be spent on letting the observer forget its start.
 _BURN_IN_SHARE = 0.05
+# Range of the search, in decades about a walk that reaches the drive force within the record.
+_LEAST_EXPONENT, _MOST_EXPONENT = -14.0, 10.0
 
 
 class PredictionCriterion:
@@ -55,8 +59,9 @@ class PredictionCriterion:
         self.measured = sorted(column for group in self.groups for column in group)
         self.sample_time = float(np.median([d.sample_time for d in data]))
         self.force_scale = force_scale
-        self.initial = InitialStates(engine.model, data)
+        self.initial = InitialStates(engine, data, force_scale)
         self.intensity = 0.0
+        self._rounds = 0
         self.observer = Observer(np.zeros((0, 0)), np.inf, np.zeros((0, 0)))
         self.estimate_start = True
         self._rows: list[list[NDArray[np.bool_]]] = []
@@ -73,27 +78,78 @@ class PredictionCriterion:
         return Observer(gain, observer.memory, observer.covariance)
 
     def retune(self, theta: Array) -> None:
-        """Search the disturbance intensity and design the observer for it."""
+        """Search the disturbance intensity and design the observer for it.
+
+        The first search compares raw innovations. Later ones compare what is left
+        after whitening, penalised for its order: coloured measurement noise would
+        otherwise pass for a violent disturbance that no autoregression of sensible
+        length can undo.
+        """
         linear = self.engine.linearise(theta)
         longest = max(float(d.time[-1] - d.time[0]) for d in self.data)
         # A walk that reaches the whole drive force within the record, and decades around it.
         unit = self.force_scale**2 / longest
+        self._rounds += 1
+        starts: dict[float, Array] = {}
 
         def cost(exponent: float) -> float:
             try:
                 self._use(self._design(linear, unit * 10.0**exponent))
-                return self._log_determinant(theta)
+                value, start = self._profile(theta, whiten=self._rounds > 1)
             except (IdloopError, np.linalg.LinAlgError):
                 return np.inf
+            starts[exponent] = start
+            return value
 
-        if self.intensity > 0.0:
-            centre = np.log10(self.intensity / unit)
-            grid = centre + np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
+        if self._rounds <= 3:
+            best = _search(cost, np.arange(-12.0, 6.1, 2.0))
         else:
-            grid = np.arange(-12.0, 8.1, 1.0)
-        best = _search(cost, grid)
+            centre = float(np.log10(self.intensity / unit))
+            best = _search(cost, centre + np.array([-1.0, -0.5, 0.0, 0.5, 1.0]))
         self.intensity = unit * 10.0**best
         self._use(self._design(linear, self.intensity))
+        self.keep(starts[best])
+
+    def coarse(self, theta: Array) -> float:
+        """Cost at the best of a few disturbance intensities, to rank starting points by."""
+        linear = self.engine.linearise(theta)
+        longest = max(float(d.time[-1] - d.time[0]) for d in self.data)
+        unit = self.force_scale**2 / longest
+        values = [np.inf]
+        for exponent in (-8.0, -5.0, -2.0, 1.0, 4.0):
+            try:
+                self._use(self._design(linear, unit * 10.0**exponent))
+                values.append(self._profile(theta, whiten=False)[0])
+            except (IdloopError, np.linalg.LinAlgError):
+                continue
+        return min(values)
+
+    def _profile(self, theta: Array, whiten: bool) -> tuple[float, Array]:
+        """Mean log-likelihood cost with the initial states at their best, and those states."""
+        problem = Problem(self, len(theta))
+        start, _, _, scale = self.nuisance()
+        point = np.concatenate([theta, start])
+        problem.reweigh(point, whiten)
+        if len(start):
+            # Innovations are all but linear in the initial states: one Gauss-Newton step does.
+            base = problem.frozen_residual(point)
+            slope = np.empty((len(base), len(start)))
+            for i, size in enumerate(scale):
+                moved = point.copy()
+                moved[len(theta) + i] += 1e-4 * size
+                slope[:, i] = (problem.frozen_residual(moved) - base) / 1e-4
+            if np.all(np.isfinite(slope)):
+                gradient = slope.T @ base
+                hessian = slope.T @ slope + 1e-12 * np.trace(slope.T @ slope) * np.eye(len(start))
+                trial = np.concatenate([theta, start - scale * np.linalg.lstsq(hessian, gradient, rcond=None)[0]])
+                rival = Problem(self, len(theta))
+                rival.reweigh(trial, whiten)
+                if rival.objective < problem.objective:
+                    problem, point = rival, trial
+        samples = problem.count(point)
+        penalty = sum(2.0 * m * len(g) ** 2 for m, g in zip(problem.orders, self.groups, strict=True))
+        # Observers of different memory drop different numbers of samples: compare the mean.
+        return (problem.objective + penalty) / max(samples, 1), point[len(theta) :]
 
     def _use(self, observer: Observer) -> None:
         self.observer = observer
@@ -102,18 +158,6 @@ class PredictionCriterion:
         self.estimate_start = observer.memory > _BURN_IN_SHARE * shortest
         drop = 0 if self.estimate_start else int(np.ceil(observer.memory))
         self._rows = [[_settled(d, group, drop) for d in self.data] for group in self.groups]
-
-    def _log_determinant(self, theta: Array) -> float:
-        total = 0.0
-        for group in self.errors(theta, self.nuisance()[0]):
-            stacked = np.concatenate(group)
-            if not np.all(np.isfinite(stacked)):
-                return np.inf
-            sign, value = np.linalg.slogdet(stacked.T @ stacked / len(stacked))
-            total += len(stacked) * value if sign > 0 else -np.inf
-        count = sum(int(np.sum(rows)) for group in self._rows for rows in group)
-        # Observers of different memory drop different numbers of samples: compare the mean.
-        return total / max(count, 1)
 
     # -- the criterion --------------------------------------------------------------
 
@@ -134,13 +178,12 @@ class PredictionCriterion:
     def innovation(self, theta: Array, nuisance: Array, record: int) -> Array:
         """One-step prediction errors of one record, shape (n, p), NaN where not measured."""
         values = nuisance if len(nuisance) else self.initial.values
-        position, velocity = self.initial.of(values, record)
-        key = (record, theta.tobytes() + position.tobytes() + velocity.tobytes())
+        key = (record, theta.tobytes() + self.initial.part(values, record).tobytes())
         if key not in self._memory:
             if len(self._memory) > 4 * len(self.data):
                 self._memory.clear()
             d = self.data[record]
-            state = self.engine.initial_state(position, velocity, theta)
+            state = self.initial.state(values, record, theta)
             self._memory[key] = self.engine.predict(
                 theta, d.input_time, d.input, d.time, d.output, self.observer.gain, initial_state=state
             )
@@ -163,20 +206,29 @@ def _settled(data: Data, group: list[int], drop: int) -> NDArray[np.bool_]:
     return keep
 
 
-def _search(cost: object, grid: Array) -> float:
-    """Minimum of a one-dimensional function: the best of a grid, refined by parabolas."""
-    from collections.abc import Callable
-    from typing import cast
-
-    function = cast("Callable[[float], float]", cost)
+def _search(function: Callable[[float], float], grid: Array) -> float:
+    """Minimum of a one-dimensional function: the best of a grid, refined by halving."""
     values = [function(float(x)) for x in grid]
+    points = [float(x) for x in grid]
+    spacing = float(np.min(np.diff(grid)))
+    # Walk on where the best lies on the edge, a dozen steps at most.
+    for _ in range(12):
+        best = int(np.argmin(values))
+        if not np.isfinite(values[best]) or 0 < best < len(points) - 1:
+            break
+        beyond = points[best] + (spacing if best else -spacing)
+        if not _LEAST_EXPONENT <= beyond <= _MOST_EXPONENT:
+            break
+        place = len(points) if best else 0
+        points.insert(place, beyond)
+        values.insert(place, function(beyond))
     best = int(np.argmin(values))
     if not np.isfinite(values[best]):
         raise IdloopError(
             "no observer could be designed for this model and data; try the simulation criterion"
         )
-    centre, step, value = float(grid[best]), float(np.min(np.diff(grid))) / 2.0, values[best]
-    while step > 0.1:
+    centre, step, value = points[best], spacing / 2.0, values[best]
+    while step > 0.2:
         for trial in (centre - step, centre + step):
             found = function(trial)
             if found < value:

@@ -32,6 +32,7 @@ class Problem:
         self.orders: list[int] = []
         self.weights: list[Array] = []
         self.objective = np.inf
+        self._whiteners: list[Whitener] = []
 
     def errors(self, point: Array) -> Errors:
         """Errors by group and record."""
@@ -57,9 +58,11 @@ class Problem:
         """Set orders and weights from the errors at a point."""
         errors = self.errors(point)
         self.orders = [choose_order(group) if whiten else 0 for group in errors]
-        self.weights = []
+        self.weights, self._whiteners = [], []
         self.objective = 0.0
-        for group in self.whitened(point):
+        for raw, order in zip(errors, self.orders, strict=True):
+            whitener, group = self._whitener(raw, order)
+            self._whiteners.append(whitener)
             stacked = np.concatenate(group)
             covariance = stacked.T @ stacked / max(len(stacked), 1)
             # Outputs that the model matches exactly must not weigh infinitely.
@@ -85,6 +88,11 @@ class Problem:
             for e in group
         ]
         return np.concatenate(parts)
+
+    def frozen_residual(self, point: Array) -> Array:
+        """Residual with the whitening coefficients that the last `reweigh` found."""
+        groups = zip(self.errors(point), self._whiteners, self.weights, strict=True)
+        return np.concatenate([(w.apply(e) @ v.T).ravel() for group, w, v in groups for e in group])
 
     def scores(self, point: Array, residual: Array, jacobian: Array) -> list[Array]:
         """Score series by group and record: the Jacobian of each sample times its residual."""

@@ -33,7 +33,7 @@ class SimulationCriterion:
     def __init__(self, engine: Engine, data: list[Data]) -> None:
         self.engine, self.data = engine, data
         self.groups = output_groups(data)
-        self.initial = InitialStates(engine.model, data)
+        self.initial = InitialStates(engine, data)
         self._known = [
             [np.all(np.isfinite(d.output[:, group]), axis=1) for d in data] for group in self.groups
         ]
@@ -54,14 +54,13 @@ class SimulationCriterion:
 
     def simulated(self, theta: Array, nuisance: Array, record: int) -> Array:
         """Free-run output of one record, shape (n, p)."""
-        position, velocity = self.initial.of(nuisance, record)
         # A difference step in one record's initial state leaves the other records as they were.
-        key = (record, theta.tobytes() + position.tobytes() + velocity.tobytes())
+        key = (record, theta.tobytes() + self.initial.part(nuisance, record).tobytes())
         if key not in self._memory:
             if len(self._memory) > 4 * len(self.data):
                 self._memory.clear()
             d = self.data[record]
-            state = self.engine.initial_state(position, velocity, theta)
+            state = self.initial.state(nuisance, record, theta)
             self._memory[key] = self.engine.simulate(
                 theta, d.input_time, d.input, d.time, initial_state=state
             )

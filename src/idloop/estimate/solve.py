@@ -107,10 +107,10 @@ def solve(
         nuisance, nuisance_lower, nuisance_upper, nuisance_scale = criterion.nuisance()
         point = np.concatenate([theta, nuisance])
         low, high = np.concatenate([lower, nuisance_lower]), np.concatenate([upper, nuisance_upper])
-        # The first rounds are too far off for what is left over to be noise.
+        # The first round is too far off for what is left over to be noise.
         with np.errstate(all="ignore"):
             try:
-                problem.reweigh(point, criterion.whiten and round_ > 1)
+                problem.reweigh(point, criterion.whiten and round_ > 0)
             except np.linalg.LinAlgError as error:
                 raise IdloopError(
                     "the model gives no finite output at its starting values; check signs and magnitudes"
@@ -137,7 +137,7 @@ def solve(
         previous = theta
         if report is not None:
             report(round_ / _MOST_ROUNDS, f"round {round_ + 1}, objective {problem.objective:.6g}")
-        if found.converged and moved < _SETTLED and round_ >= (3 if criterion.whiten else 1):
+        if found.converged and moved < _SETTLED and round_ >= (2 if criterion.whiten else 1):
             settled = True
             break
     residual = problem.residual(found.point)

@@ -17,6 +17,7 @@ from idloop.estimate.dataset import Data, output_noise, prepare
 from idloop.estimate.force import Balance, ForceCriterion, balance_of
 from idloop.estimate.levenberg import difference_jacobian
 from idloop.estimate.prediction import PredictionCriterion
+from idloop.estimate.problem import Problem
 from idloop.estimate.result import FitResult, RecordResidual
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.solve import Solution, instrument, solve, typical_size
@@ -66,7 +67,7 @@ def fit(
     IdloopError
         If the model cannot be simulated at its starting values.
     """
-    from idloop.physics import Engine
+    from idloop.estimate.engine import RememberingEngine
 
     if criterion not in CRITERIA:
         raise InputError(f"criterion {criterion!r} is unknown; choose one of {', '.join(CRITERIA)}")
@@ -76,7 +77,7 @@ def fit(
     if all(np.ptp(d.input) == 0.0 for d in data):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     tell = progress or (lambda share, text: None)
-    engine = Engine(model)
+    engine = RememberingEngine(model)
     noise = output_noise(model, data)
     tell(0.0, "looking at the data")
     balances = _balances(engine, data, records)
@@ -160,15 +161,15 @@ def force_scale(engine: Engine, data: list[Data]) -> float:
 
 def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
     """Starting points, the one with the smaller criterion first."""
-    from idloop.estimate.problem import Problem
-
     if len(starts) == 1:
         return starts
     values = []
     for theta in starts:
-        problem = Problem(rule, len(theta))
         try:
-            rule.retune(theta)
+            if isinstance(rule, PredictionCriterion):
+                values.append(rule.coarse(theta))
+                continue
+            problem = Problem(rule, len(theta))
             problem.reweigh(np.concatenate([theta, rule.nuisance()[0]]), whiten=False)
             values.append(problem.objective if np.isfinite(problem.objective) else np.inf)
         except (IdloopError, np.linalg.LinAlgError):

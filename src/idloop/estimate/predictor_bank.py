@@ -1,0 +1,263 @@
+"""A bank of predictors: one with the present parameters, one more for each parameter moved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimate.motion import body_sensors
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+
+Array = NDArray[np.float64]
+
+_COMMANDS_KEPT = 16384
+
+
+class PredictorBank:
+    """Predictors that keep their state between calls.
+
+    The main predictor runs sample by sample; the moved ones follow block by block,
+    when the slopes of the prediction are asked for.
+
+    Parameters
+    ----------
+    model : Model
+
+    Attributes
+    ----------
+    gain : array, shape (2 b + 1, p)
+        Observer gain of the main and the moved predictors.
+    waiting : int
+        Samples that the main predictor has seen and the moved ones have not.
+    """
+
+    def __init__(self, model: Model) -> None:
+        from idloop.physics import Engine
+        from idloop.physics import kernel as compiled
+
+        self.kernel: Any = compiled
+        self.model, self.engine = model, Engine(model)
+        layout = self.engine.layout(None)
+        self.gain = np.zeros((2 * layout.bodies + 1, len(model.outputs)))
+        self.waiting = 0
+        self._blocks: list[tuple[Array, Array, Array]] = []
+        self._sensors = body_sensors(model)
+        self._command_time = np.zeros(_COMMANDS_KEPT)
+        self._command = np.zeros(_COMMANDS_KEPT)
+        self._commands = 0
+        self._theta = model.theta.astype(float)
+        self._steps = np.zeros(0)
+        self._layouts: list[Any] = [layout]
+        self._states: list[Array] = [layout.new_state()]
+        self._histories: list[Array] = [layout.new_history()]
+        # Main state where the moved predictors stand.
+        self._anchor = self._states[0].copy()
+        # Predictors with the present parameters and other gains, to compare noise models by.
+        self._rival_gains: list[Array] = []
+        self._rival_states: list[Array] = []
+        self._rival_histories: list[Array] = []
+
+    @property
+    def motion(self) -> Array:
+        """State of the main predictor."""
+        return self._states[0]
+
+    def start(self, t: float, u: float, y: Array) -> None:
+        """Begin where the sensors say, with the command that follows."""
+        position, velocity = np.zeros(len(self._sensors)), np.zeros(len(self._sensors))
+        for body, (place, speed) in enumerate(self._sensors):
+            # A body without a sensor moves with the one before it.
+            if body > 0:
+                position[body], velocity[body] = position[body - 1], velocity[body - 1]
+            if place is not None and np.isfinite(y[place]):
+                position[body] = y[place] / self.model.outputs[place].scale
+            if speed is not None and np.isfinite(y[speed]):
+                velocity[body] = y[speed] / self.model.outputs[speed].scale
+        state = self.engine.initial_state(position, velocity, self._theta)
+        state[self.kernel.TIME] = t
+        self._states = [state.copy() for _ in self._layouts]
+        self._histories = [layout.new_history() for layout in self._layouts]
+        self._commands = 0
+        self.drop()
+        self.set_rivals(self._rival_gains)
+        self._append(np.array([t]), np.array([u]))
+
+    def take_over(self, other: PredictorBank) -> None:
+        """Go on from another bank's motion; from its positions when the states differ in shape."""
+        first, bodies = self.kernel.FIRST, (len(self.gain) - 1) // 2
+        self._command_time, self._command = other._command_time, other._command
+        self._commands = other._commands
+        state = self._layouts[0].new_state()
+        head = slice(0, 2)
+        state[head] = other.motion[head]
+        if other.gain.shape == self.gain.shape:
+            common = slice(self.kernel.DISTURBANCE, first + 3 * bodies)
+            state[common] = other.motion[common]
+        self._states = [state.copy() for _ in self._layouts]
+        self._histories = [layout.new_history() for layout in self._layouts]
+        self.drop()
+        self.set_rivals(self._rival_gains)
+
+    def set_rivals(self, gains: list[Array]) -> None:
+        """Start predictors with other gains from the main one's motion."""
+        self._rival_gains = [np.ascontiguousarray(gain) for gain in gains]
+        self._rival_states = [self._states[0].copy() for _ in gains]
+        self._rival_histories = [self._histories[0].copy() for _ in gains]
+
+    def rivals(self) -> list[Array]:
+        """Innovations of the rivals on the waiting samples; to be called before `slopes`."""
+        t, y, _ = self._waiting()
+        found = []
+        for gain, state, history in zip(
+            self._rival_gains, self._rival_states, self._rival_histories, strict=True
+        ):
+            innovation = np.empty(y.shape)
+            self._run(self._layouts[0], gain, state, history, t, y, innovation)
+            found.append(innovation)
+        return found
+
+    def drop(self) -> None:
+        """Forget the samples that wait for the moved predictors."""
+        self._blocks.clear()
+        self.waiting = 0
+        self._anchor = self._states[0].copy()
+
+    def advance(self, t: Array, u: Array, y: Array) -> Array:
+        """Run the main predictor over samples; returns the innovations, shape (n, p)."""
+        self._append(t, u)
+        innovation = np.empty(y.shape)
+        self._predict(0, t, y, innovation)
+        self._blocks.append((t, y, innovation))
+        self.waiting += len(t)
+        return innovation
+
+    def seen(self) -> Array:
+        """Innovations of the main predictor on the waiting samples, shape (n, p)."""
+        return self._waiting()[2]
+
+    def measured(self) -> Array:
+        """Measurements of the waiting samples, shape (n, p)."""
+        return self._waiting()[1]
+
+    def command_rms(self) -> float:
+        """Root mean square of the commands kept."""
+        return float(np.sqrt(np.mean(self._command[: max(self._commands, 1)] ** 2)))
+
+    def slopes(self) -> tuple[Array, Array]:
+        """Run the moved predictors over the waiting samples.
+
+        Returns
+        -------
+        innovation : array, shape (n, p)
+        slope : array, shape (n, p, k)
+            Derivative of the prediction with respect to every parameter.
+        """
+        t, y, innovation = self._waiting()
+        slope = np.empty((*y.shape, len(self._steps)))
+        for index, step in enumerate(self._steps):
+            moved = np.empty(y.shape)
+            self._predict(index + 1, t, y, moved)
+            slope[:, :, index] = (innovation - moved) / step
+        self.drop()
+        return innovation, slope
+
+    def place(self, theta: Array, steps: Array) -> None:
+        """Set the parameters of all predictors; the slopes built up so far keep their value."""
+        old = self._steps
+        self._theta = theta.copy()
+        self._layouts = [self.engine.layout(theta)]
+        self._layouts += [self.engine.layout(self._moved(i, s)) for i, s in enumerate(steps)]
+        if len(self._states) != len(self._layouts):
+            self._states = [self._states[0].copy() for _ in self._layouts]
+            self._histories = [self._histories[0].copy() for _ in self._layouts]
+        else:
+            for index, (before, now) in enumerate(zip(old, steps, strict=True)):
+                self._rescale(index, before, now)
+        self._steps = steps.copy()
+
+    def restep(self, index: int, step: float) -> None:
+        """Change the difference step of one parameter before its predictor runs."""
+        self._rescale(index, self._steps[index], step)
+        self._steps[index] = step
+        self._layouts[index + 1] = self.engine.layout(self._moved(index, step))
+
+    def probe(self, index: int, spread: Array, upper: float) -> float:
+        """Size of a parameter: the change that moves the waiting samples by a few standard deviations.
+
+        Parameters
+        ----------
+        index : int
+            Parameter.
+        spread : array, shape (p,)
+            Standard deviation of the innovations.
+        upper : float
+            Upper bound of the parameter.
+
+        Returns
+        -------
+        float
+        """
+        t, y, base = self._waiting()
+        best, distance = 1e-3, np.inf
+        layout, state, history = self._layouts[index + 1], self._states[index + 1], self._histories[index + 1]
+        for exponent in range(-8, 7):
+            step = 10.0**exponent
+            sign = 1.0 if self._theta[index] + step <= upper else -1.0
+            self._layouts[index + 1] = self.engine.layout(self._moved(index, sign * step))
+            self._states[index + 1], self._histories[index + 1] = state.copy(), history.copy()
+            moved = np.empty(y.shape)
+            self._predict(index + 1, t, y, moved)
+            norm = float(np.sqrt(np.nansum(((moved - base) / np.maximum(spread, 1e-300)) ** 2)))
+            if np.isfinite(norm) and norm > 0.0 and abs(np.log(norm / 10.0)) < distance:
+                best, distance = step, abs(np.log(norm / 10.0))
+        self._layouts[index + 1], self._states[index + 1], self._histories[index + 1] = layout, state, history
+        return best
+
+    # -- inside -------------------------------------------------------------------------
+
+    def _moved(self, index: int, step: float) -> Array:
+        theta = self._theta.copy()
+        theta[index] += step
+        return theta
+
+    def _rescale(self, index: int, before: float, now: float) -> None:
+        first, moved = self.kernel.DISTURBANCE, self._states[index + 1]
+        ratio = now / before if before != 0.0 else 0.0
+        if ratio != 1.0:
+            moved[first:] = self._anchor[first:] + ratio * (moved[first:] - self._anchor[first:])
+
+    def _waiting(self) -> tuple[Array, Array, Array]:
+        times, measured, innovations = zip(*self._blocks, strict=True)
+        return np.concatenate(times), np.concatenate(measured), np.concatenate(innovations)
+
+    def _predict(self, which: int, t: Array, y: Array, innovation: Array) -> None:
+        self._run(
+            self._layouts[which], self.gain, self._states[which], self._histories[which], t, y, innovation
+        )
+
+    def _run(
+        self, layout: Any, gain: Array, state: Array, history: Array, t: Array, y: Array, innovation: Array
+    ) -> None:
+        time, value = self._command_time[: self._commands], self._command[: self._commands]
+        self.kernel.predict(layout.axis, time, value, t, y, gain, state, history, innovation)
+
+    def _append(self, t: Array, u: Array) -> None:
+        count = len(t)
+        if self._commands + count > _COMMANDS_KEPT:
+            half = _COMMANDS_KEPT // 2
+            kept = self._commands - half
+            self._command_time[:kept] = self._command_time[half : self._commands]
+            self._command[:kept] = self._command[half : self._commands]
+            self._commands = kept
+            index = self.kernel.COMMAND
+            for state in (*self._states, *self._rival_states, self._anchor):
+                state[index] = max(state[index] - half, -1.0)
+        # A missing command keeps the last one: that is what a held input does.
+        known = np.where(np.isfinite(u), u, self._command[self._commands - 1] if self._commands else 0.0)
+        self._command_time[self._commands : self._commands + count] = t
+        self._command[self._commands : self._commands + count] = known
+        self._commands += count

@@ -1,0 +1,114 @@
+"""Drive side: the force that the model needs for the measured motion, against the applied one.
+
+In a good closed loop the position hides every model error and the force shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimate.dataset import prepare
+from idloop.estimate.force import balance_of, thin
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ForceError:
+    """Applied and required drive force of one record in the compared band.
+
+    Attributes
+    ----------
+    relative : float
+        ``‖required − applied‖ / ‖applied‖``.
+    time, applied, required : array, shape (m,)
+        Instants [s] and low-passed forces in the model's force unit.
+    cutoff, band : float
+        Cut-off of the differentiating filter and of the comparison [Hz].
+    noise_share : float
+        Part of the differentiated acceleration's power that is sensor noise.
+    """
+
+    relative: float
+    time: Array
+    applied: Array
+    required: Array
+    cutoff: float
+    band: float
+    noise_share: float
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw both forces and their difference; returns the matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        if axes is None:
+            _, axes = plt.subplots(figsize=(9, 3), layout="constrained")
+        axes.plot(self.time, self.applied, linewidth=0.8, label="applied")
+        axes.plot(self.time, self.required, linewidth=0.8, label="needed by the model")
+        axes.plot(self.time, self.required - self.applied, linewidth=0.6, color="0.4", label="difference")
+        axes.set(xlabel="time [s]", ylabel="drive force")
+        axes.set_title(f"relative force error {100 * self.relative:.2f} % up to {self.band:.3g} Hz")
+        axes.legend(loc="upper right", frameon=False)
+        return axes
+
+
+def force_error(model: Model, record: Record, cutoff: float | None = None) -> ForceError:
+    """Relative force error by inverse dynamics along the measured motion.
+
+    Motion by zero-phase band-limited differentiation, both forces low-passed alike
+    (Janot, Gautier and Brunot, EMPS benchmark, 2019).
+
+    Parameters
+    ----------
+    model : Model
+        Values of its parameters count as they are.
+    record : Record
+        Must measure position or velocity of every body.
+    cutoff : float, optional
+        Cut-off of the differentiating filter [Hz]; from the record's excited band when
+        left out. Give the same one to compare records.
+
+    Returns
+    -------
+    ForceError
+
+    Raises
+    ------
+    InputError
+        If some body's motion is not measured steadily, or nothing was applied.
+    """
+    from idloop.physics import Engine
+
+    engine = Engine(model)
+    balance = balance_of(engine, prepare(model, [record])[0], None, cutoff)
+    if balance is None:
+        raise InputError(
+            f"record {record.name!r}: the force error needs position or velocity of every body at a steady rate"
+        )
+    m = balance.motion
+    # The held command's mean around each instant is what moved the axis there.
+    applied, required = engine.drive_force(
+        None, m.position, m.velocity, m.acceleration, m.time, balance.command(0.0), m.time
+    )
+    forces = thin(np.column_stack([applied, required]), m)
+    size = float(np.linalg.norm(forces[:, 0]))
+    if size <= 0.0:
+        raise InputError(f"record {record.name!r}: no drive force was applied")
+    return ForceError(
+        relative=float(np.linalg.norm(forces[:, 1] - forces[:, 0])) / size,
+        time=np.linspace(m.time[0], m.time[-1], len(forces)),
+        applied=forces[:, 0],
+        required=forces[:, 1],
+        cutoff=m.cutoff,
+        band=m.comparison_band,
+        noise_share=float(np.max(m.noise_share)),
+    )
