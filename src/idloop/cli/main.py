@@ -28,9 +28,11 @@ class Verb(NamedTuple):
 
 
 VERBS: dict[str, Verb] = {
+    "launch": Verb("idloop.cli.launch", "Start a node graph without ros2 launch."),
     "model": Verb("idloop.cli.model", "Print a preset model, or check a model file and print it whole."),
     "import": Verb("idloop.cli.import_", "Turn CSV, MAT, NPZ, JSON or a foreign bag into a bag of our topics."),
     "inspect": Verb("idloop.cli.inspect", "Say what is in a recording and what it can and cannot show."),
+    "replay": Verb("idloop.cli.replay", "Play a recording into a live estimator."),
     "recover": Verb("idloop.cli.recover", "Save what can be read of a recording cut off by a crash."),
 }
 
