@@ -110,6 +110,12 @@ class PredictionCriterion:
         self._use(self._design(linear, self.intensity))
         self.keep(starts[best])
 
+    def fix(self, theta: Array, intensity: float) -> None:
+        """Use a known disturbance intensity [force²/s]; initial states at their best for it."""
+        self.intensity = intensity
+        self._use(self._design(self.engine.linearise(theta), intensity))
+        self.keep(self._profile(theta, whiten=False)[1])
+
     def coarse(self, theta: Array) -> float:
         """Cost at the best of a few disturbance intensities, to rank starting points by."""
         linear = self.engine.linearise(theta)

@@ -1,0 +1,267 @@
+"""Measured against model: free run, prediction and drive side of one record in one object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError, InputError
+from idloop.estimate.dataset import output_noise, prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.greybox import force_scale
+from idloop.estimate.motion import body_sensors
+from idloop.estimate.prediction import PredictionCriterion
+from idloop.validate.ahead import steps_ahead
+from idloop.validate.drive import ForceError, force_error
+from idloop.validate.free_run import free_run
+from idloop.validate.measures import fit_percent, measures, nrmse, rmse
+from idloop.validate.regions import error_share, motion_regions, smooth_velocity
+from idloop.validate.residual import ResidualTest, residual_tests
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A model beside one record. Parts that cost time are computed when first asked for.
+
+    Attributes
+    ----------
+    model : Model
+    record : Record
+    steps : int
+        Steps ahead of `ahead`.
+    cutoff : float or None
+        Cut-off of the differentiating filter on the drive side [Hz]; from the data when None.
+    """
+
+    model: Model
+    record: Record
+    steps: int = 10
+    cutoff: float | None = None
+
+    # -- outputs ------------------------------------------------------------------------
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Output names."""
+        return tuple(o.name for o in self.model.outputs)
+
+    @property
+    def time(self) -> Array:
+        """Instants [s], shape (n,)."""
+        return self.record.time
+
+    @property
+    def measured(self) -> Array:
+        """Measured output, shape (n, p)."""
+        return self.record.output
+
+    @cached_property
+    def simulated(self) -> Array:
+        """Free run from an estimated initial state, shape (n, p)."""
+        return free_run(self._engine, self._data)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """One-step prediction, shape (n, p)."""
+        return self.measured - self.innovation
+
+    @cached_property
+    def innovation(self) -> Array:
+        """One-step prediction error, shape (n, p); NaN where not measured."""
+        theta, nuisance = self.model.theta, self._observer.nuisance()[0]
+        return self._observer.innovation(theta, nuisance, 0)
+
+    @cached_property
+    def ahead(self) -> Array:
+        """Prediction `steps` samples ahead, shape (n, p); NaN for the first `steps` samples."""
+        rule, theta = self._observer, self.model.theta
+        start = rule.initial.state(rule.initial.values, 0, theta)
+        return steps_ahead(self._engine, self._data, rule.observer.gain, self.steps, start)
+
+    @cached_property
+    def force(self) -> ForceError | None:
+        """Drive side, or None when some body is not measured steadily."""
+        try:
+            return force_error(self.model, self.record, self.cutoff)
+        except InputError:
+            return None
+
+    # -- measures -----------------------------------------------------------------------
+
+    @property
+    def fit(self) -> dict[str, float]:
+        """FIT of the free run in percent, by output."""
+        return self._named(fit_percent(self.measured, self.simulated))
+
+    @property
+    def nrmse(self) -> dict[str, float]:
+        """Error of the free run over the spread of the measurement, by output."""
+        return self._named(nrmse(self.measured, self.simulated))
+
+    @property
+    def rmse(self) -> dict[str, float]:
+        """Root mean square error of the free run, by output."""
+        return self._named(rmse(self.measured, self.simulated))
+
+    @property
+    def fit_ahead(self) -> dict[str, float]:
+        """FIT of the prediction `steps` ahead in percent, by output."""
+        return self._named(fit_percent(self.measured, self.ahead))
+
+    @property
+    def fit_predicted(self) -> dict[str, float]:
+        """FIT of the one-step prediction in percent, by output."""
+        return self._named(fit_percent(self.measured, self.predicted))
+
+    @cached_property
+    def share(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Share of the squared free-run error by region of motion: ``share[output][region]``."""
+        velocity = self._velocity()
+        if velocity is None:
+            return {}
+        regions = motion_regions(self.time, velocity)
+        error = self.measured - self.simulated
+        return {name: error_share(error[:, i], regions) for i, name in enumerate(self.names)}
+
+    def residual_tests(self, lags: int = 25) -> list[ResidualTest]:
+        """Whiteness and input correlation of the one-step prediction errors.
+
+        Parameters
+        ----------
+        lags : int
+            Largest lag in samples.
+
+        Returns
+        -------
+        list of ResidualTest
+        """
+        return residual_tests(self.innovation, self._data.held_input(), self.names, lags)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all measures as plain numbers for JSON."""
+        force = self.force
+        return {
+            "model": self.model.name,
+            "record": self.record.name,
+            "free_run": measures(self.names, self.measured, self.simulated),
+            "one_step": measures(self.names, self.measured, self.predicted),
+            "ahead": {"steps": self.steps, **measures(self.names, self.measured, self.ahead)},
+            "force": None
+            if force is None
+            else {
+                "relative_error": force.relative,
+                "band_hz": force.band,
+                "cutoff_hz": force.cutoff,
+                "noise_share": force.noise_share,
+            },
+            "share": self.share,
+            "residual": [test.to_dict() for test in self.residual_tests()]
+            if len(self.time) >= 100
+            else [],
+        }
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw measured, simulated and predicted outputs and the drive side; returns the axes."""
+        import matplotlib.pyplot as plt
+
+        rows = len(self.names) + (self.force is not None)
+        if axes is None:
+            _, axes = plt.subplots(
+                rows, 1, squeeze=False, sharex=True, layout="constrained", figsize=(9, 2.4 * rows + 0.6)
+            )
+            axes = axes[:, 0]
+        fit, ahead = self.fit, self.fit_ahead
+        for i, name in enumerate(self.names):
+            axis = axes[i]
+            axis.plot(self.time, self.measured[:, i], color="0.3", linewidth=1.0, label="measured")
+            axis.plot(self.time, self.simulated[:, i], linewidth=0.9, label=f"free run, FIT {fit[name]:.1f} %")
+            axis.plot(
+                self.time, self.ahead[:, i], linewidth=0.7, linestyle="--",
+                label=f"{self.steps} steps ahead, FIT {ahead[name]:.1f} %",
+            )  # fmt: skip
+            axis.set_ylabel(f"{name} [{self.model.outputs[i].unit}]")
+            axis.legend(loc="upper right", frameon=False)
+        if self.force is not None:
+            self.force.plot(axes[rows - 1])
+        axes[0].set_title(f"{self.model.name} on {self.record.name}")
+        axes[rows - 1].set_xlabel("time [s]")
+        return axes
+
+    # -- inside -------------------------------------------------------------------------
+
+    def _named(self, values: Array) -> dict[str, float]:
+        return dict(zip(self.names, (float(v) for v in values), strict=True))
+
+    @cached_property
+    def _engine(self) -> RememberingEngine:
+        return RememberingEngine(self.model)
+
+    @cached_property
+    def _data(self) -> Any:
+        return prepare(self.model, [self.record])[0]
+
+    @cached_property
+    def _observer(self) -> PredictionCriterion:
+        data = [self._data]
+        noise = output_noise(self.model, data)
+        rule = PredictionCriterion(self._engine, data, noise, force_scale(self._engine, data))
+        known = self.model.disturbance
+        if known is not None and known > 0.0:
+            rule.fix(self.model.theta, known**2)
+        else:
+            rule.retune(self.model.theta)
+        return rule
+
+    def _velocity(self) -> Array | None:
+        place, speed = body_sensors(self.model)[0]
+        if speed is not None and np.any(np.isfinite(self.measured[:, speed])):
+            return self.measured[:, speed]
+        if place is not None and np.sum(np.isfinite(self.measured[:, place])) > 50:
+            return smooth_velocity(self.time, self.measured[:, place])
+        return None
+
+
+def compare(
+    model: Model, record: Record, steps: int = 10, cutoff: float | None = None
+) -> Comparison:
+    """Compare a model with a record: outputs in free run and some steps ahead, drive force, residuals.
+
+    Parameters
+    ----------
+    model : Model
+        Its parameter values count as they are; only the initial state is fitted.
+    record : Record
+    steps : int
+        Prediction horizon in samples.
+    cutoff : float, optional
+        Cut-off of the differentiating filter on the drive side [Hz]. Give the one of the
+        training record (``Comparison.force.cutoff``) to compare records in one band.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        If the record does not suit the model.
+    IdloopError
+        If the model cannot be simulated.
+    """
+    if steps < 1:
+        raise InputError(f"steps = {steps} is no prediction horizon; choose at least 1")
+    comparison = Comparison(model, record, steps, cutoff)
+    # Simulated at once, so that unsuitable data fails here and not in a later plot.
+    if not np.any(np.isfinite(comparison.simulated)):
+        raise IdloopError(f"the free run of model {model.name!r} does not stay finite")
+    return comparison
