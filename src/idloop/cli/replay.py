@@ -4,20 +4,10 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import click
 
 from idloop.cli import _common
-from idloop.errors import IdloopError
-
-
-def _sample_time(bag: Path, model: Any) -> float:
-    """Return the measured period of a bag, rounded to what a person would have set."""
-    from idloop.records import read_record
-
-    period = float(read_record(bag, model).sample_time)
-    return float(f"{period:.4g}")
 
 
 @click.command("replay", short_help="Play a bag into the live graph.")
@@ -44,28 +34,19 @@ def command(
     as_json: bool,
 ) -> None:
     """Play BAG into a live graph of estimator and recorder; print the last fit and its parameters."""
-    from idloop.graph import load_graph, read_results, run_graph
-    from idloop.physics import load_model
+    from idloop.graph import Windows, replay_bag
 
-    model = load_model(model_name).with_effects(list(effects))
-    values = {
-        "play": str(bag.absolute()),
-        "model": model_name,
-        "effects": repr(list(effects) or [""]),
-        "sample_time": repr(_sample_time(bag, model)),
-        "window": repr(window),
-        "validation": repr(validation),
-        "fit_period": repr(fit_period),
-        "rate": repr(rate),
-    }
     with tempfile.TemporaryDirectory(prefix="idloop_replay_") as folder:
-        target = output or Path(folder) / "replay"
-        graph = load_graph("replay", values | {"bag": str(target)})
-        if not run_graph(graph, say=lambda label, line: _common.log(f"[{label}] {line}"), domain_id=domain):
-            raise IdloopError("stopped before the end of the bag")
-        result = read_results(target)
-    if not result.fits or result.error:
-        raise IdloopError(result.error or "no fit: the bag is shorter than window plus validation; shorten them")
+        result = replay_bag(
+            bag,
+            model_name,
+            output or Path(folder) / "replay",
+            effects=effects,
+            windows=Windows(window, validation, fit_period),
+            rate=rate,
+            say=lambda label, line: _common.log(f"[{label}] {line}"),
+            domain_id=domain,
+        )
     if as_json:
         _common.print_json({"schema": "idloop/replay/1", "bag": bag, "model": model_name, "result": result})
         return

@@ -5,6 +5,7 @@ from __future__ import annotations
 from idloop.graph.description import Argument, Graph, NodeEntry, load_graph
 from idloop.graph.find import graph_names, graph_path
 from idloop.graph.processes import GraphRun, run_graph
+from idloop.graph.replaying import Windows, replay_bag
 from idloop.graph.results import LiveResult, read_results
 
 __all__ = [
@@ -13,9 +14,11 @@ __all__ = [
     "GraphRun",
     "LiveResult",
     "NodeEntry",
+    "Windows",
     "graph_names",
     "graph_path",
     "load_graph",
     "read_results",
+    "replay_bag",
     "run_graph",
 ]

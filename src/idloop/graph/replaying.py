@@ -1,0 +1,92 @@
+"""A recording played into a live estimator: what the graph `replay` is told, and what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from idloop.errors import IdloopError
+from idloop.graph.description import load_graph
+from idloop.graph.processes import Say, run_graph
+from idloop.graph.results import LiveResult, read_results
+from idloop.physics import load_model
+
+
+@dataclass(frozen=True)
+class Windows:
+    """How a live estimator divides its data.
+
+    Attributes
+    ----------
+    window, validation, period : float
+        Length of the data that a fit uses, of the data after it that judges the fit, and time
+        between fits [s].
+    """
+
+    window: float = 20.0
+    validation: float = 10.0
+    period: float = 10.0
+
+
+def replay_bag(
+    bag: Path,
+    model: str,
+    target: Path,
+    *,
+    effects: Sequence[str] = (),
+    windows: Windows | None = None,
+    rate: float = 0.0,
+    say: Say | None = None,
+    domain_id: int | None = None,
+) -> LiveResult:
+    """Play a bag into a graph of estimator and recorder.
+
+    Parameters
+    ----------
+    bag : Path
+        The recording.
+    model : str
+        Preset or model file that the estimator starts from.
+    target : Path
+        New bag with what the estimator said.
+    effects : sequence of str, optional
+        Effects added to the model.
+    windows : Windows, optional
+        How the estimator divides the data.
+    rate : float
+        Times real time; 0 is as fast as the nodes acknowledge.
+    say, domain_id : optional
+        As in `run_graph`.
+
+    Returns
+    -------
+    LiveResult
+
+    Raises
+    ------
+    IdloopError
+        Stopped before the end, or no fit came out.
+    """
+    from idloop.records import read_record
+
+    windows = windows or Windows()
+    # rounded to what a person would have set
+    period = float(f"{read_record(bag, load_model(model)).sample_time:.4g}")
+    values = {
+        "play": str(bag.absolute()),
+        "model": model,
+        "effects": repr(list(effects) or [""]),
+        "sample_time": repr(period),
+        "window": repr(windows.window),
+        "validation": repr(windows.validation),
+        "fit_period": repr(windows.period),
+        "rate": repr(rate),
+        "bag": str(target),
+    }
+    if not run_graph(load_graph("replay", values), say=say, domain_id=domain_id):
+        raise IdloopError("stopped before the end of the bag")
+    result = read_results(target)
+    if not result.fits or result.error:
+        raise IdloopError(result.error or "no fit: the bag is shorter than window plus validation: shorten them")
+    return result
