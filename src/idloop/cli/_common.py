@@ -139,15 +139,24 @@ def apply_options(model: Model, settings: Sequence[str], effects: Sequence[str])
 
 
 def read_records(bags: Iterable[Path], model: Model) -> list[Record]:
-    """Read the streams that the model names from each bag; what may spoil a fit goes to stderr."""
+    """Read the streams that the model names: a record for each run of the clock in each bag."""
     from idloop import records
 
-    found = records.read_records(bags, model)
-    for record in found:
-        for finding in record.findings:
-            if finding.level == "warning":
-                log(f"{record.name}: {finding.text}")
-    return found
+    return [_with_warnings(record) for record in records.read_records(bags, model)]
+
+
+def read_one_record(bag: Path, model: Model) -> Record:
+    """Read the streams that the model names from a bag that is one run of the clock."""
+    from idloop import records
+
+    return _with_warnings(records.read_record(bag, model))
+
+
+def _with_warnings(record: Record) -> Record:
+    for finding in record.findings:
+        if finding.level == "warning":
+            log(f"{record.name}: {finding.text}")
+    return record
 
 
 class ListOptionCommand(click.Command):

@@ -32,6 +32,8 @@ VERBS: dict[str, Verb] = {
     "model": Verb("idloop.cli.model", "Print a preset model, or check a model file and print it whole."),
     "import": Verb("idloop.cli.import_", "Turn CSV, MAT, NPZ, JSON or a foreign bag into a bag of our topics."),
     "inspect": Verb("idloop.cli.inspect", "Say what is in a recording and what it can and cannot show."),
+    "fit": Verb("idloop.cli.fit", "Estimate a model's free parameters from bags, with intervals."),
+    "compare": Verb("idloop.cli.compare", "Compare what was measured with what models say."),
     "replay": Verb("idloop.cli.replay", "Play a recording into a live estimator."),
     "recover": Verb("idloop.cli.recover", "Save what can be read of a recording cut off by a crash."),
 }

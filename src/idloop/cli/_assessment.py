@@ -1,0 +1,116 @@
+"""What `fit` and `compare` both say about a model beside a record: table, verdicts, figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from idloop.cli._common import number, print_table
+
+if TYPE_CHECKING:
+    from idloop.report.comparison import Panel
+    from idloop.validate import Comparison
+
+
+# The residual tests look at 25 lags, which fewer samples do not carry.
+FEWEST_FOR_TESTS = 100
+
+
+def percent(value: float) -> str:
+    """Text of a percentage: two decimals, so that 99.99 and 100 differ."""
+    return f"{value:.2f}" if math.isfinite(value) else "-"
+
+
+def print_comparisons(rows: Iterable[tuple[str, Comparison]]) -> None:
+    """Print the measures of every output, one line each.
+
+    Parameters
+    ----------
+    rows : iterable of (str, Comparison)
+        What the first column says, and the comparison.
+    """
+    known = list(rows)
+    steps = known[0][1].steps
+    table = []
+    for label, comparison in known:
+        measures = zip(comparison.names, comparison.model.outputs, strict=True)
+        for index, (name, output) in enumerate(measures):
+            force = comparison.force
+            table.append(
+                (
+                    label,
+                    comparison.record.name,
+                    name,
+                    percent(comparison.fit[name]),
+                    number(comparison.nrmse[name]),
+                    number(comparison.rmse[name]),
+                    output.unit,
+                    percent(comparison.fit_ahead[name]),
+                    # One force for the whole record: said once.
+                    "-" if force is None or index else percent(100 * force.relative),
+                )
+            )
+    header = ("", "record", "output", "FIT %", "NRMSE", "RMSE", "unit", f"FIT % {steps} ahead", "force error %")
+    print_table(header, table)
+
+
+def print_verdicts(rows: Iterable[tuple[str, Comparison]]) -> None:
+    """Print what the one-step residual still holds, and when the model fails."""
+    for label, comparison in rows:
+        for test in comparison.residual_tests() if len(comparison.time) >= FEWEST_FOR_TESTS else []:
+            white = "white" if test.white else "not white"
+            free = "free of the input" if test.input_free else "still follows the input"
+            click.echo(
+                f"{label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g})"
+                f" and {free} (p {test.cross_p:.2g})"
+            )
+        for name, regions in comparison.share.items():
+            parts = (
+                f"{region} {100 * part['error']:.0f} % (of time {100 * part['time']:.0f} %)"
+                for region, part in regions.items()
+            )
+            click.echo(f"{label}: squared error of {name}: {', '.join(parts)}")
+
+
+def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
+    """Column of the comparison figure: one record and the free run of each model.
+
+    Parameters
+    ----------
+    title : str
+        Above the column.
+    rows : sequence of (str, Comparison)
+        Label of each model and its comparison, all with the same record.
+    """
+    import numpy as np
+
+    from idloop.report.comparison import Panel
+
+    first = rows[0][1]
+    noise = [np.nan if output.noise is None else output.noise for output in first.model.outputs]
+    return Panel(
+        title=title,
+        time=first.time,
+        output=first.measured,
+        modelled={label: comparison.simulated for label, comparison in rows},
+        input_time=first.record.input_time,
+        input=first.record.input,
+        band=1.96 * np.array(noise),
+        notes={
+            label: [f"FIT {number(comparison.fit[name], 3)} %" for name in comparison.names]
+            for label, comparison in rows
+        },
+    )
+
+
+def save_figure(panels: Sequence[Panel], comparison: Comparison, path: Path) -> None:
+    """Write the comparison figure of records that have the outputs of `comparison`."""
+    from idloop.report.comparison import plot_comparison
+    from idloop.report.style import save
+
+    record = comparison.record
+    save(plot_comparison(panels, record.output_names, record.output_units, record.input_name, record.input_unit), path)

@@ -1,0 +1,137 @@
+"""`idloop fit`: estimates a model's free parameters from bags, with intervals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from idloop.cli._assessment import make_panel, print_comparisons, save_figure
+from idloop.cli._common import (
+    BAG,
+    MODEL,
+    ListOptionCommand,
+    apply_options,
+    check_folder,
+    json_option,
+    log,
+    model_options,
+    plot_option,
+    print_json,
+    progress,
+    read_records,
+)
+from idloop.errors import IdloopError, InputError
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+    from idloop.validate import Comparison
+
+CRITERIA = ("auto", "prediction", "simulation", "force")
+
+
+def check_output(path: Path, *, overwrite: bool) -> None:
+    """Refuse a place where the fitted model could not or should not be written, before the work is done.
+
+    Raises
+    ------
+    InputError
+        No such folder, or a file that is there already.
+    """
+    check_folder(path, "--output")
+    if path.exists() and not overwrite:
+        raise InputError(f"--output {path}: the file is there already, name another or add --force")
+
+
+def compare_all(
+    model: Model, train: list[Record], validation: list[Record]
+) -> tuple[list[Comparison], list[Comparison]]:
+    """Compare the fitted model with every record, the drive side in the band of the first."""
+    from idloop.validate import compare
+
+    first = compare(model, train[0])
+    cutoff = None if first.force is None else first.force.cutoff
+    return (
+        [first, *(compare(model, record, cutoff=cutoff) for record in train[1:])],
+        [compare(model, record, cutoff=cutoff) for record in validation],
+    )
+
+
+@click.command(cls=ListOptionCommand)
+@click.argument("model", type=MODEL)
+@click.argument("bags", type=BAG, nargs=-1, required=True, metavar="BAG...")
+@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fit does not see.")
+@click.option(
+    "--criterion",
+    type=click.Choice(CRITERIA),
+    default="auto",
+    show_default=True,
+    help="What is made small: one-step errors, free-run errors or the unexplained drive force.",
+)
+@model_options
+@click.option("--output", type=click.Path(path_type=Path), metavar="FITTED.yaml", help="Write the fitted model file.")
+@click.option("--force", is_flag=True, help="Overwrite the file of --output.")
+@plot_option
+@json_option
+def command(
+    model: Model,
+    bags: tuple[Path, ...],
+    *,
+    validate: tuple[Path, ...],
+    criterion: str,
+    settings: tuple[str, ...],
+    effects: tuple[str, ...],
+    output: Path | None,
+    force: bool,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    r"""Estimate the free parameters of MODEL from every BAG together.
+
+    MODEL is a preset or a model file; a parameter is free where the file writes it as a mapping.
+
+    \b
+    idloop fit emps bags/train --effect coulomb_friction@axis --effect input_offset@input \
+        --validate bags/pulses --output fitted.yaml --plot fit.png
+    """
+    if output is not None:
+        check_output(output, overwrite=force)
+    model = apply_options(model, settings, effects)
+    train, validation = read_records(bags, model), read_records(validate, model)
+
+    from idloop.estimate import fit
+
+    with progress(f"fitting {model.name}") as update:
+        result = fit(model, train, criterion=criterion, progress=update)
+        update(1.0, "comparing")
+        on_train, on_validation = compare_all(result.model, train, validation)
+
+    if output is not None:
+        try:
+            result.model.save(output)
+        except OSError as error:
+            raise IdloopError(f"cannot write {output}: {error.strerror or error}") from error
+    labelled = [("train", c) for c in on_train] + [("validation", c) for c in on_validation]
+    if plot is not None:
+        panels = [make_panel(f"{label}: {c.record.name}", [(model.name, c)]) for label, c in labelled]
+        save_figure(panels, on_train[0], plot)
+    if as_json:
+        print_json(
+            {
+                "schema": "idloop/fit/1",
+                **result.to_dict(),
+                "train": [c.to_dict() for c in on_train],
+                "validation": [c.to_dict() for c in on_validation],
+                "output": output,
+                "plot": plot,
+            }
+        )
+    else:
+        click.echo(result.summary())
+        click.echo()
+        print_comparisons(labelled)
+    for written in (output, plot):
+        if written is not None:
+            log(f"written: {written}")
