@@ -59,7 +59,14 @@ def compare_all(
     )
 
 
-@click.command(cls=ListOptionCommand)
+EXAMPLE = """\b
+Example:
+  idloop fit emps bags/train --effect coulomb_friction@axis \\
+    --validate bags/pulses --output fitted.yaml --plot fit.png
+"""
+
+
+@click.command(cls=ListOptionCommand, epilog=EXAMPLE)
 @click.argument("model", type=MODEL)
 @click.argument("bags", type=BAG, nargs=-1, required=True, metavar="BAG...")
 @click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fit does not see.")
@@ -88,13 +95,9 @@ def command(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    r"""Estimate the free parameters of MODEL from every BAG together.
+    """Estimate the free parameters of MODEL from every BAG together.
 
     MODEL is a preset or a model file; a parameter is free where the file writes it as a mapping.
-
-    \b
-    idloop fit emps bags/train --effect coulomb_friction@axis --effect input_offset@input \
-        --validate bags/pulses --output fitted.yaml --plot fit.png
     """
     if output is not None:
         check_output(output, overwrite=force)

@@ -85,7 +85,7 @@ def plot_comparison(
 
 
 def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
-    axes[0].set_title(panel.title, loc="left", fontweight="bold")
+    axes[0].set_title(panel.title, loc="left", fontweight="bold", pad=20)  # clear of the legend
     for row in range(len(output_names)):
         top, below = axes[2 * row], axes[2 * row + 1]
         style.line(top, panel.time, panel.output[:, row], color=style.MEASURED, linewidth=1.6, label="measured")

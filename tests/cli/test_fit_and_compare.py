@@ -1,0 +1,138 @@
+"""`idloop fit` and `idloop compare`: from a bag to a fitted model file, tables, JSON and figures."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idloop.cli import main
+from idloop.physics import load_model, simulate
+from idloop.records import Record, write_bag
+
+TRUTH = {"motor.viscous_friction": 3.0, "drive.gain": 6.0}
+
+
+def write_recording(path: Path, seed: int) -> Path:
+    """Record of the preset with other values, 8 s at 100 Hz with a little noise."""
+    model = load_model("dc_motor").with_values(TRUTH)
+    random = np.random.default_rng(seed)
+    time = np.arange(800) * 0.01
+    command = np.repeat(random.uniform(-5.0, 5.0, 40), 20)
+    output = simulate(model, time, command, time).output
+    output = output + random.normal(size=output.shape) * [1e-2, 2e-2]
+    units = tuple(o.unit for o in model.outputs)
+    record = Record(path.name, time, command, time, output, model.input.name, "V", model.output_names, units)
+    return write_bag(path, record)
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("bags")
+    return write_recording(folder / "train", 1), write_recording(folder / "unseen", 2)
+
+
+def words(*arguments: object) -> list[str]:
+    return [str(argument) for argument in arguments]
+
+
+def test_fit_finds_the_truth_and_says_so_in_one_document(bags, tmp_path, capsys):
+    fitted, figure = tmp_path / "fitted.yaml", tmp_path / "fit.svg"
+    arguments = words("fit", "dc_motor", bags[0], "--validate", bags[1], "--output", fitted, "--plot", figure, "--json")
+    assert main.run(arguments) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "idloop/fit/1"
+    for name, truth in TRUTH.items():
+        found = document["parameters"][name]
+        assert abs(found["value"] - truth) < 4 * found["stderr"] < 0.1 * truth
+    assert document["validation"][0]["record"] == "unseen"
+    assert document["validation"][0]["free_run"]["fit"]["motor.position"] > 98
+    again = load_model(fitted)
+    for name in TRUTH:
+        assert again.parameter(name).value == pytest.approx(document["parameters"][name]["value"])
+        assert again.parameter(name).stderr == pytest.approx(document["parameters"][name]["stderr"])
+    text = figure.read_text(encoding="utf-8")
+    assert "validation: unseen" in text
+    assert "motor.velocity [rad/s]" in text
+
+
+def test_fit_prints_parameters_and_both_records(bags, capsys):
+    assert main.run(words("fit", "dc_motor", bags[0], "--validate", bags[1])) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    for word in ("motor.viscous_friction", "N·m·s/rad", "loss", "FPE", "train", "validation", "FIT %", "force error %"):
+        assert word in out
+
+
+def test_a_file_is_overwritten_only_when_asked(bags, tmp_path, capsys):
+    fitted = tmp_path / "fitted.yaml"
+    fitted.write_text("mine\n", encoding="utf-8")
+    assert main.run(words("fit", "dc_motor", bags[0], "--output", fitted)) == 2
+    assert "--force" in capsys.readouterr().err
+    assert fitted.read_text(encoding="utf-8") == "mine\n"
+    assert main.run(words("fit", "dc_motor", bags[0], "--output", fitted, "--force")) == 0
+    assert load_model(fitted).name == "dc_motor"
+
+
+def test_compare_tells_the_better_model_from_the_worse(bags, tmp_path, capsys):
+    true = tmp_path / "true.yaml"
+    load_model("dc_motor").with_values(TRUTH).save(true)
+    figure = tmp_path / "compare.png"
+    assert main.run(words("compare", "dc_motor", true, bags[0], "--steps", 5, "--plot", figure, "--json")) == 0
+    worse, better = json.loads(capsys.readouterr().out)["comparisons"]
+    assert (worse["label"], better["label"]) == ("dc_motor", str(true))
+    assert better["ahead"]["steps"] == 5
+    assert better["free_run"]["fit"]["motor.velocity"] > 95 > worse["free_run"]["fit"]["motor.velocity"]
+    assert better["force"]["relative_error"] < worse["force"]["relative_error"]
+    assert [test["white"] for test in better["residual"]] == [True, True]
+    assert figure.stat().st_size > 10000
+
+
+def test_compare_prints_measures_and_verdicts(bags, capsys):
+    assert main.run(words("compare", "dc_motor", bags[0], "--set", "drive.gain=6")) == 0
+    out = capsys.readouterr().out
+    for word in ("FIT % 10 ahead", "force error %", "Ljung-Box", "squared error of motor.position", "after a reversal"):
+        assert word in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    (
+        (["fit", "dc_motor"], "BAG"),
+        (["fit", "dc_motor", "nowhere"], "nowhere"),
+        (["fit", "dc_moter", "BAG"], "dc_motor"),
+        (["fit", "emps", "BAG"], "axis"),
+        (["fit", "dc_motor", "BAG", "--validate", "nowhere"], "nowhere"),
+        (["fit", "dc_motor", "BAG", "--criterion", "luck"], "prediction"),
+        (["fit", "dc_motor", "BAG", "--plot", "a.gif"], ".svg"),
+        (["fit", "dc_motor", "BAG", "--plot", "nowhere/a.png"], "nowhere"),
+        (["fit", "dc_motor", "BAG", "--output", "nowhere/a.yaml"], "nowhere"),
+        (["fit", "dc_motor", "BAG", "--validat", "BAG"], "--validate"),
+        (["fit", "dc_motor", "EMPTY"], "EMPTY"),
+        (["compare", "dc_motor", "nowhere"], "nowhere"),
+        (["compare", "BAG"], "MODEL"),
+        (["compare", "dc_motor", "emps", "BAG"], "different outputs"),
+        (["compare", "dc_motor", "BAG", "--steps", "0"], "--steps"),
+        (["compare", "dc_motor", "BAG", "--steps", "100000"], "100000"),
+    ),
+)
+def test_bad_input_is_one_line_and_exit_code_2(arguments, word, bags, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(bags[0], "BAG")
+    Path("EMPTY").mkdir()
+    assert main.run(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1, err
+    assert word in err
+
+
+def test_labels_are_names_unless_two_models_share_one():
+    from idloop.cli.compare import label_models
+
+    one, two = load_model("dc_motor"), load_model("axis")
+    assert label_models(["a.yaml", "b.yaml"], [one, two]) == ["dc_motor", "axis"]
+    assert label_models(["a.yaml", "b.yaml"], [one, one]) == ["a.yaml", "b.yaml"]
