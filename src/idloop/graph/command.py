@@ -78,6 +78,10 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
     environment = dict(os.environ)
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     environment["PYTHONUNBUFFERED"] = "1"
+    names = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+    if not any(name in environment for name in names):
+        old = environment.get("ROS_DISTRO") in ("humble", "jazzy")
+        environment[names[old]] = str(Path(__file__).with_name("fast_discovery.xml"))
     if domain_id is not None:
         environment["ROS_DOMAIN_ID"] = str(domain_id)
     return environment

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 
@@ -49,3 +50,12 @@ class Deadlines:
             now = time.monotonic_ns()
         self.missed += now - target > self.period_ns
         return self._start_ns + now - self._steady_start
+
+
+def become_urgent() -> bool:
+    """Ask for real-time scheduling of the calling thread; return whether the system granted it."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
+    except (OSError, AttributeError):
+        return False
+    return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from typing import Any
 
 from std_srvs.srv import Trigger
@@ -13,7 +14,7 @@ from idloop.errors import InputError
 from idloop.physics import Model, load_model
 from idloop_nodes.base import ManagedNode, PolledStream
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
-from idloop_nodes.deadlines import Deadlines
+from idloop_nodes.deadlines import Deadlines, become_urgent
 from idloop_nodes.held_stream import HeldStream
 from idloop_nodes.joint_layout import output_columns, output_topic
 from idloop_nodes.rates import RateCounter
@@ -51,6 +52,8 @@ class ControllerNode(ManagedNode):
         self._last: int | None = None
         self._emergency = ""
         self._lock = threading.Lock()
+        self._sending = threading.Lock()
+        self._sent_stamp = 0
         self._answers = RateCounter()
         self._saturated = 0
         self._jumps = 0
@@ -63,6 +66,7 @@ class ControllerNode(ManagedNode):
             self._input("excitation", self._excitation, ("position", "effort"), values["use_excitation"]),
         )
         self._deadlines = Deadlines(self._period_ns)
+        self._urgent = False
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._warm_up()
@@ -180,7 +184,14 @@ class ControllerNode(ManagedNode):
 
     # real time
 
+    def _send(self, stamp: int, command: float) -> None:
+        """Publish with a stamp that never goes back, whoever sends: loop, watchdog or a service."""
+        with self._sending:
+            self._sent_stamp = max(stamp, self._sent_stamp + 1)
+            self._publish(self._writer.pack(self._sent_stamp, (command,)))
+
     def _run_by_clock(self) -> None:
+        self._urgent = become_urgent()
         deadlines = self._deadlines
         start = deadlines.start(phase=self.parameters["phase"])
         index, silent_since, silent = 0, start, False
@@ -201,11 +212,11 @@ class ControllerNode(ManagedNode):
                     self._controller.reset()
                 silent_since, silent = now, False
                 command = self._compute(*newest)
-                self._publish(self._writer.pack(newest[0] + self._period_ns, (command,)))
+                self._send(newest[0] + self._period_ns, command)
             elif now - silent_since > self.parameters["watchdog"] * SECOND:
                 self._silences += not silent and newest is not None
                 silent = True
-                self._publish(self._writer.pack(now, (0.0,)))
+                self._send(now, 0.0)
 
     # lifecycle, services, health
 
@@ -221,7 +232,7 @@ class ControllerNode(ManagedNode):
     def _publish_zero(self) -> None:
         """Zero command outside the loop's rhythm; in lock-step the answers themselves are zero."""
         if not self._lockstep:
-            self._publish(self._writer.pack((self._last or 0) + self._period_ns, (0.0,)))
+            self._send(time.time_ns(), 0.0)
 
     def _on_emergency_stop(self, request: Any, response: Any) -> Any:
         with self._lock:
@@ -255,6 +266,7 @@ class ControllerNode(ManagedNode):
             "saturated": str(self._saturated),
             "missed_deadlines": str(self._deadlines.missed),
             "silences": str(self._silences),
+            "real_time_priority": str(self._urgent).lower(),
             "clock_jumps": str(self._jumps),
             "unreadable": str(self._unreadable),
         }

@@ -9,7 +9,7 @@ from idloop.errors import IdloopError
 from idloop.physics import Plant, load_model
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
-from idloop_nodes.deadlines import Deadlines
+from idloop_nodes.deadlines import Deadlines, become_urgent
 from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
 from idloop_nodes.progress import DONE, END, BackPressure
 from idloop_nodes.rates import RateCounter
@@ -59,6 +59,7 @@ class PlantNode(StreamNode):
             self.listen(model.input.topic, self._on_command)
         else:
             self._commands = self.poll_topic(model.input.topic)
+            self._urgent = False
             self._deadlines = Deadlines(self._period_ns)
             self._stop = threading.Event()
             self._thread = threading.Thread(target=self._run_by_clock, name="plant", daemon=True)
@@ -146,20 +147,22 @@ class PlantNode(StreamNode):
 
     def _run_by_clock(self) -> None:
         """Measure at every deadline; commands act at their stamps, late ones on arrival."""
+        self._urgent = become_urgent()
         deadlines = self._deadlines
         self._start_ns = deadlines.start()
         applied = 0
         last_command = self._start_ns
         while not self._stop.is_set():
             now = deadlines.wait(self._index)
-            for data, _ in self._commands.take():
+            for data, information in self._commands.take():
                 try:
                     stamp, (command,) = self._reader.read(data)
-                    self._plant.schedule((stamp - self._start_ns) / SECOND, command)
+                    received = information.get("received_timestamp") or now
+                    self._plant.schedule((max(stamp, received) - self._start_ns) / SECOND, command)
                 except (CdrError, IdloopError):
                     self._bad_commands += 1
                     continue
-                self._late_commands += stamp < now - self._period_ns // 10
+                self._late_commands += received > stamp
                 last_command, applied = now, applied + 1
             if applied and now - last_command > self.parameters["command_timeout"] * SECOND:
                 self._plant.schedule(self._plant.time, 0.0)
@@ -193,6 +196,7 @@ class PlantNode(StreamNode):
         }
         bad = self._wrong_stamps + self._bad_commands
         if not self._lockstep:
+            values["real_time_priority"] = str(self._urgent).lower()
             values["missed_deadlines"] = str(self._deadlines.missed)
             bad += self._deadlines.missed
         level = Level.WARN if bad else Level.OK

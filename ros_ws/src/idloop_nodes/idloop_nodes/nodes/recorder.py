@@ -88,10 +88,10 @@ class RecorderNode(StreamNode):
                 count += 1
                 stamp = peek_stamp(data)
                 check.take(information, stamp)
+                if topic == "joint_states":
+                    self._watermark = stamp
                 if self._lockstep:
                     self._order.add(stamp, rank, data)
-                    if topic == "joint_states":
-                        self._watermark = stamp
                 else:
                     batch.append((name, information.get("received_timestamp") or time.time_ns(), data))
         self._queue(sorted(batch, key=lambda one: one[1]))
