@@ -28,6 +28,7 @@ class Verb(NamedTuple):
 
 
 VERBS: dict[str, Verb] = {
+    "demo": Verb("idloop.cli.demo", "Run the loop from end to end on this machine and check it."),
     "launch": Verb("idloop.cli.launch", "Start a node graph without ros2 launch."),
     "model": Verb("idloop.cli.model", "Print a preset model, or check a model file and print it whole."),
     "import": Verb("idloop.cli.import_", "Turn CSV, MAT, NPZ, JSON or a foreign bag into a bag of our topics."),
