@@ -27,8 +27,8 @@ from typing import Any
 # numba looks for the package `coverage`, which this script's own name would shadow.
 sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != Path(__file__).resolve().parent]
 
-import numpy as np
-from numpy.typing import NDArray
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -77,12 +77,11 @@ def experiment(case: Case, samples: int, seed: int) -> tuple[Any, Any]:
     std = np.array([output.noise for output in model.outputs], dtype=float)
     # A torque of 5 % of the typical drive, changing within a second.
     torque = 0.6 if case.noise == "torque" else 0.0
-    plant = Plant(
-        model, seed=seed, noise=False, disturbance_std=torque, disturbance_time_constant=1.0
-    )
+    plant = Plant(model, seed=seed, noise=False, disturbance_std=torque, disturbance_time_constant=1.0)
     signal = excitation(case.loop, samples, rng)
     noise = coloured(case.noise, samples, std, rng)
-    time_, command = np.arange(samples) * SAMPLE_TIME, np.empty(samples)
+    time_ = np.asarray(np.arange(samples) * SAMPLE_TIME, dtype=np.float64)
+    command = np.empty(samples)
     output = np.empty((samples, 2))
     for k in range(samples):
         output[k] = plant.measure() + noise[k]
@@ -117,9 +116,7 @@ def trial(case: Case, samples: int, seed: int, criterion: str) -> dict[str, Any]
     truth, record = experiment(case, samples, seed)
     scale = "drive.gain" if case.unknown == "gain" else "motor.inertia"
     names = (scale, "motor.viscous_friction", "coulomb_friction@motor.level")
-    start = truth.with_free(names).with_values(
-        {scale: 0.6 * truth.values[scale], names[1]: 1.0, names[2]: 0.2}
-    )
+    start = truth.with_free(names).with_values({scale: 0.6 * truth.values[scale], names[1]: 1.0, names[2]: 0.2})
     result = fit(start, [record], criterion=criterion)
     return {
         "parameters": {
@@ -140,7 +137,9 @@ def binomial_interval(hits: int, count: int) -> tuple[float, float]:
     return float(centre - half), float(centre + half)
 
 
-def run(cases: list[Case], fits: int, samples: int, seed: int, criterion: str, workers: int) -> Iterator[tuple[Case, dict[str, Any]]]:
+def run(
+    cases: list[Case], fits: int, samples: int, seed: int, criterion: str, workers: int
+) -> Iterator[tuple[Case, dict[str, Any]]]:
     """Run all trials; the answers do not depend on the number of workers."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
@@ -216,7 +215,10 @@ def main() -> int:
     if arguments.json:
         print(json.dumps({"seed": arguments.seed, "samples": arguments.samples, "rows": rows}, indent=1))
         return 0
-    print(f"{'loop':5} {'noise':7} {'parameter':30} {'held':>9} {'coverage, 95 % interval':>27} {'bias/sd':>8} {'se/sd':>6} {'sd %':>6}  criterion")
+    print(
+        f"{'loop':5} {'noise':7} {'parameter':30} {'held':>9} "
+        f"{'coverage, 95 % interval':>27} {'bias/sd':>8} {'se/sd':>6} {'sd %':>6}  criterion"
+    )
     for row in rows:
         low, high = row["interval"]
         print(

@@ -97,9 +97,7 @@ def after_fit(engine: Engine, criterion: ForceCriterion, theta: Array, nuisance:
     inertia = np.asarray(engine.layout(theta).axis.inertia, dtype=float)
     for b in criterion.balances:
         m = b.motion
-        applied, _ = engine.drive_force(
-            theta, m.position, m.velocity, m.acceleration, m.time, b.command(0.0), m.time
-        )
+        applied, _ = engine.drive_force(theta, m.position, m.velocity, m.acceleration, m.time, b.command(0.0), m.time)
         applied_power += float(np.mean(thin(applied[:, None], m) ** 2))
         noise = inertia**2 * m.noise_share * np.var(m.acceleration, axis=0)
         noise_power += float(np.sum(noise))

@@ -85,9 +85,7 @@ def _prepare(model: Model, record: Record) -> Data:
     value = np.ascontiguousarray(record.input, dtype=float)
     where = f"record {record.name!r}"
     if len(time) < _FEWEST_SAMPLES:
-        raise InputError(
-            f"{where} has {len(time)} samples; a fit needs at least {_FEWEST_SAMPLES}: record for longer"
-        )
+        raise InputError(f"{where} has {len(time)} samples; a fit needs at least {_FEWEST_SAMPLES}: record for longer")
     if output.ndim != 2 or output.shape != (len(time), len(model.outputs)):
         raise InputError(
             f"{where} has outputs of shape {output.shape}; the model {model.name!r} wants "

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.errors import IdloopError
 from idloop.estimate.criterion import Errors
 from idloop.estimate.dataset import Data
 from idloop.estimate.motion import Motion, low_pass, measured_motion
@@ -53,9 +54,7 @@ class Balance:
         return np.asarray((upper - lower) / (2.0 * half))
 
 
-def balance_of(
-    engine: Engine, data: Data, record: Record | None, cutoff: float | None = None
-) -> Balance | None:
+def balance_of(engine: Engine, data: Data, record: Record | None, cutoff: float | None = None) -> Balance | None:
     """Prepare the force balance of a record, or None when some body is not measured.
 
     Parameters
@@ -135,9 +134,7 @@ class ForceCriterion:
         rows = []
         for b in self.balances:
             m = b.motion
-            rows.append(
-                self._left(theta, m, m.position, m.velocity, m.acceleration, b.command(shift))
-            )
+            rows.append(self._left(theta, m, m.position, m.velocity, m.acceleration, b.command(shift)))
         return [rows]
 
     def explained_errors(self, theta: Array, nuisance: Array) -> Errors:
@@ -145,7 +142,8 @@ class ForceCriterion:
         shift = float(nuisance[0]) if len(nuisance) else 0.0
         rows = []
         for b in self.balances:
-            assert b.explained is not None
+            if b.explained is None:
+                raise IdloopError("a record has no reference that could serve as instrument")
             position, velocity, acceleration, command = b.explained
             moved = np.interp(b.motion.time - shift, b.motion.time, command)
             rows.append(self._left(theta, b.motion, position, velocity, acceleration, moved))
@@ -154,9 +152,7 @@ class ForceCriterion:
     def _left(
         self, theta: Array, m: Motion, position: Array, velocity: Array, acceleration: Array, command: Array
     ) -> Array:
-        error = self.engine.equation_error(
-            theta, position, velocity, acceleration, m.time, command, m.time
-        )
+        error = self.engine.equation_error(theta, position, velocity, acceleration, m.time, command, m.time)
         return thin(error, m)
 
 

@@ -89,9 +89,7 @@ def fit(
     known = [b for b in balances if b is not None]
     complete = len(known) == len(balances)
     if chosen == "force" and not complete:
-        raise InputError(
-            "the force criterion needs every body's position or velocity measured; use prediction"
-        )
+        raise InputError("the force criterion needs every body's position or velocity measured; use prediction")
     balance: Solution | None = None
     if complete:
         # The force balance is nearly linear in the parameters: a cheap start for every criterion.
@@ -113,14 +111,13 @@ def fit(
     rule = _criterion(chosen, engine, data, noise)
     for trial in _ranked(rule, starts):
         rule = _criterion(chosen, engine, data, noise)
-        found = solve(
-            rule, trial, *model.bounds, report=lambda share, text: tell(0.1 + 0.8 * share, text)
-        )
+        found = solve(rule, trial, *model.bounds, report=lambda share, text: tell(0.1 + 0.8 * share, text))
         if best is None or found.problem.objective < best.problem.objective:
             best = found
         if best.converged:
             break
-    assert best is not None
+    if best is None:
+        raise IdloopError("no starting point could be fitted")
     tell(0.95, "standard errors")
     return _conclude(engine, model, data, known, best, why, noise)
 
@@ -252,9 +249,7 @@ def _conclude(
     )
 
 
-def _residuals(
-    model: Model, data: list[Data], rule: Any, theta: Array, nuisance: Array
-) -> tuple[RecordResidual, ...]:
+def _residuals(model: Model, data: list[Data], rule: Any, theta: Array, nuisance: Array) -> tuple[RecordResidual, ...]:
     names = tuple(o.name for o in model.outputs)
     found = []
     for index, d in enumerate(data):

@@ -205,9 +205,7 @@ def _step(
         move[:] = 0.0
         move[index] = -np.linalg.solve(scaled, gradient[index] / size[index]) / size[index]
         target = point + move
-        leaving = free & ((target < lower) | (target > upper)) & (
-            (point <= lower) | (point >= upper)
-        )
+        leaving = free & ((target < lower) | (target > upper)) & ((point <= lower) | (point >= upper))
         if not np.any(leaving):
             break
         free &= ~leaving

@@ -229,8 +229,7 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
         cutoff = _FILTER_RATIO * max(bands)
     cutoff = float(min(cutoff, 0.45 / step))
     columns = [
-        _body(None if i is None else series[i], None if j is None else series[j], cutoff, step)
-        for i, j in pairs
+        _body(None if i is None else series[i], None if j is None else series[j], cutoff, step) for i, j in pairs
     ]
     return Motion(
         time=grid,
@@ -242,9 +241,7 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
     )
 
 
-def _body(
-    place: Array | None, speed: Array | None, cutoff: float, step: float
-) -> tuple[Array, Array, Array, float]:
+def _body(place: Array | None, speed: Array | None, cutoff: float, step: float) -> tuple[Array, Array, Array, float]:
     """Motion of one body from whichever sensor gives the quieter acceleration."""
     # One-sided noise density 2 σ² step, through the derivative of the sensor, up to the cut-off.
     omega = 2.0 * np.pi * cutoff
@@ -253,16 +250,14 @@ def _body(
         by_place = 2.0 * noise_std(place) ** 2 * step * cutoff * omega**4 / 5.0
     if speed is not None:
         by_speed = 2.0 * noise_std(speed) ** 2 * step * cutoff * omega**2 / 3.0
-    if by_place <= by_speed and place is not None:
+    if place is not None and by_place <= by_speed:
         position = low_pass(place, cutoff, step)
         velocity = differentiate(position, step)
     else:
-        assert speed is not None
-        velocity = low_pass(speed, cutoff, step)
-        if place is not None:
-            position = low_pass(place, cutoff, step)
-        else:
-            position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]))]) * step
+        velocity = low_pass(np.zeros(0) if speed is None else speed, cutoff, step)
+        middle = 0.5 * (velocity[1:] + velocity[:-1])
+        travelled = np.concatenate([[0.0], np.cumsum(middle)]) * step
+        position = travelled if place is None else low_pass(place, cutoff, step)
     acceleration = differentiate(velocity, step)
     power = float(np.var(acceleration))
     noise = min(by_place, by_speed)

@@ -62,4 +62,4 @@ def noise_std(values: ArrayLike) -> float:
     high = np.abs(np.diff(y, 3))
     spread = float(np.median(high)) / _MEDIAN_OF_NORMAL
     spread = max(spread / np.sqrt(_THIRD_DIFFERENCE_VARIANCE), resolution(y) / np.sqrt(12.0))
-    return max(spread, 1e-9 * span)
+    return float(max(spread, 1e-9 * span))

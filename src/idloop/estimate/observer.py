@@ -100,7 +100,7 @@ def riccati(transition: Array, output: Array, process: Array, measurement: Array
         if not np.all(np.isfinite(h)):
             break
         if change <= 1e-13 * float(np.max(np.abs(h))):
-            return h
+            return np.asarray(h)
     raise IdloopError(
         "the observer's Riccati equation has no stationary solution; "
         "the model has an unstable motion that no output measures"

@@ -51,9 +51,7 @@ class PredictionCriterion:
     name = "prediction"
     whiten = True
 
-    def __init__(
-        self, engine: Engine, data: list[Data], output_noise: Array, force_scale: float
-    ) -> None:
+    def __init__(self, engine: Engine, data: list[Data], output_noise: Array, force_scale: float) -> None:
         self.engine, self.data, self.output_noise = engine, data, output_noise
         self.groups = output_groups(data)
         self.measured = sorted(column for group in self.groups for column in group)
@@ -209,7 +207,7 @@ def _settled(data: Data, group: list[int], drop: int) -> NDArray[np.bool_]:
     keep = np.all(np.isfinite(data.output[:, group]), axis=1)
     for start in (0, *data.gaps):
         keep[start : start + max(drop, 1 if start else 0)] = False
-    return keep
+    return np.asarray(keep)
 
 
 def _search(function: Callable[[float], float], grid: Array) -> float:
@@ -230,9 +228,7 @@ def _search(function: Callable[[float], float], grid: Array) -> float:
         values.insert(place, function(beyond))
     best = int(np.argmin(values))
     if not np.isfinite(values[best]):
-        raise IdloopError(
-            "no observer could be designed for this model and data; try the simulation criterion"
-        )
+        raise IdloopError("no observer could be designed for this model and data; try the simulation criterion")
     centre, step, value = points[best], spacing / 2.0, values[best]
     while step > 0.2:
         for trial in (centre - step, centre + step):

@@ -112,9 +112,7 @@ class PredictorBank:
         """Innovations of the rivals on the waiting samples; to be called before `slopes`."""
         t, y, _ = self._waiting()
         found = []
-        for gain, state, history in zip(
-            self._rival_gains, self._rival_states, self._rival_histories, strict=True
-        ):
+        for gain, state, history in zip(self._rival_gains, self._rival_states, self._rival_histories, strict=True):
             innovation = np.empty(y.shape)
             self._run(self._layouts[0], gain, state, history, t, y, innovation)
             found.append(innovation)
@@ -220,7 +218,7 @@ class PredictorBank:
     # -- inside -------------------------------------------------------------------------
 
     def _moved(self, index: int, step: float) -> Array:
-        theta = self._theta.copy()
+        theta: Array = self._theta.copy()
         theta[index] += step
         return theta
 
@@ -235,9 +233,7 @@ class PredictorBank:
         return np.concatenate(times), np.concatenate(measured), np.concatenate(innovations)
 
     def _predict(self, which: int, t: Array, y: Array, innovation: Array) -> None:
-        self._run(
-            self._layouts[which], self.gain, self._states[which], self._histories[which], t, y, innovation
-        )
+        self._run(self._layouts[which], self.gain, self._states[which], self._histories[which], t, y, innovation)
 
     def _run(
         self, layout: Any, gain: Array, state: Array, history: Array, t: Array, y: Array, innovation: Array

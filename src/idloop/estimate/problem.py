@@ -43,9 +43,7 @@ class Problem:
         errors = self.errors(point)
         if not self.orders:
             return errors
-        return [
-            self._whitener(group, order)[1] for group, order in zip(errors, self.orders, strict=True)
-        ]
+        return [self._whitener(group, order)[1] for group, order in zip(errors, self.orders, strict=True)]
 
     @staticmethod
     def _whitener(group: list[Array], order: int) -> tuple[Whitener, list[Array]]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import IdloopError, InputError
+from idloop.estimate.innovation_covariance import OUTLIER, InnovationCovariance
 from idloop.estimate.noise import noise_std
 from idloop.estimate.observer import design
 from idloop.estimate.predictor_bank import PredictorBank
@@ -23,12 +24,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Samples with larger innovations, in standard deviations, are pulled in: spikes must not steer.
-_OUTLIER = 5.0
 # Rival observers assume this factor more and less disturbance.
 _RIVAL = 3.0
-# Innovations this far out, in standard deviations, mean that the predictor is lost.
-_LOST = 1e4
 
 
 class RecursiveEstimator:
@@ -82,6 +79,9 @@ class RecursiveEstimator:
         self.sample_time = sample_time
         self.resets = self.late = 0
         self._origin = np.nan
+        self._last: float | None = None
+        self._innovations = InnovationCovariance(len(model.outputs))
+        self._memory = self._unsettled = 0.0
         # Outputs whose noise the model file leaves open weigh by this, until the data tell.
         self._noise = np.full(len(model.outputs), 1e-3)
         self._first_noise = np.zeros(len(model.outputs))
@@ -117,7 +117,7 @@ class RecursiveEstimator:
     @property
     def innovation_covariance(self) -> Array:
         """Covariance of the innovations, shape (p, p); NaN before the first block."""
-        return self._spread.copy()
+        return np.array(self._innovations.value)
 
     def set_model(self, model: Model) -> None:
         """Go on with another model or other values, as a window fit found them.
@@ -138,9 +138,9 @@ class RecursiveEstimator:
         if len(model.outputs) != self._outputs:
             raise InputError(f"model {model.name!r} has {len(model.outputs)} outputs, not {self._outputs}")
         last, old = self._last, self._bank
-        spread = self._spread
+        innovations = self._innovations
         self._clear(model)
-        self._spread = spread
+        self._innovations = innovations
         if last is not None and np.isfinite(self.sample_time or np.nan):
             self._last = last
             self._design()
@@ -167,7 +167,8 @@ class RecursiveEstimator:
             Prediction of ``y`` from everything before; NaN for a sample that could
             not be predicted (the first one, after a gap, or with an old stamp).
         """
-        return self.update_block(np.array([t]), np.array([u]), np.reshape(np.asarray(y, dtype=float), (1, -1)))[0]
+        row = np.reshape(np.asarray(y, dtype=float), (1, -1))
+        return np.asarray(self.update_block(np.array([t]), np.array([u]), row)[0])
 
     def update_block(self, t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Array:
         """Take a stretch of samples at once.
@@ -225,9 +226,9 @@ class RecursiveEstimator:
         stop = min(start + max(room, 1), len(times))
         if self._last is None:
             return start + 1
-        step = np.diff(times[start:stop])
+        steps = np.diff(times[start:stop])
         limit = max(20.0 * (self.sample_time or np.inf), 0.05)
-        broken = np.flatnonzero((step <= 0.0) | (step > limit) | ~np.isfinite(step))
+        broken = np.flatnonzero((steps <= 0.0) | (steps > limit) | ~np.isfinite(steps))
         return int(start + 1 + broken[0]) if len(broken) else stop
 
     def _run(self, t: Array, u: Array, y: Array, prediction: Array) -> None:
@@ -251,7 +252,8 @@ class RecursiveEstimator:
         if self._bank.waiting >= self.block:
             used = self._unsettled <= 0.0
             self._unsettled -= self._bank.waiting
-            self._note(self._bank.seen(), used)
+            if used or not self._innovations.known:
+                self._innovations.note(self._bank.seen())
             self._learn(used)
 
     def _forget_motion(self) -> None:
@@ -260,27 +262,7 @@ class RecursiveEstimator:
         self._bank.drop()
 
     def _lost(self, innovation: Array) -> bool:
-        if not np.all(np.isfinite(self._bank.motion)):
-            return True
-        size = np.sqrt(np.diag(self._spread))
-        with np.errstate(invalid="ignore"):
-            return bool(np.any(np.abs(innovation) > _LOST * np.maximum(size, 1e-300)))
-
-    def _note(self, innovation: Array, used: bool) -> None:
-        """Follow the covariance of the innovations."""
-        known = innovation[np.all(np.isfinite(innovation), axis=1)]
-        if len(known) == 0 or (not used and np.all(np.isfinite(self._spread))):
-            return
-        # Early on a plain mean, later a memory of some thousand samples.
-        self._noted += len(known)
-        share = len(known) / min(self._noted, 5000)
-        block = known.T @ known / len(known)
-        if not np.all(np.isfinite(self._spread)):
-            self._spread = block + 1e-24 * np.eye(len(block))
-        else:
-            limit = _OUTLIER**2 * np.trace(self._spread) * 100.0
-            if np.trace(block) < limit:
-                self._spread = (1.0 - share) * self._spread + share * block
+        return not np.all(np.isfinite(self._bank.motion)) or self._innovations.lost(innovation)
 
     # -- learning ---------------------------------------------------------------------
 
@@ -291,9 +273,8 @@ class RecursiveEstimator:
         self._size = np.where(self.theta != 0.0, np.abs(self.theta), np.nan)
         self._bank = PredictorBank(model)
         self._information = np.diag(1.0 / (self.prior * np.where(np.isfinite(self._size), self._size, 1.0)) ** 2)
-        self._spread = np.full((self._outputs, self._outputs), np.nan)
-        self._noted = 0
-        self._last: float | None = None
+        self._innovations = InnovationCovariance(self._outputs)
+        self._last = None
         self._designed = False
         self._designed_for = self.theta.copy()
         self._intensity = 0.0
@@ -306,9 +287,9 @@ class RecursiveEstimator:
 
     def _design(self) -> None:
         """Observer gains for the present parameters: the main one and its two rivals."""
-        assert self.sample_time is not None
+        step = self.sample_time or 0.0
         linear = self._bank.engine.linearise(self.theta)
-        noise = np.array([o.noise if o.noise else np.nan for o in self._model.outputs], dtype=float)
+        noise = np.array([o.noise or np.nan for o in self._model.outputs], dtype=float)
         noise = np.where(np.isfinite(noise), noise, self._noise)
         intensity = self._disturbance
         if intensity is None:
@@ -316,7 +297,7 @@ class RecursiveEstimator:
             intensity = max(0.05 * float(force), 1e-9)
         try:
             gains = [
-                design(linear.A, linear.C, linear.G, self.sample_time, (factor * intensity) ** 2, noise)
+                design(linear.A, linear.C, linear.G, step, (factor * intensity) ** 2, noise)
                 for factor in (1.0, 1.0 / _RIVAL, _RIVAL)
             ]
         except (IdloopError, np.linalg.LinAlgError):
@@ -334,11 +315,11 @@ class RecursiveEstimator:
     def _tune(self, innovation: Array) -> bool:
         """Compare the noise models on the newest block; True when a rival takes over."""
         rows = [innovation, *self._bank.rivals()]
-        size = np.maximum(np.diag(self._spread), 1e-300)
+        size = self._innovations.size**2
         self._rival_age += 1
         if self._rival_age > 2:
             for index, row in enumerate(rows):
-                power = np.nanmean(np.minimum(row**2, _OUTLIER**2 * 4.0 * size) / size)
+                power = np.nanmean(np.minimum(row**2, OUTLIER**2 * 4.0 * size) / size)
                 self._rival_cost[index] += float(power) if np.isfinite(power) else 1e9
         if self._rival_age < 10:
             return False
@@ -368,7 +349,7 @@ class RecursiveEstimator:
         self._size_up()
         if self._updates == 0:
             self._first_noise = np.array([noise_std(column) for column in self._bank.measured().T])
-        retune = self._tune(self._bank.seen()) if np.all(np.isfinite(self._spread)) else False
+        retune = self._tune(self._bank.seen()) if self._innovations.known else False
         innovation, slope = self._bank.slopes()
         samples = len(innovation)
         if self._updates == 0 and self._disturbance is None and self._bank.command_rms() > 0.0:
@@ -378,18 +359,17 @@ class RecursiveEstimator:
             self._updates = 1
             self._design()
             return
-        if not used or not np.all(np.isfinite(self._spread)):
+        if not used or not self._innovations.known:
             self._bank.place(self.theta, self._steps())
             return
-        weight, scaled = self._weights(innovation)
+        weight, scaled = self._innovations.weigh(innovation)
         slope = np.where(np.isfinite(slope), slope, 0.0)
         gradient = np.einsum("npk,np->k", slope, scaled)
         hessian = np.einsum("npk,npq,nqj->kj", slope, weight, slope)
         if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
             self._forget_motion()
             return
-        assert self.sample_time is not None
-        keep = np.exp(-samples * self.sample_time / self.forgetting_time)
+        keep = np.exp(-samples * (self.sample_time or 0.0) / self.forgetting_time)
         floor = np.diag(1.0 / (self.prior * self._size) ** 2)
         # Forgetting stops at the prior, so that a quiet machine does not blow the covariance up.
         self._information = floor + keep * (self._information - floor) + hessian
@@ -413,27 +393,9 @@ class RecursiveEstimator:
         keeps_positive = np.array([n.endswith((".inertia", ".stiffness")) for n in self._model.free])
         return np.where((lower == 0.0) & keeps_positive, 1e-3 * np.nan_to_num(self._size, nan=1.0), 0.0)
 
-    def _weights(self, innovation: Array) -> tuple[Array, Array]:
-        """Weight matrix of every sample (n, p, p) and weighted innovations (n, p)."""
-        known = np.isfinite(innovation)
-        n, p = innovation.shape
-        filled = np.where(known, innovation, 0.0)
-        full = np.linalg.pinv(self._spread, rcond=1e-12, hermitian=True)
-        weight = np.broadcast_to(full, (n, p, p)).copy()
-        partial = ~np.all(known, axis=1)
-        if np.any(partial):
-            alone = known[partial] / np.maximum(np.diag(self._spread), 1e-300)
-            weight[partial] = alone[:, :, None] * np.eye(p)
-        scaled = np.einsum("npq,nq->np", weight, filled)
-        size = np.sqrt(np.maximum(np.einsum("np,np->n", filled, scaled), 1e-300))
-        pull = np.minimum(1.0, _OUTLIER * np.sqrt(p) / size)
-        return weight * pull[:, None, None], scaled * pull[:, None]
-
     def _size_up(self) -> None:
         """Find the size of parameters that start at 0 from what they do to the first block."""
         for index in np.flatnonzero(~np.isfinite(self._size)):
-            spread = np.sqrt(np.diag(self._spread))
-            self._size[index] = self._bank.probe(int(index), spread, float(self._upper[index]))
+            self._size[index] = self._bank.probe(int(index), self._innovations.size, float(self._upper[index]))
             self._information[index, index] = 1.0 / (self.prior * self._size[index]) ** 2
             self._bank.restep(int(index), self._steps()[index])
-

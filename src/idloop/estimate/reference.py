@@ -58,9 +58,7 @@ def explained_motion(
         _projected(np.column_stack([velocity, trends[:, :1]]), motion.velocity),
         _projected(np.column_stack([position, trends]), motion.position),
     ]
-    drive = _projected(
-        np.column_stack([acceleration, velocity, trends[:, :1]]), command[:, None]
-    )[:, 0]
+    drive = _projected(np.column_stack([acceleration, velocity, trends[:, :1]]), command[:, None])[:, 0]
     inner = slice(n // 50, n - n // 50)
     left = low_pass(motion.acceleration - parts[0], motion.comparison_band, step)[inner]
     whole = low_pass(motion.acceleration, motion.comparison_band, step)[inner]

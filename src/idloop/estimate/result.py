@@ -125,9 +125,7 @@ class FitResult:
             span = f"{low:.5g} .. {high:.5g}" if np.isfinite(stderr) else "not determined"
             mark = "  at bound" if name in self.at_bound else ""
             error = f"{stderr:.2g}" if np.isfinite(stderr) else "-"
-            lines.append(
-                f"{name:<{width}}  {value:>12.6g}  {error:>10}  {span:>25}  {units[name]}{mark}"
-            )
+            lines.append(f"{name:<{width}}  {value:>12.6g}  {error:>10}  {span:>25}  {units[name]}{mark}")
         lines.append(f"loss {self.loss:.6g}, FPE {self.fpe:.6g}, {self.samples} samples")
         lines += [f"warning: {text}" for text in self.warnings]
         return "\n".join(lines)

@@ -34,9 +34,7 @@ class SimulationCriterion:
         self.engine, self.data = engine, data
         self.groups = output_groups(data)
         self.initial = InitialStates(engine, data)
-        self._known = [
-            [np.all(np.isfinite(d.output[:, group]), axis=1) for d in data] for group in self.groups
-        ]
+        self._known = [[np.all(np.isfinite(d.output[:, group]), axis=1) for d in data] for group in self.groups]
         self._memory: dict[tuple[int, bytes], Array] = {}
 
     def retune(self, theta: Array) -> None:
@@ -61,9 +59,7 @@ class SimulationCriterion:
                 self._memory.clear()
             d = self.data[record]
             state = self.initial.state(nuisance, record, theta)
-            self._memory[key] = self.engine.simulate(
-                theta, d.input_time, d.input, d.time, initial_state=state
-            )
+            self._memory[key] = self.engine.simulate(theta, d.input_time, d.input, d.time, initial_state=state)
         return self._memory[key]
 
     def errors(self, theta: Array, nuisance: Array) -> Errors:

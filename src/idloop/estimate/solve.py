@@ -67,7 +67,7 @@ def _probed_size(problem: Problem, point: Array, scale: Array, index: int, upper
         norm = float(np.linalg.norm(problem.residual(moved) - base))
         if np.isfinite(norm) and norm > 0.0 and abs(np.log(norm / 10.0)) < distance:
             best, distance = step, abs(np.log(norm / 10.0))
-    return best
+    return float(best)
 
 
 def solve(
@@ -98,7 +98,7 @@ def solve(
     theta = np.clip(start, lower, upper)
     k = len(theta)
     problem = Problem(criterion, k)
-    scale: Array | None = None
+    sizes = np.zeros(0)
     step: Array | None = None
     iterations, settled = 0, False
     previous = theta
@@ -111,24 +111,19 @@ def solve(
         with np.errstate(all="ignore"):
             try:
                 problem.reweigh(point, criterion.whiten and round_ > 0)
-            except np.linalg.LinAlgError as error:
+            except np.linalg.LinAlgError as failure:
                 raise IdloopError(
                     "the model gives no finite output at its starting values; check signs and magnitudes"
-                ) from error
-        if scale is None or len(scale) != len(point):
+                ) from failure
+        if len(sizes) == 0:
             sizes = typical_size(theta, lower, upper)
-            if scale is None:
-                for i in np.flatnonzero(theta == 0.0):
-                    sizes[i] = _probed_size(problem, point, sizes, int(i), high)
-                base_sizes = sizes
-            else:
-                sizes = np.maximum(sizes, 0.0) if np.all(theta != 0.0) else base_sizes
-            scale = np.concatenate([sizes, nuisance_scale])
+            for i in np.flatnonzero(theta == 0.0):
+                sizes[i] = _probed_size(problem, point, sizes, int(i), high)
+        now = np.where(theta != 0.0, np.maximum(np.abs(theta), 1e-3 * sizes), sizes)
+        scale = np.concatenate([now, nuisance_scale])
+        if step is not None and len(step) != len(point):
             step = None
-        scale[:k] = np.where(theta != 0.0, np.maximum(np.abs(theta), 1e-3 * base_sizes), base_sizes)
-        found = minimise(
-            problem.residual, point, low, high, scale, step, max_iterations=_ITERATIONS_PER_ROUND
-        )
+        found = minimise(problem.residual, point, low, high, scale, step, max_iterations=_ITERATIONS_PER_ROUND)
         theta, nuisance, step = found.point[:k], found.point[k:], found.step
         criterion.keep(nuisance)
         iterations += found.iterations
@@ -143,8 +138,8 @@ def solve(
     residual = problem.residual(found.point)
     jacobian = found.jacobian
     if len(jacobian) != len(residual):
-        jacobian, step = difference_jacobian(problem.residual, found.point, residual, low, high, step, scale)
-    return Solution(problem, theta, nuisance, jacobian, step, scale, low, high, iterations, settled)
+        jacobian, _ = difference_jacobian(problem.residual, found.point, residual, low, high, found.step, scale)
+    return Solution(problem, theta, nuisance, jacobian, found.step, scale, low, high, iterations, settled)
 
 
 def _conditional_errors(jacobian: Array, parameters: int) -> Array:
@@ -175,7 +170,8 @@ def instrument(solution: Solution, lower: Array, upper: Array) -> tuple[Array, A
     """
     problem = solution.problem
     rule = problem.criterion
-    assert isinstance(rule, ForceCriterion)
+    if not isinstance(rule, ForceCriterion):
+        return None
     k = len(solution.theta)
     weight = problem.weights[0]
 
@@ -191,9 +187,7 @@ def instrument(solution: Solution, lower: Array, upper: Array) -> tuple[Array, A
             problem.residual, point, residual, solution.lower, solution.upper, step, solution.scale
         )
         base = explained(point)
-        z, _ = difference_jacobian(
-            explained, point, base, solution.lower, solution.upper, step, solution.scale
-        )
+        z, _ = difference_jacobian(explained, point, base, solution.lower, solution.upper, step, solution.scale)
         bread = z.T @ slope
         size = np.maximum(np.linalg.norm(slope, axis=0), 1e-300)
         scaled = bread / np.outer(size, size)

@@ -38,7 +38,7 @@ def reduced_hessian(hessian: Array, parameters: int) -> Array:
     return np.asarray((scaled[:k, :k] - cross @ inner @ cross.T) * np.outer(size[:k], size[:k]))
 
 
-def ties(hessian: Array, parameters: int, names: tuple[str, ...]) -> tuple[list[str], Array]:
+def ties(hessian: Array, parameters: int, names: tuple[str, ...]) -> tuple[list[str], NDArray[np.bool_]]:
     """Find what the data cannot tell.
 
     Parameters

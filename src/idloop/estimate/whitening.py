@@ -47,8 +47,8 @@ class Whitener:
             return series
         if series.shape[1] == 1:
             taps = np.concatenate([[1.0], -self.coefficients[:, 0, 0]])
-            return np.convolve(series[:, 0], taps, mode="valid")[:, None]
-        white = series[m:].copy()
+            return np.asarray(np.convolve(series[:, 0], taps, mode="valid")[:, None])
+        white: Array = series[m:].copy()
         n = len(series)
         for k, matrix in enumerate(self.coefficients, start=1):
             white -= series[m - k : n - k] @ matrix.T
@@ -64,7 +64,7 @@ def _covariances(records: list[Array], order: int) -> Array:
         n = len(e)
         for k in range(min(order, n - 1) + 1):
             covariance[k] += e[k:].T @ e[: n - k]
-    return covariance / total
+    return np.asarray(covariance / total)
 
 
 def _solve(covariance: Array, order: int) -> tuple[Array, Array]:

@@ -165,9 +165,7 @@ class Comparison:
                 "noise_share": force.noise_share,
             },
             "share": self.share,
-            "residual": [test.to_dict() for test in self.residual_tests()]
-            if len(self.time) >= 100
-            else [],
+            "residual": [test.to_dict() for test in self.residual_tests()] if len(self.time) >= 100 else [],
         }
 
     def plot(self, axes: Any = None) -> Any:
@@ -231,9 +229,7 @@ class Comparison:
         return None
 
 
-def compare(
-    model: Model, record: Record, steps: int = 10, cutoff: float | None = None
-) -> Comparison:
+def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None = None) -> Comparison:
     """Compare a model with a record: outputs in free run and some steps ahead, drive force, residuals.
 
     Parameters

@@ -127,9 +127,6 @@ def measures(names: tuple[str, ...], measured: ArrayLike, modelled: ArrayLike) -
         "rmse": rmse(measured, modelled),
     }
     return {
-        key: {
-            name: (float(value) if np.isfinite(value) else None)
-            for name, value in zip(names, row, strict=True)
-        }
+        key: {name: (float(value) if np.isfinite(value) else None) for name, value in zip(names, row, strict=True)}
         for key, row in table.items()
     }

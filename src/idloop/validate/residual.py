@@ -1,4 +1,4 @@
-"""Residual tests: is what the model leaves over white, and free of the input?"""
+"""Residual tests: whether what the model leaves over is white and free of the input."""
 
 from __future__ import annotations
 
@@ -144,9 +144,7 @@ def ljung_box(values: ArrayLike, lags: int) -> tuple[float, float]:
     return statistic, float(chi2.sf(statistic, lags))
 
 
-def input_residual_test(
-    signal: ArrayLike, residual: ArrayLike, lags: int
-) -> tuple[Array, Array, float]:
+def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tuple[Array, Array, float]:
     """Cross-correlation of an input with a residual, judged under both colours.
 
     The variance of a cross-correlation of independent series is
@@ -236,9 +234,7 @@ def residual_tests(
     e = e[:, None] if e.ndim == 1 else e
     u = np.asarray(signal, dtype=float)
     if len(u) != len(e):
-        raise InputError(
-            f"residual has {len(e)} samples and input {len(u)}; sample the input at the output's times"
-        )
+        raise InputError(f"residual has {len(e)} samples and input {len(u)}; sample the input at the output's times")
     if len(e) < 4 * lags:
         raise InputError(f"{len(e)} samples are too few for {lags} lags; give {4 * lags} or fewer lags")
     names = names or tuple(f"output{i}" for i in range(e.shape[1]))

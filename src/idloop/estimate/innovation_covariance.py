@@ -1,0 +1,93 @@
+"""Covariance of the innovations, followed sample by sample, and the weights it gives."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Samples with larger innovations, in standard deviations, are pulled in: spikes must not steer.
+OUTLIER = 5.0
+# Innovations this far out, in standard deviations, mean that the predictor is lost.
+_LOST = 1e4
+# Samples over which the covariance is remembered once it is known.
+_MEMORY = 5000
+
+
+class InnovationCovariance:
+    """Running covariance of the innovations.
+
+    Parameters
+    ----------
+    outputs : int
+
+    Attributes
+    ----------
+    value : array, shape (p, p)
+        NaN until the first samples.
+    """
+
+    def __init__(self, outputs: int) -> None:
+        self.value: Array = np.full((outputs, outputs), np.nan)
+        self._samples = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether any samples have been noted."""
+        return bool(np.all(np.isfinite(self.value)))
+
+    @property
+    def size(self) -> Array:
+        """Standard deviation of every output's innovation, shape (p,)."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.value), 1e-300)))
+
+    def note(self, innovation: Array) -> None:
+        """Take in innovations of shape (n, p); rows with a NaN are left out."""
+        rows = innovation[np.all(np.isfinite(innovation), axis=1)]
+        if len(rows) == 0:
+            return
+        block = rows.T @ rows / len(rows)
+        if not self.known:
+            self._samples = len(rows)
+            self.value = block + 1e-24 * np.eye(len(block))
+            return
+        # A burst of spikes is no new noise level.
+        if np.trace(block) > 100.0 * OUTLIER**2 * np.trace(self.value):
+            return
+        # Early on a plain mean, later a memory of some thousand samples.
+        self._samples += len(rows)
+        share = len(rows) / min(self._samples, _MEMORY)
+        self.value = (1.0 - share) * self.value + share * block
+
+    def lost(self, innovation: Array) -> bool:
+        """Whether innovations are so large that the predictor must begin anew."""
+        with np.errstate(invalid="ignore"):
+            return self.known and bool(np.any(np.abs(innovation) > _LOST * self.size))
+
+    def weigh(self, innovation: Array) -> tuple[Array, Array]:
+        """Weights for least squares, with outliers pulled in and missing outputs left out.
+
+        Parameters
+        ----------
+        innovation : array, shape (n, p)
+            NaN where not measured.
+
+        Returns
+        -------
+        weight : array, shape (n, p, p)
+        weighted : array, shape (n, p)
+            Weight times innovation.
+        """
+        known = np.isfinite(innovation)
+        n, p = innovation.shape
+        filled = np.where(known, innovation, 0.0)
+        weight = np.broadcast_to(np.linalg.pinv(self.value, rcond=1e-12, hermitian=True), (n, p, p)).copy()
+        partial = ~np.all(known, axis=1)
+        if np.any(partial):
+            alone = known[partial] / self.size**2
+            weight[partial] = alone[:, :, None] * np.eye(p)
+        weighted = np.einsum("npq,nq->np", weight, filled)
+        size = np.sqrt(np.maximum(np.einsum("np,np->n", filled, weighted), 1e-300))
+        pull = np.minimum(1.0, OUTLIER * np.sqrt(p) / size)
+        return weight * pull[:, None, None], weighted * pull[:, None]
