@@ -24,6 +24,8 @@ from idloop.physics.units import FORCES, Units, input_unit, position_unit
 from idloop.spelling import did_you_mean_or_known
 
 PRESETS = Path(__file__).parent / "presets"
+# A body may lose this much of its stated inertia in a fit, but not all of it: nothing moves without.
+LEAST_INERTIA = 1e-6
 EFFECT_TEXT = re.compile(r"^\s*(\w+)\s*@\s*([^()\s]+)\s*(?:\((.*)\))?\s*$")
 
 
@@ -470,8 +472,10 @@ def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:
 
 def _base_parameter(name: str, value: Value, unit: str, low: float, where: str, *, positive: bool = False) -> Parameter:
     if value.value < low or (positive and value.value <= low) or not np.isfinite(value.value):
-        bound = "> 0" if positive else f">= {low:g}" if np.isfinite(low) else "finite"
+        bound = "finite" if np.isinf(value.value) else "> 0" if positive else f">= {low:g}"
         raise InputError(f"{where}: {name}: must be {bound} {unit} (got {value.value:g})")
+    if positive:
+        low = LEAST_INERTIA * value.value
     low = low if value.min is None else max(low, value.min)
     high = np.inf if value.max is None else value.max
     return Parameter(name, value.value, low, high, value.free, value.stderr, unit)
