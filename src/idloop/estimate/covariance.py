@@ -33,7 +33,7 @@ def long_run_covariance(records: list[Array]) -> Array:
     variance = sum(np.sum(w**2, axis=0) for w in white) / total
     length = min(len(w) for w in white)
     # Andrews (1991), eq. 6.4: weights equalise the components' units.
-    scale = np.where(variance > 0, 1.0 / np.maximum(variance, 1e-300) ** 2, 0.0)
+    scale = np.where(variance > 1e-150, 1.0 / np.maximum(variance, 1e-150) ** 2, 0.0)
     numerator = np.sum(scale * 4.0 * again**2 * variance**2 / (1.0 - again) ** 8)
     denominator = np.sum(scale * variance**2 / (1.0 - again) ** 4)
     alpha = float(numerator / denominator) if denominator > 0 else 0.0

@@ -107,7 +107,13 @@ def _column(
         ahead[index], behind[index] = point[index] + sign * step, point[index] + 2.0 * sign * step
         near, far = function(ahead), function(behind)
         return sign * (4.0 * near - far - 3.0 * residual) / (2.0 * step), near - residual
-    difference = function(ahead) - function(behind)
+    upper_side, lower_side = function(ahead), function(behind)
+    # Beside the edge of what can be simulated only one side is there to look at.
+    if not np.all(np.isfinite(lower_side)):
+        return (upper_side - residual) / step, upper_side - residual
+    if not np.all(np.isfinite(upper_side)):
+        return (residual - lower_side) / step, residual - lower_side
+    difference = upper_side - lower_side
     return difference / (2.0 * step), 0.5 * difference
 
 

@@ -185,7 +185,7 @@ def uniform(time: Array, values: Array) -> tuple[Array, Array] | None:
     step = float(np.median(np.diff(time)))
     if np.ptp(np.diff(time)) < 1e-3 * step and np.all(known):
         return time, values
-    grid = np.arange(time[0], time[-1] + 0.5 * step, step)
+    grid = np.arange(time[0], time[-1] + 1e-6 * step, step)
     return grid, np.interp(grid, time[known], values[known])
 
 

@@ -89,7 +89,10 @@ def riccati(transition: Array, output: Array, process: Array, measurement: Array
     g = output.T @ np.linalg.solve(measurement, output)
     h = process.copy()
     for _ in range(60):
-        inverse = np.linalg.solve(identity + g @ h, np.hstack([a, g]))
+        try:
+            inverse = np.linalg.solve(identity + g @ h, np.hstack([a, g]))
+        except np.linalg.LinAlgError:
+            break
         step = a.T @ h @ inverse[:, :m]
         g = g + a @ inverse[:, m:] @ a.T
         h_next = h + step

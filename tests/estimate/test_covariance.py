@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from idloop.estimate.covariance import long_run_covariance, sandwich
+
+
+def test_long_run_variance_of_an_autoregression() -> None:
+    rng = np.random.default_rng(0)
+    g = lfilter([1.0], [1.0, -0.8], rng.normal(size=50_000))[:, None]
+    assert long_run_covariance([g])[0, 0] == pytest.approx(1.0 / (1.0 - 0.8) ** 2, rel=0.15)
+
+
+def test_regression_interval_under_coloured_noise() -> None:
+    rng = np.random.default_rng(1)
+    hits = 0
+    for _ in range(200):
+        x = lfilter([1.0], [1.0, -0.9], rng.normal(size=1000))
+        y = 2.0 * x + lfilter([1.0], [1.0, -0.9], rng.normal(size=1000))
+        slope = x @ y / (x @ x)
+        variance = sandwich(np.array([[x @ x]]), [(x * (y - slope * x))[:, None]])[0, 0]
+        hits += abs(slope - 2.0) < 1.96 * np.sqrt(variance)
+    # A white-noise formula covers about half here.
+    assert hits >= 175
+
+
+@given(st.integers(0, 1000), st.floats(1e-6, 1e6))
+def test_covariance_follows_units_and_is_semidefinite(seed: int, unit: float) -> None:
+    rng = np.random.default_rng(seed)
+    jacobian = rng.normal(size=(200, 2))
+    scores = jacobian * rng.normal(size=(200, 1))
+    plain = sandwich(jacobian.T @ jacobian, [scores])
+    scale = np.array([1.0, unit])
+    other = sandwich((jacobian * scale).T @ (jacobian * scale), [scores * scale])
+    assert other == pytest.approx(plain / np.outer(scale, scale), rel=1e-6)
+    assert np.min(np.linalg.eigvalsh(plain)) >= -1e-12
+
+
+def test_dead_component_stays_finite() -> None:
+    rng = np.random.default_rng(2)
+    g = np.column_stack([rng.normal(size=300), np.zeros(300)])
+    assert np.all(np.isfinite(long_run_covariance([g])))

@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idloop.estimate.levenberg import minimise
+
+WIDE = np.full(2, np.inf)
+
+
+def test_rosenbrock() -> None:
+    found = minimise(
+        lambda x: np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]]),
+        np.array([-1.2, 1.0]), -WIDE, WIDE, np.ones(2), max_iterations=200, tolerance=1e-14,
+    )  # fmt: skip
+    assert found.point == pytest.approx([1.0, 1.0], abs=1e-4)
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2), st.integers(0, 1000))
+def test_stays_in_the_box_and_never_gets_worse(start: list[float], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix, target = rng.normal(size=(5, 2)), rng.normal(size=5)
+    low, high = np.array([-1.0, 0.0]), np.array([1.0, 2.0])
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        assert np.all(x >= low - 1e-12) or np.any(np.abs(x - np.clip(x, low, high)) < 0.1)
+        return np.asarray(matrix @ x - target)
+
+    begin = np.clip(start, low, high)
+    found = minimise(residual, begin, low, high, np.ones(2))
+    assert np.all((found.point >= low) & (found.point <= high))
+    assert found.cost <= 0.5 * np.sum(residual(begin) ** 2) + 1e-12
+
+
+def test_bound_holds_a_parameter_and_the_other_is_right() -> None:
+    # The free minimum is at (-1, 2); with the first held at 0 the other moves to 1.5.
+    matrix = np.array([[1.0, 0.5], [0.5, 1.0], [0.3, 0.3]])
+    target = matrix @ np.array([-1.0, 2.0])
+    found = minimise(
+        lambda x: matrix @ x - target, np.array([1.0, 0.0]), np.array([0.0, -9.0]), WIDE, np.ones(2), tolerance=1e-12
+    )
+    expected = matrix[:, 1] @ target / (matrix[:, 1] @ matrix[:, 1])
+    assert found.point == pytest.approx([0.0, expected], abs=1e-6)
+    assert found.converged
+
+
+def test_jacobian_beside_a_bound() -> None:
+    found = minimise(
+        lambda x: np.array([x[0] ** 2 + x[0], x[1]]) * 100.0,
+        np.zeros(2), np.zeros(2), WIDE, np.ones(2),
+    )  # fmt: skip
+    assert found.jacobian[:, 0] == pytest.approx([100.0, 0.0], rel=1e-3)
+
+
+def test_parameter_without_any_effect_is_left_alone() -> None:
+    found = minimise(lambda x: np.array([x[0] - 3.0]), np.array([0.0, 7.0]), -WIDE, WIDE, np.ones(2), tolerance=1e-12)
+    assert found.point == pytest.approx([3.0, 7.0])
+
+
+def test_values_that_cannot_be_simulated_are_stepped_around() -> None:
+    found = minimise(
+        lambda x: np.array([np.sqrt(x[0]) - 0.1 if x[0] > 0 else np.nan]),
+        np.array([4.0]), np.array([-np.inf]), np.array([np.inf]), np.ones(1), tolerance=1e-12,
+    )  # fmt: skip
+    assert found.point[0] == pytest.approx(0.01, abs=1e-3)

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idloop.estimate.motion import differentiate, excitation_band, low_pass, uniform
+from idloop.estimate.noise import noise_std, resolution
+
+
+@given(st.floats(0.5, 5.0), st.floats(0.0, 6.0))
+def test_derivative_of_a_sine(frequency: float, phase: float) -> None:
+    t = np.arange(0.0, 4.0, 1e-3)
+    w = 2.0 * np.pi * frequency
+    slope = differentiate(np.sin(w * t + phase), 1e-3)
+    assert slope[2:-2] == pytest.approx(w * np.cos(w * t + phase)[2:-2], abs=1e-6 * w)
+
+
+def test_low_pass_keeps_the_band_in_phase_and_stops_the_rest() -> None:
+    t = np.arange(0.0, 10.0, 1e-3)
+    slow, fast = np.sin(2 * np.pi * t), np.sin(2 * np.pi * 200.0 * t)
+    left = low_pass(slow + fast, 20.0, 1e-3)[1000:-1000]
+    assert left == pytest.approx(slow[1000:-1000], abs=1e-3)
+
+
+def test_excited_band_is_found_under_noise() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(0.0, 60.0, 1e-3)
+    position = np.sin(2 * np.pi * 3.0 * t) + 1e-4 * rng.normal(size=len(t))
+    assert 2.5 < excitation_band(np.diff(position) / 1e-3, 1e-3) < 5.0
+
+
+def test_uneven_stamps_are_resampled_and_big_holes_refused() -> None:
+    rng = np.random.default_rng(1)
+    t = np.cumsum(rng.uniform(0.008, 0.012, 500))
+    found = uniform(t, 3.0 * t)
+    assert found is not None
+    assert np.ptp(np.diff(found[0])) < 1e-9
+    assert found[1] == pytest.approx(3.0 * found[0])
+    holes = 3.0 * t
+    holes[100:200] = np.nan
+    assert uniform(t, holes) is None
+
+
+@given(st.floats(1e-6, 1e3), st.integers(0, 100))
+def test_noise_level_under_smooth_motion(std: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 10.0, 4000)
+    assert noise_std(50 * std * np.sin(t) + std * rng.normal(size=4000)) == pytest.approx(std, rel=0.12)
+
+
+def test_noise_of_a_quantised_sensor_is_that_of_rounding() -> None:
+    y = 0.01 * np.round(np.sin(np.linspace(0.0, 20.0, 5000)) / 0.01)
+    assert resolution(y) == pytest.approx(0.01)
+    assert noise_std(y) >= 0.01 / np.sqrt(12.0) * 0.999

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from idloop.errors import InputError
+from idloop.validate.residual import autocorrelation, input_residual_test, ljung_box, residual_tests
+
+
+def test_autocorrelation_of_an_alternating_series() -> None:
+    r = autocorrelation(np.array([1.0, -1.0] * 50), 2)
+    assert r == pytest.approx([1.0, -0.99, 0.98])
+
+
+def test_whiteness_holds_its_level_on_white_noise() -> None:
+    rng = np.random.default_rng(0)
+    p = np.array([ljung_box(rng.normal(size=500), 20)[1] for _ in range(400)])
+    # 5 % of 400 with three binomial standard deviations.
+    assert abs(np.sum(p < 0.05) - 20) <= 13
+
+
+def test_input_test_holds_its_level_when_both_are_coloured() -> None:
+    rng = np.random.default_rng(1)
+    p = []
+    for _ in range(300):
+        u, e = lfilter([1.0], [1.0, -0.9], rng.normal(size=(2, 2000)), axis=1)
+        p.append(input_residual_test(u, e, 20)[2])
+    assert np.sum(np.array(p) < 0.05) <= 15 + 14
+
+
+def test_input_left_in_the_residual_is_found_at_its_lag() -> None:
+    rng = np.random.default_rng(2)
+    u = rng.normal(size=2000)
+    e = rng.normal(size=2000)
+    e[3:] += 0.3 * u[:-3]
+    correlation, band, p = input_residual_test(u, e, 10)
+    assert p < 1e-6
+    assert int(np.argmax(np.abs(correlation))) - 10 == 3
+    assert np.max(np.abs(correlation)) > band[0]
+
+
+def test_one_test_per_output_and_missing_samples_left_out() -> None:
+    rng = np.random.default_rng(3)
+    e = rng.normal(size=(1000, 2))
+    e[::2, 1] = np.nan
+    tests = residual_tests(e, rng.normal(size=1000), ("a", "b"))
+    assert [t.name for t in tests] == ["a", "b"]
+    assert tests[1].autocorrelation_band[0] > tests[0].autocorrelation_band[0]
+    assert set(tests[0].to_dict()) >= {"white", "input_free"}
+
+
+def test_too_few_samples() -> None:
+    with pytest.raises(InputError, match="too few"):
+        residual_tests(np.zeros((50, 1)), np.zeros(50))
