@@ -15,7 +15,12 @@ There the force balance in the excited band is the better question. It needs:
 4. an unexplained force at least ten times what the sensor noise can account for
    and above 1 % of the drive force: model error, not noise, limits this fit.
 
-Everything else is fitted by prediction.
+Everything else is fitted by prediction, and by free run to compare with. Were the
+noise model right, prediction would be the more precise of the two. Where its
+standard errors come out three times those of the free run on average, or eight
+times for one parameter, the disturbance and the whitening have taken model error for noise, and with it the trace of the
+parameters; if the free run then follows the data at all (an error below half of
+the measured spread on every output), its answer is the one to report.
 """
 
 from __future__ import annotations
@@ -29,6 +34,8 @@ from numpy.typing import NDArray
 from idloop.estimate.force import Balance, ForceCriterion, thin
 
 if TYPE_CHECKING:
+    from idloop.estimate.dataset import Data
+    from idloop.estimate.result import FitResult
     from idloop.physics import Engine
 
 Array = NDArray[np.float64]
@@ -36,6 +43,9 @@ Array = NDArray[np.float64]
 QUIET_SHARE = 1e-3
 NOISE_MULTIPLE = 10.0
 LEAST_MODEL_ERROR = 0.01
+PRECISION_RATIO = 3.0
+SINGLE_RATIO = 8.0
+LARGEST_FREE_RUN_ERROR = 0.5
 
 
 @dataclass(frozen=True)
@@ -117,3 +127,36 @@ def after_fit(engine: Engine, criterion: ForceCriterion, theta: Array, nuisance:
         "not sensor noise, limits the fit; the force is compared up to "
         f"{max(b.motion.comparison_band for b in criterion.balances):.3g} Hz",
     )
+
+
+def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> Choice:
+    """Judge a fit by prediction against one by free run of the same model.
+
+    Parameters
+    ----------
+    prediction, simulation : FitResult
+    data : list of Data
+        The records of both.
+
+    Returns
+    -------
+    Choice
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.log(prediction.stderr / simulation.stderr)
+    ratios = ratios[np.isfinite(ratios)]
+    ratio = float(np.exp(np.mean(ratios))) if len(ratios) else 1.0
+    largest = float(np.exp(np.max(ratios))) if len(ratios) else 1.0
+    error = np.concatenate([r.value for r in simulation.residuals])
+    measured = np.concatenate([d.output for d in data])
+    seen = np.any(np.isfinite(measured), axis=0)
+    left = np.sqrt(np.nanmean(error[:, seen] ** 2, axis=0))
+    spread = np.nanstd(measured[:, seen], axis=0)
+    follows = bool(np.all(left < LARGEST_FREE_RUN_ERROR * spread))
+    if (ratio > PRECISION_RATIO or largest > SINGLE_RATIO) and follows and simulation.converged:
+        return Choice(
+            "simulation",
+            f"prediction would be up to {largest:.2g} times less precise than the free run: its noise model takes "
+            "model error for noise, so something is missing from the model",
+        )
+    return Choice("prediction", prediction.why)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.choose import after_fit, before_fit
+from idloop.estimate.choose import after_fit, before_fit, between
 from idloop.estimate.covariance import sandwich
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.dataset import Data, output_noise, prepare
@@ -33,6 +33,7 @@ Progress = Callable[[float, str], None]
 CRITERIA = ("auto", "prediction", "simulation", "force")
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def fit(
     model: Model,
     records: Sequence[Record],
@@ -104,22 +105,47 @@ def fit(
     if chosen == "force":
         if balance is None:
             raise IdloopError("the force balance cannot be evaluated at the starting values")
-        return _conclude(engine, model, data, known, balance, why, noise)
-    tell(0.1, f"{chosen} criterion")
+        return _conclude(engine, model, data, balance, why, noise)
     starts = [start] if balance is None else [start, balance.theta]
+    tell(0.1, f"{chosen} criterion")
+    best = _search(engine, model, data, noise, chosen, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
+    tell(0.75, "standard errors")
+    result = _conclude(engine, model, data, best, why, noise)
+    if criterion != "auto":
+        return result
+    tell(0.8, "free run, to compare with")
+    try:
+        rival = _search(engine, model, data, noise, "simulation", [result.values, *starts], lambda share, text: None)
+        free = _conclude(engine, model, data, rival, "", noise)
+    except (IdloopError, np.linalg.LinAlgError):
+        return result
+    tell(0.95, "comparing the criteria")
+    final = between(result, free, data)
+    return replace(free if final.criterion == "simulation" else result, why=final.why)
+
+
+def _search(
+    engine: Engine,
+    model: Model,
+    data: list[Data],
+    noise: Array,
+    chosen: str,
+    starts: list[Array],
+    tell: Progress,
+) -> Solution:
+    """Best solution from several starting points; the others are only tried when the first does not settle."""
     best: Solution | None = None
     rule = _criterion(chosen, engine, data, noise)
     for trial in _ranked(rule, starts):
         rule = _criterion(chosen, engine, data, noise)
-        found = solve(rule, trial, *model.bounds, report=lambda share, text: tell(0.1 + 0.8 * share, text))
+        found = solve(rule, trial, *model.bounds, report=tell)
         if best is None or found.problem.objective < best.problem.objective:
             best = found
         if best.converged:
             break
     if best is None:
         raise IdloopError("no starting point could be fitted")
-    tell(0.95, "standard errors")
-    return _conclude(engine, model, data, known, best, why, noise)
+    return best
 
 
 def _balances(engine: Engine, data: list[Data], records: Sequence[Record]) -> list[Balance | None]:
@@ -178,7 +204,6 @@ def _conclude(
     engine: Engine,
     model: Model,
     data: list[Data],
-    balances: list[Balance],
     solution: Solution,
     why: str,
     noise: Array,

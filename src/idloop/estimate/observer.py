@@ -32,7 +32,7 @@ class Observer:
 
 
 def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, Array]:
-    """Transition matrix and noise covariance over one sample (Van Loan, 1978).
+    """Transition matrix and noise covariance over one sample (Van Loan, IEEE Trans. Automatic Control 23, 1978).
 
     Parameters
     ----------
@@ -50,13 +50,19 @@ def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, 
     from scipy.linalg import expm
 
     m = len(matrix)
+    # Fast modes would overflow in exp(−A T): go by halves of the step and double back.
+    size = float(np.max(np.sum(np.abs(matrix), axis=1))) * sample_time
+    halvings = max(int(np.ceil(np.log2(size))), 0) if size > 1.0 else 0
     block = np.zeros((2 * m, 2 * m))
     block[:m, :m] = -matrix
     block[:m, m:] = noise
     block[m:, m:] = matrix.T
-    exponential = expm(block * sample_time)
+    exponential = expm(block * (sample_time / 2.0**halvings))
     transition = exponential[m:, m:].T
     covariance = transition @ exponential[:m, m:]
+    for _ in range(halvings):
+        covariance = covariance + transition @ covariance @ transition.T
+        transition = transition @ transition
     return transition, 0.5 * (covariance + covariance.T)
 
 

@@ -64,7 +64,7 @@ class Problem:
             stacked = np.concatenate(group)
             covariance = stacked.T @ stacked / max(len(stacked), 1)
             # Outputs that the model matches exactly must not weigh infinitely.
-            floor = 1e-24 * np.maximum(np.diag(covariance), 1e-300).max()
+            floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
             covariance = covariance + floor * np.eye(len(covariance))
             self.weights.append(np.linalg.inv(np.linalg.cholesky(covariance)))
             self.objective += len(stacked) * float(np.linalg.slogdet(covariance)[1])

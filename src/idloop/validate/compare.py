@@ -68,7 +68,8 @@ class Comparison:
     @cached_property
     def simulated(self) -> Array:
         """Free run from an estimated initial state, shape (n, p)."""
-        return free_run(self._engine, self._data)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return free_run(self._engine, self._data)
 
     @cached_property
     def predicted(self) -> Array:
@@ -217,7 +218,8 @@ class Comparison:
         if known is not None and known > 0.0:
             rule.fix(self.model.theta, known**2)
         else:
-            rule.retune(self.model.theta)
+            with np.errstate(over="ignore", invalid="ignore"):
+                rule.retune(self.model.theta)
         return rule
 
     def _velocity(self) -> Array | None:
