@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -24,6 +25,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+# Two workers share the cores already: threads inside the linear algebra only get in their way.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # numba looks for the package `coverage`, which this script's own name would shadow.
 sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != Path(__file__).resolve().parent]
 

@@ -18,9 +18,10 @@ There the force balance in the excited band is the better question. It needs:
 Everything else is fitted by prediction, and by free run to compare with. Were the
 noise model right, prediction would be the more precise of the two. Where its
 standard errors come out three times those of the free run on average, or eight
-times for one parameter, the disturbance and the whitening have taken model error for noise, and with it the trace of the
-parameters; if the free run then follows the data at all (an error below half of
-the measured spread on every output), its answer is the one to report.
+times for one parameter, the disturbance and the whitening have taken model error
+for noise, and with it the trace of the parameters; if the free run then follows
+the data at all (an error below half of the measured spread on every output), its
+answer is the one to report.
 """
 
 from __future__ import annotations
