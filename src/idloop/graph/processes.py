@@ -130,13 +130,14 @@ class GraphRun:
                     child.process.send_signal(number)
             self._wait_for(alive, patience)
         for child in self._children:
-            child.reader.join(timeout=1.0)
-            if child.process.stdout is not None:
-                child.process.stdout.close()
             if child.process.returncode:
                 # It did not end by itself: its group may still hold a child of its own.
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.killpg(child.process.pid, signal.SIGKILL)
+            child.reader.join(timeout=1.0)
+            # While somebody else holds the pipe open, the reader waits in it and closing would wait for the reader.
+            if child.process.stdout is not None and not child.reader.is_alive():
+                child.process.stdout.close()
         self._folder.cleanup()
 
     @staticmethod

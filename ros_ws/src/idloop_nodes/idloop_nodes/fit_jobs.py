@@ -119,6 +119,11 @@ class FitWorker:
             return
         process.kill()
         process.wait()
+        self._listener.join(timeout=1.0)
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                with contextlib.suppress(OSError):  # a job that the worker never read
+                    stream.close()
 
     def _lost_worker(self, result: list[FitAnswer]) -> None:
         if self._closing:
@@ -145,7 +150,8 @@ class FitWorker:
             stdout=subprocess.PIPE,
             env=environment,
         )
-        threading.Thread(target=self._listen, args=(self._process,), name="fits", daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, args=(self._process,), name="fits", daemon=True)
+        self._listener.start()
 
     def _listen(self, process: subprocess.Popen[bytes]) -> None:
         while process.stdout is not None and (answer := receive(process.stdout)) is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from typing import TYPE_CHECKING
 
 from idloop.errors import IdloopError
@@ -68,6 +69,8 @@ def main() -> None:
     """Serve jobs from stdin until it closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
+    # What a trial step of a fit runs into is not for the log of a live graph.
+    warnings.simplefilter("ignore", RuntimeWarning)
     jobs, answers = sys.stdin.buffer, os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # Anything a library prints must not get between the pickles.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

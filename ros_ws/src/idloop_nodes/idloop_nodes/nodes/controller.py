@@ -91,7 +91,7 @@ class ControllerNode(ManagedNode):
             try:
                 section = yaml.safe_load(text)
             except yaml.YAMLError as error:
-                raise InputError(f"controller: no YAML: {error}") from error
+                raise InputError(f"controller: {text!r} is no YAML: {' '.join(str(error).split())}") from error
             if not isinstance(section, dict):
                 raise InputError(f"controller: {text!r} is no mapping such as {{type: pid, kp: 1.0}}")
         return {"sample_time": self.parameters["sample_time"], **section}

@@ -1,0 +1,40 @@
+"""`idloop launch` and `idloop replay` as commands."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from idloop.cli.launch import command, parse_arguments
+from idloop.cli.replay import command as replay
+from idloop.errors import InputError
+
+
+def test_without_a_graph_those_there_are_are_listed():
+    done = CliRunner().invoke(command, [])
+    assert done.output.split() == ["dc_motor", "replay", "torsion"]
+    assert json.loads(CliRunner().invoke(command, ["--json"]).output)["graphs"] == done.output.split()
+
+
+def test_arguments_are_listed_with_their_values():
+    done = CliRunner().invoke(command, ["torsion", "duration:=5", "--show-args", "--json"])
+    rows = {row["name"]: row["value"] for row in json.loads(done.output)["arguments"]}
+    assert rows["duration"] == "5"
+    assert rows["mode"] == "lockstep"
+
+
+@pytest.mark.parametrize("arguments", [["torsoin"], ["torsion", "duration=5"], ["torsion", "dura:=5"]])
+def test_wrong_use_is_an_input_error(arguments):
+    done = CliRunner().invoke(command, arguments)
+    assert isinstance(done.exception, InputError)
+    assert "\n" not in str(done.exception)
+
+
+def test_values_may_hold_the_sign_itself():
+    assert parse_arguments(["a:=b:=c", "d:="]) == {"a": "b:=c", "d": ""}
+
+
+def test_replay_of_a_missing_bag_is_an_input_error():
+    assert isinstance(CliRunner().invoke(replay, ["nowhere"]).exception, InputError)

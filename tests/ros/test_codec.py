@@ -1,0 +1,184 @@
+"""Messages to values and back, byte for byte."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
+
+from idloop_nodes.codec import (
+    CdrError,
+    FitSummary,
+    JointReader,
+    JointSample,
+    JointWriter,
+    Level,
+    ParameterSummary,
+    Status,
+    decode_diagnostics,
+    decode_header,
+    decode_joint_state,
+    decode_time,
+    encode_diagnostics,
+    encode_header,
+    encode_joint_state,
+    encode_time,
+    fit_from_statuses,
+    fit_to_statuses,
+    parameters_from_statuses,
+    parameters_to_statuses,
+    peek_stamp,
+)
+
+stamps = st.integers(0, 2**31 * 10**9 - 1)
+texts = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=12)
+numbers = st.floats(allow_nan=False)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+columns = st.lists(numbers, max_size=4).map(tuple)
+samples = st.builds(
+    JointSample, stamps, st.lists(texts, max_size=4).map(tuple), columns, columns, columns, frame_id=texts
+)
+statuses = st.lists(
+    st.builds(Status, texts, texts, st.sampled_from(Level), st.dictionaries(texts, texts, max_size=4), texts),
+    max_size=4,
+)
+names = st.text("abcdefghijklmnopqrstuvwxyz._@-0123456789", min_size=1, max_size=12)
+
+
+@given(samples)
+def test_joint_state_round_trip(sample):
+    assert decode_joint_state(encode_joint_state(sample)) == sample
+
+
+@given(samples)
+def test_joint_state_is_what_ros_reads_and_writes(sample):
+    message_module = pytest.importorskip("sensor_msgs.msg")
+    serialization = pytest.importorskip("rclpy.serialization")
+    message = serialization.deserialize_message(encode_joint_state(sample), message_module.JointState)
+    assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == sample.stamp_ns
+    assert tuple(message.name) == sample.names
+    assert tuple(message.position) == sample.position
+    assert tuple(message.effort) == sample.effort
+    assert decode_joint_state(serialization.serialize_message(message)) == sample
+
+
+@given(statuses, stamps)
+def test_diagnostics_round_trip_through_ros(items, stamp):
+    data = encode_diagnostics(stamp, items)
+    assert decode_diagnostics(data) == (stamp, items)
+    message_module = pytest.importorskip("diagnostic_msgs.msg")
+    serialization = pytest.importorskip("rclpy.serialization")
+    message = serialization.deserialize_message(data, message_module.DiagnosticArray)
+    assert [one.name for one in message.status] == [one.name for one in items]
+    assert decode_diagnostics(serialization.serialize_message(message)) == (stamp, items)
+
+
+@given(stamps, texts)
+def test_time_and_header_round_trip(stamp, frame):
+    assert decode_time(encode_time(stamp)) == stamp == peek_stamp(encode_time(stamp))
+    assert decode_header(encode_header(stamp, frame)) == (stamp, frame)
+
+
+@given(st.lists(st.tuples(stamps, finite, finite, finite), min_size=1, max_size=5))
+def test_writer_and_reader_agree_with_the_codec(rows):
+    writer = JointWriter(["motor", "load"], ["velocity", "position"])
+    reader = JointReader([("load", "velocity"), ("motor", "position"), ("motor", "effort"), ("tail", "position")])
+    for stamp, a, b, c in rows:
+        data = writer.pack(stamp, (a, b), (c, a))
+        assert data == encode_joint_state(JointSample(stamp, ("motor", "load"), (a, b), (c, a)))
+        read_stamp, values = reader.read(data)
+        assert read_stamp == stamp
+        assert values[:2] == (a, a)
+        assert all(math.isnan(value) for value in values[2:])
+
+
+def test_reader_follows_a_change_of_shape():
+    reader = JointReader([("b", "position")])
+    first = encode_joint_state(JointSample(1, ("a", "b"), (1.0, 2.0)))
+    second = encode_joint_state(JointSample(2, ("b", "a"), (3.0, 4.0)))
+    third = encode_joint_state(JointSample(3, ("b", "a"), (), (5.0, 6.0)))
+    values = [reader.read(data)[1][0] for data in (first, second, first, third)]
+    assert values[:3] == [2.0, 3.0, 2.0]
+    assert math.isnan(values[3])
+
+
+def test_reader_takes_the_first_joint_whatever_its_name():
+    reader = JointReader([("*", "effort")])
+    assert reader.read(encode_joint_state(JointSample(5, ("axis", "x"), effort=(7.0, 8.0)))) == (5, (7.0,))
+
+
+def test_equal_messages_are_equal_bytes_with_zero_padding():
+    data = encode_joint_state(JointSample(0, ("abcd",), (1.0,)))
+    position = data.index(struct.pack("<d", 1.0))
+    assert data[position - 8 : position] == struct.pack("<II", 1, 0)
+
+
+@given(samples, st.data())
+def test_a_cut_message_is_refused(sample, data):
+    whole = encode_joint_state(sample)
+    cut = data.draw(st.integers(0, len(whole) - 4))
+    with pytest.raises(CdrError):
+        decode_joint_state(whole[: cut - cut % 4])
+
+
+@given(st.binary(max_size=60))
+def test_rubbish_never_raises_anything_else(data):
+    for decode in (decode_joint_state, decode_diagnostics, JointReader([("motor", "effort")]).read):
+        try:
+            decode(data)
+        except CdrError:
+            continue
+
+
+@given(
+    st.builds(
+        FitSummary,
+        names,
+        st.lists(names, max_size=3).map(tuple),
+        names,
+        st.tuples(stamps, stamps),
+        st.tuples(stamps, stamps),
+        st.dictionaries(names, finite, max_size=3),
+        st.dictionaries(names, finite, max_size=3),
+        finite,
+        texts,
+    )
+)
+def test_fit_round_trip(summary):
+    _, items = decode_diagnostics(encode_diagnostics(1, fit_to_statuses("estimator", summary)))
+    assert fit_from_statuses(items) == summary
+
+
+optional = st.one_of(st.none(), finite)
+
+
+@given(st.lists(st.builds(ParameterSummary, names, finite, optional, texts, optional, optional, st.booleans())))
+def test_parameters_round_trip(items):
+    _, back = decode_diagnostics(encode_diagnostics(1, parameters_to_statuses("estimator", items)))
+    assert parameters_from_statuses(back) == items
+
+
+def test_fit_message_is_for_people():
+    summary = FitSummary("m", fit={"motor.position": 97.64}, validation_window=(0, 10**10))
+    (status,) = fit_to_statuses("estimator", summary)
+    assert status.name == "estimator: fit"
+    assert status.message == "FIT motor.position 97.6 % on 10.0 s not used in the fit"
+    assert float(status.values["fit/motor.position"]) == 97.64
+
+
+def test_parameter_at_its_bound_is_a_warning():
+    (status,) = parameters_to_statuses("estimator", [ParameterSummary("a", 0.0, None, "V", 0.0, None)])
+    assert status.level == Level.WARN
+    assert "at its bound" in status.message
+
+
+def test_foreign_statuses_are_refused():
+    with pytest.raises(CdrError):
+        fit_from_statuses([Status("x")])
+    with pytest.raises(CdrError):
+        parameters_from_statuses([Status("x")])

@@ -1,0 +1,251 @@
+"""Nodes in one process on a domain of their own: what they answer, refuse and publish."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import pytest
+
+pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
+pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from idloop.errors import IdloopError, InputError
+from idloop_nodes.base import topic_qos, topic_type
+from idloop_nodes.codec import JointSample, decode_diagnostics, decode_joint_state, encode_joint_state, encode_time
+
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
+MS = 1_000_000
+WAIT = 20.0
+
+
+class Bench:
+    """One node under test and one that talks to it, turned by hand."""
+
+    def __init__(self, kind, **parameters):
+        import importlib
+
+        arguments = ["test", "--ros-args"]
+        for name, value in parameters.items():
+            arguments += ["-p", f"{name}:={value}"]
+        rclpy.init(args=arguments)
+        self.executor = SingleThreadedExecutor()
+        self.node = importlib.import_module(f"idloop_nodes.nodes.{kind}").make()
+        self.other = rclpy.create_node("bench")
+        self.got = {}
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.other)
+
+    def listen(self, topic):
+        self.got[topic] = []
+        self.other.create_subscription(topic_type(topic), topic, self.got[topic].append, topic_qos(topic), raw=True)
+
+    def talk(self, topic):
+        return self.other.create_publisher(topic_type(topic), topic, topic_qos(topic))
+
+    def until(self, condition):
+        end = time.monotonic() + WAIT
+        while not condition():
+            assert time.monotonic() < end, "condition not met in time"
+            self.executor.spin_once(timeout_sec=0.01)
+            self.node.poll()
+
+    def matched(self, *publishers):
+        self.until(lambda: all(one.get_subscription_count() for one in publishers))
+
+    def call(self, service):
+        client = self.other.create_client(Trigger, service)
+        self.until(client.service_is_ready)
+        future = client.call_async(Trigger.Request())
+        self.until(future.done)
+        return future.result()
+
+    def set(self, name, value):
+        (result,) = self.node.set_parameters([Parameter(name, value=value)])
+        return result
+
+    def close(self):
+        self.node.close()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.other.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def bench():
+    benches = []
+
+    def build(kind, **parameters):
+        benches.append(Bench(kind, **parameters))
+        return benches[-1]
+
+    yield build
+    for one in benches:
+        one.close()
+    rclpy.try_shutdown()
+
+
+def measurement(stamp, position, velocity=0.0):
+    return encode_joint_state(JointSample(stamp, ("motor",), (position,), (velocity,)))
+
+
+def reference(stamp, position):
+    return encode_joint_state(JointSample(stamp, ("motor",), (position,), (0.0,)))
+
+
+class ControllerBench:
+    def __init__(self, bench):
+        self.bench = bench(
+            "controller", model="dc_motor", sample_time=0.01, controller="'{type: p, output: motor.position, kp: 2.0}'"
+        )
+        self.bench.listen("joint_command")
+        self.states, self.references = self.bench.talk("joint_states"), self.bench.talk("reference")
+        self.bench.matched(self.states, self.references)
+        self.bench.until(self.bench.node._publishers_by_topic["joint_command"].get_subscription_count)
+        self.index = 0
+
+    def answer(self, position, wanted=1.0, step=10 * MS):
+        self.index += 1
+        stamp = 10**9 + self.index * step
+        before = len(self.bench.got["joint_command"])
+        self.references.publish(reference(stamp, wanted))
+        self.states.publish(measurement(stamp, position))
+        self.bench.until(lambda: len(self.bench.got["joint_command"]) > before)
+        sample = decode_joint_state(self.bench.got["joint_command"][-1])
+        assert sample.stamp_ns == stamp
+        return sample.effort[0]
+
+
+def test_controller_answers_each_measurement_with_its_stamp(bench):
+    one = ControllerBench(bench)
+    assert one.answer(0.25) == pytest.approx(1.5)
+    assert one.answer(1.5) == pytest.approx(-1.0)
+
+
+def test_controller_waits_for_the_reference_of_that_time(bench):
+    one = ControllerBench(bench)
+    one.states.publish(measurement(10**9, 0.0))
+    one.bench.until(lambda: one.bench.node._pending is not None)
+    assert not one.bench.got["joint_command"]
+    one.references.publish(reference(10**9, 3.0))
+    one.bench.until(lambda: one.bench.got["joint_command"])
+    assert decode_joint_state(one.bench.got["joint_command"][0]).effort == pytest.approx((6.0,))
+
+
+def test_emergency_stop_holds_zero_until_reset(bench):
+    one = ControllerBench(bench)
+    assert one.answer(0.0) == pytest.approx(2.0)
+    assert one.bench.call("/controller/emergency_stop").success
+    assert one.answer(0.0) == 0.0
+    assert one.answer(0.5) == 0.0
+    assert one.bench.call("/controller/reset").success
+    assert one.answer(0.0) == pytest.approx(2.0)
+
+
+def test_inactive_controller_commands_zero(bench):
+    one = ControllerBench(bench)
+    one.bench.node.trigger_deactivate()
+    assert one.answer(0.0) == 0.0
+    one.bench.node.trigger_activate()
+    assert one.answer(0.0) == pytest.approx(2.0)
+
+
+def test_a_measurement_that_is_not_a_number_stops_the_motor(bench):
+    one = ControllerBench(bench)
+    assert one.answer(math.nan) == 0.0
+    assert one.answer(0.0) == 0.0, "the fault stays until reset"
+    one.bench.call("/controller/reset")
+    assert one.answer(0.0) == pytest.approx(2.0)
+
+
+def test_a_clock_that_jumps_costs_one_zero_command(bench):
+    one = ControllerBench(bench)
+    one.answer(0.0)
+    one.index = 500
+    assert one.answer(0.0) == 0.0
+    assert one.answer(0.0) == pytest.approx(2.0)
+    assert one.bench.node._jumps == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [
+        ("plant", {"model": "dc_motr"}),
+        ("plant", {"model": "dc_motor", "effects": "[dead_zon@input]"}),
+        ("plant", {"sample_time": ".nan"}),
+        ("plant", {"sample_time": "-0.01"}),
+        ("controller", {"model": "dc_motor", "controller": "'{type: pidd}'"}),
+        ("controller", {"model": "dc_motor", "controller": "'[1'"}),
+        ("excitation", {"signal": "prbz"}),
+        ("replay", {"bag": "nowhere"}),
+        ("replay", {}),
+    ],
+)
+def test_bad_parameters_are_one_line(bench, kind, parameters):
+    with pytest.raises((InputError, IdloopError)) as caught:
+        bench(kind, **parameters)
+    assert "\n" not in str(caught.value)
+
+
+def test_excitation_publishes_ahead_of_the_clock(bench):
+    one = bench("excitation", signal="square", duration=1.0, sample_time=0.01, ahead=20)
+    one.listen("reference")
+    clock = one.talk("/clock")
+    one.matched(clock)
+    one.until(one.node._publishers_by_topic["reference"].get_subscription_count)
+    clock.publish(encode_time(10**9))
+    one.until(lambda: len(one.got["reference"]) == 21)
+    clock.publish(encode_time(10**9 + 50 * MS))
+    one.until(lambda: len(one.got["reference"]) == 26)
+    samples = [decode_joint_state(data) for data in one.got["reference"]]
+    assert [sample.stamp_ns for sample in samples] == [10**9 + index * 10 * MS for index in range(26)]
+    assert {abs(sample.position[0]) for sample in samples} == {1.0}
+
+
+def test_a_stopped_excitation_takes_back_what_it_announced(bench):
+    one = bench("excitation", signal="constant", target="effort", duration=10.0, sample_time=0.01, ahead=20)
+    one.listen("excitation")
+    clock = one.talk("/clock")
+    one.matched(clock)
+    one.until(one.node._publishers_by_topic["excitation"].get_subscription_count)
+    clock.publish(encode_time(10**9))
+    one.until(lambda: len(one.got["excitation"]) == 21)
+    assert one.call("/excitation/stop").success
+    one.until(lambda: len(one.got["excitation"]) == 41)
+    samples = [decode_joint_state(data) for data in one.got["excitation"]]
+    assert [sample.effort for sample in samples[:21]] == [(1.0,)] * 21
+    assert [sample.effort for sample in samples[21:]] == [(0.0,)] * 20
+    assert samples[21].stamp_ns == samples[1].stamp_ns
+
+
+def test_a_running_signal_cannot_change(bench):
+    one = bench("excitation", signal="sine", duration=1.0, sample_time=0.01)
+    assert not one.set("amplitude", 2.0).successful
+    one.node.trigger_deactivate()
+    assert one.set("amplitude", 2).successful
+    assert not one.set("amplitude", math.nan).successful
+    assert abs(one.node._position).max() == pytest.approx(2.0, rel=1e-3)
+
+
+def test_estimator_refuses_effects_that_do_not_exist_and_keeps_its_model(bench):
+    one = bench("estimator", model="dc_motor", sample_time=0.01, recursive=False)
+    result = one.set("effects", ["dead_zone@inptu"])
+    assert not result.successful
+    assert "inptu" in result.reason
+    assert one.set("effects", ["dead_zone@input(width=0.1)"]).successful
+    assert "dead_zone@input" in one.node._model.effect_names
+    assert not one.call("/estimator/refit").success, "there is no data yet"
+
+
+def test_health_is_named_node_and_check(bench):
+    one = bench("excitation", signal="zero", duration=1.0, sample_time=0.01)
+    one.listen("/diagnostics")
+    one.until(lambda: one.got["/diagnostics"])
+    _, statuses = decode_diagnostics(one.got["/diagnostics"][0])
+    assert [status.name for status in statuses] == ["excitation: signal"]
