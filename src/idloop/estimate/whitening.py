@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,24 +68,44 @@ def _covariances(records: list[Array], order: int) -> Array:
     return np.asarray(covariance / total)
 
 
-def _solve(covariance: Array, order: int) -> tuple[Array, Array]:
-    """Yule-Walker solution and innovation covariance for one order."""
+def _levinson(covariance: Array) -> Iterator[tuple[Array, Array]]:
+    """Yule-Walker solutions of all orders in turn, each from the one before.
+
+    Whittle, "On the fitting of multivariate autoregressions", Biometrika 50, 1963.
+
+    Parameters
+    ----------
+    covariance : array, shape (order + 1, p, p)
+        Autocovariances of lag 0..order.
+
+    Yields
+    ------
+    coefficients : array, shape (k, p, p)
+        A_1..A_k of order k = 0..order.
+    innovation : array, shape (p, p)
+        Covariance of what is left.
+    """
     p = covariance.shape[1]
-    if order == 0:
-        return np.zeros((0, p, p)), covariance[0]
-    big = np.empty((order * p, order * p))
-    for i in range(order):
-        for j in range(order):
-            lag = j - i
-            block = covariance[lag] if lag >= 0 else covariance[-lag].T
-            big[i * p : (i + 1) * p, j * p : (j + 1) * p] = block
-    right = np.concatenate([covariance[k] for k in range(1, order + 1)], axis=1)
     # The ridge only matters for residuals that are exactly dependent, such as rounding-free data.
-    big[np.diag_indices_from(big)] *= 1.0 + 1e-10
-    stacked = np.linalg.lstsq(big.T, right.T, rcond=1e-14)[0].T
-    innovation = covariance[0] - stacked @ right.T
-    coefficients = stacked.reshape(p, order, p).transpose(1, 0, 2)
-    return np.ascontiguousarray(coefficients), 0.5 * (innovation + innovation.T)
+    start = covariance[0] + 1e-10 * np.diag(np.diag(covariance[0]))
+    ahead, back = np.zeros((0, p, p)), np.zeros((0, p, p))
+    left_ahead, left_back = start, start
+    yield ahead, left_ahead
+    for k in range(1, len(covariance)):
+        missing = covariance[k] - np.einsum("iab,ibc->ac", ahead, covariance[k - 1 : 0 : -1])
+        try:
+            last_ahead = np.linalg.solve(left_back.T, missing.T).T
+            last_back = np.linalg.solve(left_ahead.T, missing).T
+        except np.linalg.LinAlgError:
+            return  # what is left is nothing: no higher order can say more
+        ahead, back = (
+            np.concatenate([ahead - last_ahead @ back[::-1], last_ahead[None]]),
+            np.concatenate([back - last_back @ ahead[::-1], last_back[None]]),
+        )
+        left_ahead = left_ahead - last_ahead @ missing.T
+        left_back = left_back - last_back @ missing
+        left_ahead, left_back = 0.5 * (left_ahead + left_ahead.T), 0.5 * (left_back + left_back.T)
+        yield ahead, left_ahead
 
 
 def fit_whitener(records: list[Array], order: int) -> Whitener:
@@ -102,7 +123,8 @@ def fit_whitener(records: list[Array], order: int) -> Whitener:
     Whitener
         A stable autoregression (the biased autocovariances see to that).
     """
-    return Whitener(_solve(_covariances(records, order), order)[0])
+    *_, (coefficients, _) = _levinson(_covariances(records, order))
+    return Whitener(np.ascontiguousarray(coefficients))
 
 
 def choose_order(records: list[Array], limit: int | None = None) -> int:
@@ -129,10 +151,13 @@ def choose_order(records: list[Array], limit: int | None = None) -> int:
         return 0
     covariance = _covariances(records, most)
     best, chosen = np.inf, 0
-    for order in [k for k in _ORDERS if k <= most]:
-        sign, log_determinant = np.linalg.slogdet(_solve(covariance, order)[1])
+    for coefficients, innovation in _levinson(covariance):
+        order = len(coefficients)
+        sign, log_determinant = np.linalg.slogdet(innovation)
         if sign <= 0:
             break
+        if order not in _ORDERS:
+            continue
         value = total * log_determinant + 2.0 * order * p * p
         if value < best:
             best, chosen = value, order
