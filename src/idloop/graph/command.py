@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sys
@@ -59,18 +60,12 @@ def _executable(node: NodeEntry) -> list[str]:
 
 def parameter_document(parameters: Mapping[str, Any]) -> str:
     """Return a parameter file that holds for whatever name the node has."""
-    from io import StringIO
-
-    from ruamel.yaml import YAML
-
-    # ROS reads an empty list as "not set"; a list with one empty text is our word for empty
-    values = {name: [""] if value == [] else value for name, value in parameters.items()}
-    stream = StringIO()
-    yaml = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = False
-    # a text such as y or 1.0 must keep its quotes, or ROS reads a boolean or a number
-    yaml.dump({"/**": {"ros__parameters": values}}, stream)
-    return stream.getvalue()
+    lines = ["/**:", "  ros__parameters:"]
+    for name, value in parameters.items():
+        # ROS reads an empty list as "not set"; a list with one empty text is our word for empty.
+        # JSON quotes every text: a bare y, on or 1.0 would reach the node as a boolean or a number.
+        lines.append(f"    {json.dumps(name)}: {json.dumps([''] if value == [] else value, ensure_ascii=False)}")
+    return "\n".join(lines) + "\n"
 
 
 def node_environment(domain_id: int | None = None) -> dict[str, str]:
