@@ -1,11 +1,12 @@
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from idloop.errors import InputError
 from idloop.estimate import fit
-from idloop.physics import Model
+from idloop.physics import Model, Plant, load_model
 from idloop.records import Record
 
 Make = Callable[..., Record]
@@ -118,3 +119,33 @@ def test_other_bad_requests(motor: Model, experiment: Make) -> None:
         fit(motor.with_free([]), [record])
     with pytest.raises(InputError, match="at least 20"):
         fit(motor, [record.cut(0.0, 0.03)])
+
+
+def test_force_balance_of_a_tight_loop() -> None:
+    # A quiet sensor, a reference that is followed, and a disturbance that no model knows.
+    axis = load_model("emps").with_effects(["coulomb_friction@axis(level=20)"])
+    plant = Plant(axis, seed=3, noise=False, disturbance_std=4.0, disturbance_time_constant=0.2)
+    time = np.asarray(np.arange(0.0, 12.0, 1e-3), dtype=np.float64)
+    reference = 0.1 * np.sin(2 * np.pi * 0.4 * time) + 0.01 * np.sin(2 * np.pi * 2.3 * time)
+    rng = np.random.default_rng(3)
+    output, command = np.empty((len(time), 1)), np.empty(len(time))
+    speed = before = 0.0
+    for k, t in enumerate(time):
+        output[k] = plant.measure() + 2e-8 * rng.normal()
+        speed = 0.8 * speed + 0.2 * (output[k, 0] - before) / 1e-3
+        before = output[k, 0]
+        command[k] = np.clip(160.0 * 243.0 * (reference[k] - before) - 243.0 * speed, -10.0, 10.0)
+        plant.step(command[k], t + 1e-3)
+    record = Record(
+        "loop", time, command, time, output, axis.input.name, "V", axis.output_names, ("m",),
+        reference_time=time, reference=np.column_stack([reference, np.full(len(time), np.nan)]),
+    )  # fmt: skip
+    start = axis.with_values({"axis.inertia": 60.0, "coulomb_friction@axis.level": 0.0})
+    result = fit(start, [record])
+    assert result.criterion == "force"
+    assert "instrument" in result.why
+    assert np.all(np.abs(result.values - axis.theta) < 4.0 * result.stderr)
+    assert np.all(result.stderr < 0.1 * axis.theta)
+    blind = fit(start, [replace(record, reference=None, reference_time=None)])
+    assert blind.criterion != "force"
+    assert "reference" in blind.why or "free run" in blind.why

@@ -21,7 +21,7 @@ from idloop.estimate.problem import Problem
 from idloop.estimate.result import FitResult, RecordResidual
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.solve import Solution, instrument, solve, typical_size
-from idloop.estimate.uncertainty import bounded, ties
+from idloop.estimate.uncertainty import bounded, findings, ties
 
 if TYPE_CHECKING:
     from idloop.physics import Engine, Model
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
+
+# Share of noise in the acceleration beyond which a force balance is not even a start.
+_HOPELESS_NOISE = 0.3
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
 
@@ -92,7 +95,8 @@ def fit(
     if chosen == "force" and not complete:
         raise InputError("the force criterion needs every body's position or velocity measured; use prediction")
     balance: Solution | None = None
-    if complete:
+    noisy = any(float(np.max(b.motion.noise_share)) > _HOPELESS_NOISE for b in known)
+    if complete and (chosen == "force" or not noisy):
         # The force balance is nearly linear in the parameters: a cheap start for every criterion.
         force = ForceCriterion(engine, known)
         try:
@@ -213,7 +217,7 @@ def _conclude(
     lower, upper = model.bounds
     k = len(solution.theta)
     hessian = solution.jacobian.T @ solution.jacobian
-    warnings, seen = ties(hessian, k, model.free)
+    tied, seen = ties(hessian, k)
     theta, nuisance = solution.theta, solution.nuisance
     covariance: Array | None = None
     if isinstance(rule, ForceCriterion) and rule.has_instruments:
@@ -234,7 +238,11 @@ def _conclude(
     covariance = covariance[:k, :k].copy()
     covariance[~seen, :] = np.nan
     covariance[:, ~seen] = np.nan
+    for tie in tied:
+        if tie.exact:
+            covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
     stderr = np.sqrt(np.diag(covariance))
+    warnings = findings(model.free, theta, stderr, tied, seen)
     limits = bounded(theta, lower, upper, typical_size(theta, lower, upper))
     at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
     warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,10 @@ Array = NDArray[np.float64]
 
 # Below this eigenvalue of the unit-diagonal Hessian two parameters act as one (correlation 0.9999).
 _TIED = 1e-4
+# Below this one nothing but rounding and difference steps tells them apart.
+_EXACT = 1e-8
+# Relative standard error above which tied parameters are worth a warning.
+_LOOSE = 0.2
 # A parameter of which nuisance parameters explain all but this much cannot be seen at all.
 _UNSEEN = 1e-8
 
@@ -38,7 +44,23 @@ def reduced_hessian(hessian: Array, parameters: int) -> Array:
     return np.asarray((scaled[:k, :k] - cross @ inner @ cross.T) * np.outer(size[:k], size[:k]))
 
 
-def ties(hessian: Array, parameters: int, names: tuple[str, ...]) -> tuple[list[str], NDArray[np.bool_]]:
+@dataclass(frozen=True)
+class Tie:
+    """Parameters that act as one on this data.
+
+    Attributes
+    ----------
+    members : tuple of int
+        Indices of the parameters.
+    exact : bool
+        Whether nothing but rounding tells them apart.
+    """
+
+    members: tuple[int, ...]
+    exact: bool
+
+
+def ties(hessian: Array, parameters: int) -> tuple[list[Tie], NDArray[np.bool_]]:
     """Find what the data cannot tell.
 
     Parameters
@@ -47,13 +69,11 @@ def ties(hessian: Array, parameters: int, names: tuple[str, ...]) -> tuple[list[
         Gauss-Newton Hessian, parameters first.
     parameters : int
         k.
-    names : tuple of str
-        Parameter names.
 
     Returns
     -------
-    warnings : list of str
-        One line per unseen parameter and per tied combination.
+    ties : list of Tie
+        Combinations of two parameters or more.
     seen : array of bool, shape (k,)
         Which parameters have any trace in the data.
     """
@@ -62,11 +82,7 @@ def ties(hessian: Array, parameters: int, names: tuple[str, ...]) -> tuple[list[
     raw = np.maximum(np.diag(hessian)[:k], 0.0)
     left = np.maximum(np.diag(reduced), 0.0)
     seen = (raw > 0.0) & (left > _UNSEEN * np.maximum(raw, 1e-300))
-    warnings = [
-        f"{name} has no effect on this data; fix it or record motion that shows it"
-        for name, visible in zip(names, seen, strict=True)
-        if not visible
-    ]
+    found = []
     index = np.flatnonzero(seen)
     if len(index) > 1:
         size = np.sqrt(left[index])
@@ -76,9 +92,42 @@ def ties(hessian: Array, parameters: int, names: tuple[str, ...]) -> tuple[list[
                 break
             strong = np.argsort(-np.abs(vector))
             strong = strong[np.abs(vector[strong]) > 0.2][:4]
-            together = ", ".join(names[index[i]] for i in sorted(strong))
-            warnings.append(f"this data cannot tell {together} apart; fix one of them or excite differently")
-    return warnings, seen
+            found.append(Tie(tuple(sorted(int(index[i]) for i in strong)), bool(value < _EXACT)))
+    return found, seen
+
+
+def findings(
+    names: tuple[str, ...], values: Array, stderr: Array, tied: list[Tie], seen: NDArray[np.bool_]
+) -> list[str]:
+    """Say in words what the data cannot tell.
+
+    A combination that correlates strongly but is still known to a fifth of its value is no finding.
+
+    Parameters
+    ----------
+    names : tuple of str
+    values, stderr : array, shape (k,)
+        Estimates and standard errors.
+    tied, seen
+        Result of `ties`.
+
+    Returns
+    -------
+    list of str
+        One line each.
+    """
+    lines = [
+        f"{name} has no effect on this data; fix it or record motion that shows it"
+        for name, visible in zip(names, seen, strict=True)
+        if not visible
+    ]
+    for tie in tied:
+        members = list(tie.members)
+        loose = np.any(~(stderr[members] < _LOOSE * np.abs(values[members])))
+        if tie.exact or loose:
+            together = ", ".join(names[i] for i in members)
+            lines.append(f"this data cannot tell {together} apart; fix one of them or excite differently")
+    return lines
 
 
 def bounded(values: Array, lower: Array, upper: Array, scale: Array) -> NDArray[np.bool_]:
