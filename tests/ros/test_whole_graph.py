@@ -177,7 +177,6 @@ def _kill_when_started(victim, lines, deadline):
     [
         (["plant", "--ros-args", "-p", "model:=dc_motr"], "dc_motr"),
         (["plant", "--ros-args", "-p", "sample_time:=-1.0"], "sample_time"),
-        (["plant", "--ros-args", "-p"], "ROS"),
         (["plan"], "usage"),
     ],
 )
@@ -189,6 +188,19 @@ def test_wrong_use_is_one_line_and_exit_code_2(arguments, said):
     lines = [line for line in done.stderr.splitlines() if line]
     assert len(lines) == 1
     assert said in lines[0]
+
+
+def test_words_that_ros_does_not_understand_are_no_traceback():
+    done = subprocess.run(
+        [sys.executable, "-m", "idloop_nodes", "plant", "--ros-args", "-p"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("plant: ")
+    assert "Traceback" not in done.stderr
 
 
 def test_a_node_without_the_library_says_so(tmp_path):
