@@ -153,6 +153,9 @@ def run(arguments: Sequence[str]) -> int:
 
 def main() -> NoReturn:
     """Run the command line of this process, or complete it for the shell."""
+    # Our matrices are tall and narrow: more threads of linear algebra only wait for each other.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     if instruction := os.environ.get(COMPLETE):
         from click.shell_completion import shell_complete
 
