@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
 import signal
 import sys
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from idloop.errors import IdloopError
@@ -15,6 +18,7 @@ from idloop_nodes.fit_jobs import FitAnswer, FitJob, receive, send
 if TYPE_CHECKING:
     from idloop.physics import Model
 
+PR_SET_PDEATHSIG = 1
 NICENESS = 10  # a fit may take longer; the loop may not
 
 
@@ -65,10 +69,30 @@ def summarise(model: Model) -> tuple[ParameterSummary, ...]:
     )
 
 
+def die_with_parent() -> None:
+    """Let the kernel end this process when the estimator goes, however it goes: a fit may be in full swing."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError, AttributeError):  # other systems: the closed pipe ends it after the fit
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def step_back() -> None:
+    """Yield the processor to the loop.
+
+    Linux shares it out by session first, and niceness counts only within one: hence a session of its own,
+    and its group made nice too.
+    """
+    with contextlib.suppress(OSError):
+        os.setsid()
+    os.nice(NICENESS)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(NICENESS), encoding="ascii")
+
+
 def main() -> None:
     """Serve jobs from stdin until it closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICENESS)
+    die_with_parent()
+    step_back()
     # What a trial step of a fit runs into is not for the log of a live graph.
     warnings.simplefilter("ignore", RuntimeWarning)
     jobs, answers = sys.stdin.buffer, os.fdopen(os.dup(sys.stdout.fileno()), "wb")
