@@ -73,6 +73,8 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
     environment = dict(os.environ)
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     environment["PYTHONUNBUFFERED"] = "1"
+    # A node ends by itself when this process is gone, however that came about.
+    environment["IDLOOP_RUNNER"] = str(os.getpid())
     names = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
     if not any(name in environment for name in names):
         old = environment.get("ROS_DISTRO") in ("humble", "jazzy")
