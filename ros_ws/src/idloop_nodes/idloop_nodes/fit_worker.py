@@ -82,8 +82,9 @@ def step_back() -> None:
     Linux shares it out by session first, and niceness counts only within one: hence a session of its own,
     and its group made nice too.
     """
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, AttributeError):
         os.setsid()
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # a graph started with real-time priority
     os.nice(NICENESS)
     with contextlib.suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(NICENESS), encoding="ascii")
