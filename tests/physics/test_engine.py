@@ -142,3 +142,18 @@ def test_every_preset_runs(name: str) -> None:
     run = simulate(load_model(name), TIME, COMMAND, TIME)
     assert np.all(np.isfinite(run.output))
     assert np.ptp(run.output) > 0.0
+
+
+def test_a_motion_that_runs_away_ends_and_is_no_number() -> None:
+    # negative friction: the speed grows without bound, and with it the step that an imbalance would ask for
+    model = load_model("axis").with_effect("imbalance", "axis", amplitude=0.1)
+    engine = Engine(model)
+    theta = np.array([1e-4, -50.0, 0.1, 0.0])
+    output = engine.simulate(theta, np.array([0.0]), np.array([1.0]), TIME)
+    assert not np.all(np.isfinite(output))
+
+
+def test_absurd_stiffness_costs_bounded_time() -> None:
+    model = load_model("axis").with_effect("imbalance", "axis", amplitude=1e12)
+    output = Engine(model).simulate(None, np.array([0.0]), np.array([1.0]), TIME[:100])
+    assert output.shape == (100, 2)

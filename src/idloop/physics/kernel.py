@@ -43,7 +43,7 @@ class Axis(NamedTuple):
     viscous: Any  # (n,)
     stiffness: Any  # (n-1,)
     damping: Any  # (n-1,)
-    constants: Any  # gain, input delay [s], fastest rate [rad/s]
+    constants: Any  # gain, input delay [s], steps per second that the model needs, and at most
     spatial_rate: Any  # (n,) fastest change along the position [1/position unit]
     parameters: Any  # (k,) of all active equations
     input_hooks: Any  # (i, 6)
@@ -57,7 +57,7 @@ class Axis(NamedTuple):
     has_friction: Any  # (n,) int64
 
 
-GAIN, DELAY, RATE = 0, 1, 2
+GAIN, DELAY, RATE, MOST = 0, 1, 2, 3
 
 # Inner functions allocate nothing, so they need no reference counts: twenty times faster.
 inner = njit(_nrt=False, error_model="numpy", forceinline=True)
@@ -390,7 +390,11 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
         rate = axis.constants[RATE]
         for i in range(n):
             rate = max(rate, axis.spatial_rate[i] * abs(state[FIRST + n + i]))
-        pieces = max(np.ceil(remaining * rate), 1.0)
+        if not rate < np.inf:  # the motion has run away: the outputs say so by not being numbers
+            for i in range(n):
+                state[FIRST + i] = np.nan
+            break
+        pieces = max(np.ceil(remaining * min(rate, axis.constants[MOST])), 1.0)
         step = remaining / pieces
         if dry:
             choose_modes(axis, command, state, work)

@@ -18,7 +18,7 @@ from idloop.physics.model import ActiveEffect, Model
 # Runge-Kutta step of this size is about 1e-5 of the motion per radian.
 STEP_ANGLE = 0.2
 # Steps per second beyond which a parameter value is taken as absurd rather than integrated.
-MOST_STEPS = 2e6
+MOST_STEPS = 2e5
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
         viscous=np.asarray(chain.viscous, dtype=float),
         stiffness=np.asarray(chain.stiffness, dtype=float),
         damping=np.asarray(chain.damping, dtype=float),
-        constants=np.array([values["drive.gain"], input_delay, min(rate / STEP_ANGLE, MOST_STEPS)]),
+        constants=np.array([values["drive.gain"], input_delay, min(rate / STEP_ANGLE, MOST_STEPS), MOST_STEPS]),
         spatial_rate=spatial / STEP_ANGLE,
         parameters=np.array([*numbers, 0.0]),
         input_hooks=_table(tables[INPUT]),
