@@ -20,7 +20,7 @@ noise model right, prediction would be the more precise of the two. Where its
 standard errors come out three times those of the free run on average, or eight
 times for one parameter, the disturbance and the whitening have taken model error
 for noise, and with it the trace of the parameters; if the free run then follows
-the data at all (an error below half of the measured spread on every output), its
+the data at all (an error below half of the measured spread, outputs averaged), its
 answer is the one to report.
 """
 
@@ -153,7 +153,7 @@ def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> C
     seen = np.any(np.isfinite(measured), axis=0)
     left = np.sqrt(np.nanmean(error[:, seen] ** 2, axis=0))
     spread = np.nanstd(measured[:, seen], axis=0)
-    follows = bool(np.all(left < LARGEST_FREE_RUN_ERROR * spread))
+    follows = bool(np.mean(left / np.maximum(spread, 1e-300)) < LARGEST_FREE_RUN_ERROR)
     if (ratio > PRECISION_RATIO or largest > SINGLE_RATIO) and follows and simulation.converged:
         return Choice(
             "simulation",
