@@ -10,8 +10,6 @@ from hypothesis import HealthCheck, settings
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
-# Compiled functions are shared by all workers and runs; the folder must be set before numba is imported.
-os.environ.setdefault("NUMBA_CACHE_DIR", str(CHECKOUT / ".venv" / "numba_cache"))
 # As the command line does, and two test workers share two cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Figures are written to files, never shown.

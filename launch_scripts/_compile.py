@@ -1,0 +1,49 @@
+"""Compile everything that is compiled, once, as the last step of the set-up.
+
+Otherwise the first live graph would do it in several processes at the same time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+
+import numpy as np
+
+from idloop.control import build_controller
+from idloop.estimate.recursive import RecursiveEstimator
+from idloop.physics import Engine, Plant, load_model
+
+# What the verbs and nodes import when they start working; Python keeps its byte code beside each file.
+LIBRARIES = (
+    "control", "idloop.cli._assessment", "idloop.graph", "idloop.records.importing", "idloop.validate",
+    "matplotlib.pyplot", "mcap.reader", "mcap.writer", "rich.progress", "rosbags.highlevel", "scipy.optimize",
+    "scipy.signal",
+)  # fmt: skip
+NODES = ("rclpy", "idloop_nodes.nodes.estimator", "idloop_nodes.nodes.recorder")
+
+
+def compile_all() -> None:
+    """Import the libraries and call each compiled function once on a few samples."""
+    for name in LIBRARIES:
+        importlib.import_module(name)
+    for name in NODES:
+        with contextlib.suppress(ImportError):  # a library without ROS is a library all the same
+            importlib.import_module(name)
+    model = load_model("dc_motor").with_effect("coulomb_friction", "motor", level=0.1)
+    engine = Engine(model)
+    time = np.arange(20, dtype=np.float64) * np.float64(0.01)
+    command = np.ones(20)
+    output = engine.simulate(None, time, command, time)
+    engine.predict(None, time, command, time, output, np.zeros((3, 2)))
+    motion = output[:, :1], output[:, 1:], np.zeros((20, 1))
+    engine.equation_error(None, *motion, time, command, time)
+    plant = Plant(model)
+    plant.measure()
+    plant.step(1.0, 0.01)
+    build_controller(model.controller).step(0.0, 0.0, {"motor.position": 0.0})
+    RecursiveEstimator(model, sample_time=0.01).update_block(time, command, output)
+
+
+if __name__ == "__main__":
+    compile_all()
