@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from idloop.estimate.covariance import long_run_covariance, sandwich
+from idloop.estimate.covariance import jackknife, long_run_covariance, sandwich, white_covariance, widest
 
 
 def test_long_run_variance_of_an_autoregression() -> None:
@@ -42,3 +42,24 @@ def test_dead_component_stays_finite() -> None:
     rng = np.random.default_rng(2)
     g = np.column_stack([rng.normal(size=300), np.zeros(300)])
     assert np.all(np.isfinite(long_run_covariance([g])))
+
+
+def test_jackknife_agrees_with_theory_on_white_residuals() -> None:
+    rng = np.random.default_rng(3)
+    jacobian = rng.normal(size=(4000, 2)) * [1.0, 1e-3]
+    blocks = [np.arange(start, start + 100) for start in range(0, 4000, 100)]
+    found = np.mean([np.diag(jackknife(jacobian, rng.normal(size=4000), blocks)) for _ in range(50)], axis=0)
+    assert found == pytest.approx(np.diag(white_covariance(jacobian)), rel=0.15)
+
+
+def test_jackknife_counts_stretches_not_samples() -> None:
+    # A residual that is constant within each stretch carries one piece of evidence per stretch.
+    rng = np.random.default_rng(4)
+    level = np.repeat(rng.normal(size=40), 50)
+    blocks = [np.arange(start, start + 50) for start in range(0, 2000, 50)]
+    assert jackknife(np.ones((2000, 1)), level, blocks)[0, 0] == pytest.approx(1.0 / 40.0, rel=0.5)
+
+
+def test_widest_keeps_correlation_and_never_shrinks() -> None:
+    first, other = np.array([[4.0, 1.0], [1.0, 1.0]]), np.diag([1.0, 9.0])
+    assert widest([first, other]) == pytest.approx(np.array([[4.0, 3.0], [3.0, 9.0]]))

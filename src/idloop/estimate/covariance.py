@@ -1,4 +1,4 @@
-"""Standard errors that hold under coloured residuals: the HAC sandwich."""
+"""Standard errors that hold under coloured residuals: HAC sandwich and block jackknife."""
 
 from __future__ import annotations
 
@@ -89,3 +89,68 @@ def sandwich(bread: Array, scores: list[Array]) -> Array:
     covariance = inverse @ omega @ inverse.T * np.outer(scale, scale)
     factor = total / max(total - k, 1)
     return np.asarray(factor * 0.5 * (covariance + covariance.T))
+
+
+def white_covariance(jacobian: Array) -> Array:
+    """Covariance for white residuals of unit variance: the inverse Hessian.
+
+    Parameters
+    ----------
+    jacobian : array, shape (n, k)
+
+    Returns
+    -------
+    array, shape (k, k)
+    """
+    scale = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    scaled = jacobian * scale
+    return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True) * np.outer(scale, scale))
+
+
+def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]]) -> Array:
+    """Covariance by leaving out one stretch of the data at a time, to first order.
+
+    Sees what asymptotics do not: that the evidence for a parameter may lie in a few
+    stretches, and that the noise model was fitted to the same data (Künsch, Annals
+    of Statistics 17, 1989; one-step form of Cook and Weisberg).
+
+    Parameters
+    ----------
+    jacobian : array, shape (n, k)
+    residual : array, shape (n,)
+        In units of its standard deviation.
+    blocks : list of array of int
+        Rows of each stretch; together all rows.
+
+    Returns
+    -------
+    array, shape (k, k)
+    """
+    scale = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    scaled = jacobian * scale
+    hessian = scaled.T @ scaled
+    total = np.zeros_like(hessian)
+    for rows in blocks:
+        part = scaled[rows]
+        moved = np.linalg.pinv(hessian - part.T @ part, rcond=1e-9, hermitian=True) @ (part.T @ residual[rows])
+        total += np.outer(moved, moved)
+    count = len(blocks)
+    return np.asarray(total * (count - 1) / count * np.outer(scale, scale))
+
+
+def widest(candidates: list[Array]) -> Array:
+    """First covariance, widened until no variance is below that of any other.
+
+    Parameters
+    ----------
+    candidates : list of array, shape (k, k)
+
+    Returns
+    -------
+    array, shape (k, k)
+        With the correlations of the first.
+    """
+    variances = np.array([np.maximum(np.diag(c), 0.0) for c in candidates])
+    own = np.maximum(variances[0], 1e-300)
+    factor = np.sqrt(np.max(variances, axis=0) / own)
+    return np.asarray(candidates[0] * np.outer(factor, factor))

@@ -105,6 +105,34 @@ class Problem:
                 row += n * p
         return scores
 
+    def stretches(self, point: Array, count: int) -> list[NDArray[np.int64]]:
+        """Rows of the residual by stretch of time, about ``count`` stretches in all.
+
+        Parameters
+        ----------
+        point : array
+        count : int
+
+        Returns
+        -------
+        list of array of int
+        """
+        errors = self.whitened(point)
+        lengths = [len(e) for e in errors[0]]
+        parts = [max(round(count * n / max(sum(lengths), 1)), 1) for n in lengths]
+        found: list[list[NDArray[np.int64]]] = [[] for _ in range(sum(parts))]
+        row = 0
+        for group in errors:
+            place = 0
+            for e, number in zip(group, parts, strict=True):
+                n, p = e.shape
+                edges = np.linspace(0, n, number + 1).astype(np.int64) * p + row
+                for k in range(number):
+                    found[place + k].append(np.arange(edges[k], edges[k + 1]))
+                place += number
+                row += n * p
+        return [np.concatenate(rows) for rows in found]
+
     def count(self, point: Array) -> int:
         """Number of sample instants that enter."""
         return sum(len(e) for group in self.whitened(point) for e in group)

@@ -49,7 +49,8 @@ class FitResult:
     values, stderr : array, shape (k,)
         Estimates and standard errors; NaN where the data say nothing.
     covariance : array, shape (k, k)
-        Sandwich covariance that holds under coloured residuals.
+        Covariance that holds under coloured residuals: HAC sandwich, widened where the
+        inverse Hessian or a block jackknife is wider.
     loss, fpe : float
         Determinant of the residual covariance and Akaike's final prediction error.
     criterion, why : str
