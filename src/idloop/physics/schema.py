@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
@@ -140,6 +140,12 @@ class ModelFile(BaseModel):
     effects: list[EffectEntry] = []
     disturbance: Disturbance | None = None
     controller: dict[str, Any] | None = None
+
+    @field_validator("couplings", "effects", mode="before")
+    @classmethod
+    def _empty(cls, raw: Any) -> Any:
+        """A key with nothing behind it is an empty list."""
+        return [] if raw is None else raw
 
 
 def reason(error: ValueError) -> str:

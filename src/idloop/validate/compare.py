@@ -78,14 +78,18 @@ class Comparison:
 
     @cached_property
     def innovation(self) -> Array:
-        """One-step prediction error, shape (n, p); NaN where not measured."""
+        """One-step prediction error, shape (n, p); NaN where not measured and without an observer."""
+        if self._observer is None:
+            return np.full(self.measured.shape, np.nan)
         theta, nuisance = self.model.theta, self._observer.nuisance()[0]
         return self._observer.innovation(theta, nuisance, 0)
 
     @cached_property
     def ahead(self) -> Array:
-        """Prediction `steps` samples ahead, shape (n, p); NaN for the first `steps` samples."""
+        """Prediction `steps` samples ahead, shape (n, p); NaN for the first `steps` samples and without an observer."""
         rule, theta = self._observer, self.model.theta
+        if rule is None:
+            return np.full(self.measured.shape, np.nan)
         start = rule.initial.state(rule.initial.values, 0, theta)
         return steps_ahead(self._engine, self._data, rule.observer.gain, self.steps, start)
 
@@ -145,7 +149,10 @@ class Comparison:
         Returns
         -------
         list of ResidualTest
+            Empty when no observer follows this model.
         """
+        if self._observer is None:
+            return []
         return residual_tests(self.innovation, self._data.held_input(), self.names, lags)
 
     def to_dict(self) -> dict[str, Any]:
@@ -210,7 +217,8 @@ class Comparison:
         return prepare(self.model, [self.record])[0]
 
     @cached_property
-    def _observer(self) -> PredictionCriterion:
+    def _observer(self) -> PredictionCriterion | None:
+        """The tuned predictor; None where no linear gain follows the model, as with a sensor blind to the sign."""
         data = [self._data]
         noise = output_noise(self.model, data)
         rule = PredictionCriterion(self._engine, data, noise, force_scale(self._engine, data))
@@ -218,8 +226,11 @@ class Comparison:
         if known is not None and known > 0.0:
             rule.fix(self.model.theta, known**2)
         else:
-            with np.errstate(over="ignore", invalid="ignore"):
-                rule.retune(self.model.theta)
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    rule.retune(self.model.theta)
+            except IdloopError:
+                return None
         return rule
 
     def _velocity(self) -> Array | None:
