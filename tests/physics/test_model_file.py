@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from idloop.errors import InputError
 from idloop.physics import load_model, parse_effect, preset_names
-from idloop.physics.model import build_model
+from idloop.physics.model_file import build_model
 from idloop.physics.schema import read_model_file
 
 GOOD = """\

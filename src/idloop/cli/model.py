@@ -23,7 +23,7 @@ def list_presets(*, as_json: bool) -> None:
 
 def preset_text(name: str) -> str:
     """Text of a preset's file."""
-    from idloop.physics.model import PRESETS
+    from idloop.physics.model_file import PRESETS
 
     return (PRESETS / f"{name}.yaml").read_text(encoding="utf-8")
 
@@ -47,7 +47,9 @@ def command(
 
     checked = apply_options(load_model(model), settings, effects)
     if as_json:
-        print_json(checked.to_mapping())
+        from idloop.physics.model_file import to_mapping
+
+        print_json(to_mapping(checked))
     elif model in preset_names() and not settings and not effects:
         # As written, with the comments that say where its numbers come from.
         click.echo(preset_text(model), nl=False)

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from idloop.physics.effect import Effect, ParameterSpec, catalogue
+    from idloop.physics.effect_text import parse_effect
     from idloop.physics.engine import Engine
     from idloop.physics.hooks import hook
-    from idloop.physics.model import Model, load_model, parse_effect, preset_names
+    from idloop.physics.model import Model
+    from idloop.physics.model_file import load_model, preset_names
     from idloop.physics.parameter import Parameter
     from idloop.physics.plant import Plant
     from idloop.physics.simulation import Simulation, simulate
@@ -39,9 +41,9 @@ _WHERE = {
     "Simulation": "simulation",
     "catalogue": "effect",
     "hook": "hooks",
-    "load_model": "model",
-    "parse_effect": "model",
-    "preset_names": "model",
+    "load_model": "model_file",
+    "parse_effect": "effect_text",
+    "preset_names": "model_file",
     "simulate": "simulation",
 }
 

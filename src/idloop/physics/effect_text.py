@@ -1,0 +1,40 @@
+"""Effects written as text, on the command line and in node parameters."""
+
+from __future__ import annotations
+
+import re
+
+from idloop.errors import InputError
+
+EFFECT_TEXT = re.compile(r"^\s*(\w+)\s*@\s*([^()\s]+)\s*(?:\((.*)\))?\s*$")
+
+
+def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:
+    """Read an effect written as ``NAME@SITE`` or ``NAME@SITE(parameter=value, ...)``.
+
+    Returns
+    -------
+    name, site, values : str, str, dict
+
+    Raises
+    ------
+    InputError
+        The text does not have this form.
+    """
+    match = EFFECT_TEXT.match(text)
+    form = f"effect '{text}': write NAME@SITE or NAME@SITE(parameter=value, ...), such as dead_zone@input(width=0.1)"
+    if match is None:
+        raise InputError(form)
+    name, at, inside = match.groups()
+    values: dict[str, float] = {}
+    for part in (inside or "").split(","):
+        if not part.strip():
+            continue
+        key, equals, number = part.partition("=")
+        try:
+            values[key.strip()] = float(number)
+        except ValueError as error:
+            raise InputError(form) from error
+        if not equals:
+            raise InputError(form)
+    return name, at, values

@@ -1,0 +1,232 @@
+"""Between a model and its file: presets, reading with every check, writing."""
+
+from __future__ import annotations
+
+import re
+from io import StringIO
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from idloop.control import check_controller
+from idloop.errors import InputError
+from idloop.physics.model import InputSignal, Model, OutputSignal
+from idloop.physics.parameter import Parameter
+from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file, read_text
+from idloop.physics.units import FORCES, Units, input_unit, position_unit
+from idloop.spelling import did_you_mean_or_known
+
+PRESETS = Path(__file__).parent / "presets"
+# A body may lose this much of its stated inertia in a fit, but not all of it: nothing moves without.
+LEAST_INERTIA = 1e-6
+
+
+def to_mapping(model: Model) -> dict[str, Any]:
+    """Return the model as the mapping of a model file."""
+    by_name = {parameter.name: parameter for parameter in model.parameters}
+
+    def number(name: str, default: tuple[float, float] = (-np.inf, np.inf)) -> float | dict[str, float]:
+        p = by_name[name]
+        if not p.free:
+            return p.value
+        entry = {"value": p.value}
+        if np.isfinite(p.min) and p.min != default[0]:
+            entry["min"] = p.min
+        if np.isfinite(p.max) and p.max != default[1]:
+            entry["max"] = p.max
+        if p.stderr is not None:
+            entry["stderr"] = p.stderr
+        return entry
+
+    file: dict[str, Any] = {"schema": SCHEMA, "name": model.name}
+    if model.description:
+        file["description"] = model.description
+    file["input"] = {key: getattr(model.input, key) for key in ("topic", "joint", "field", "unit")}
+    file["outputs"] = []
+    for output in model.outputs:
+        entry = {key: getattr(output, key) for key in ("topic", "joint", "field", "unit")}
+        if output.body != output.joint:
+            entry["body"] = output.body
+        if output.scale != 1.0:
+            entry["scale"] = output.scale
+        if output.noise is not None:
+            entry["noise"] = output.noise
+        file["outputs"].append(entry)
+    file["bodies"] = [
+        {
+            "name": body,
+            "inertia": number(f"{body}.inertia"),
+            "viscous_friction": number(f"{body}.viscous_friction"),
+        }
+        for body in model.bodies
+    ]
+    file["couplings"] = [
+        {
+            "from": a,
+            "to": b,
+            "stiffness": number(f"{coupling}.stiffness"),
+            "damping": number(f"{coupling}.damping"),
+        }
+        for coupling, a, b in zip(model.couplings, model.bodies[:-1], model.bodies[1:], strict=True)
+    ]
+    file["drive"] = {"gain": number("drive.gain")}
+    file["effects"] = []
+    for active in model.effects:
+        line: dict[str, Any] = {"effect": active.effect.name, "at": active.at}
+        for spec in active.effect.parameters:
+            if f"{active.name}.{spec.name}" in by_name:
+                line[spec.name] = number(f"{active.name}.{spec.name}", (spec.min, spec.max))
+        file["effects"].append(line)
+    if model.disturbance is not None:
+        file["disturbance"] = {"intensity": model.disturbance}
+    file["controller"] = model.controller
+    return file
+
+
+def to_yaml(model: Model) -> str:
+    """Return a model as the text of a model file."""
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.width = 120
+    yaml.representer.add_representer(type(None), lambda r, _: r.represent_scalar("tag:yaml.org,2002:null", "null"))
+    stream = StringIO()
+    yaml.dump(to_mapping(model), stream)
+    return stream.getvalue()
+
+
+def from_text(text: str, folder: Path | None) -> Model:
+    """Make a model of the text that `to_yaml` wrote."""
+    return build_model(read_model_file(text, "model"), "model", folder)
+
+
+def _base_parameter(name: str, value: Value, unit: str, low: float, where: str, *, positive: bool = False) -> Parameter:
+    if value.value < low or (positive and value.value <= low) or not np.isfinite(value.value):
+        bound = "finite" if np.isinf(value.value) else "> 0" if positive else f">= {low:g}"
+        raise InputError(f"{where}: {name}: must be {bound} {unit} (got {value.value:g})")
+    if positive:
+        low = LEAST_INERTIA * value.value
+    low = low if value.min is None else max(low, value.min)
+    high = np.inf if value.max is None else value.max
+    return Parameter(name, value.value, low, high, value.free, value.stderr, unit)
+
+
+def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Model:
+    """Make a model of a checked file.
+
+    Raises
+    ------
+    InputError
+        Units, bodies, couplings or effects that do not fit together.
+    """
+    bodies = tuple(body.name for body in file.bodies)
+    for name in bodies:
+        if bodies.count(name) > 1 or not re.fullmatch(r"\w+", name) or name in ("input", "drive"):
+            raise InputError(f"{where}: bodies: '{name}' is not a usable name: letters, digits and _, each name once")
+    command = InputSignal(
+        file.input.topic, file.input.joint, file.input.field, input_unit(file.input.unit, f"{where}: input.unit")
+    )
+    outputs = []
+    for index, output in enumerate(file.outputs):
+        at = f"{where}: outputs[{index}]"
+        position_unit(output.unit, output.field, f"{at}.unit")
+        body = output.body or output.joint
+        if body not in bodies:
+            raise InputError(f"{at}: there is no body '{body}'{did_you_mean_or_known(body, bodies)}")
+        outputs.append(
+            OutputSignal(output.topic, output.joint, output.field, output.unit, body, float(output.scale), output.noise)
+        )
+    names = [output.name for output in outputs]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{where}: outputs: '{name}' is there twice: remove one")
+    # a scaled output shows the motion in another unit than that of the bodies
+    plain = [output for output in outputs if output.scale == 1.0] or outputs
+    kinds = sorted({position_unit(output.unit, output.field, where) for output in plain})
+    if len(kinds) > 1:
+        raise InputError(f"{where}: outputs: the units {' and '.join(kinds)} do not fit one axis: use one, or scale")
+    force = FORCES[kinds[0]]
+    units = Units(command.unit, kinds[0], force)
+
+    parameters = []
+    for body_file in file.bodies:
+        name = body_file.name
+        parameters.append(
+            _base_parameter(f"{name}.inertia", body_file.inertia, units.inertia, 0.0, where, positive=True)
+        )
+        parameters.append(
+            _base_parameter(
+                f"{name}.viscous_friction", body_file.viscous_friction, units.fill("{force}·s/{position}"), 0.0, where
+            )
+        )
+    chain = list(pairwise(bodies))
+    given = {(c.source, c.target): c for c in file.couplings}
+    for pair in given:
+        if pair not in chain:
+            raise InputError(
+                f"{where}: couplings: {pair[0]}-{pair[1]} does not join neighbours of the chain {' - '.join(bodies)}"
+            )
+    for pair in chain:
+        if pair not in given:
+            raise InputError(f"{where}: couplings: nothing joins {pair[0]} and {pair[1]}: add from, to and stiffness")
+        coupling = given[pair]
+        name = f"{pair[0]}-{pair[1]}"
+        stiffness_unit = units.fill("{force}/{position}")
+        parameters.append(_base_parameter(f"{name}.stiffness", coupling.stiffness, stiffness_unit, 0.0, where))
+        damping_unit = units.fill("{force}·s/{position}")
+        parameters.append(_base_parameter(f"{name}.damping", coupling.damping, damping_unit, 0.0, where))
+    gain_unit = "-" if force == command.unit else f"{force}/{command.unit}"
+    parameters.append(_base_parameter("drive.gain", file.drive.gain, gain_unit, -np.inf, where))
+
+    if file.controller is not None:
+        check_controller(file.controller, f"{where}: controller")
+
+    model = Model(
+        name=file.name,
+        description=file.description or "",
+        input=command,
+        outputs=tuple(outputs),
+        bodies=bodies,
+        parameters=tuple(parameters),
+        effects=(),
+        units=units,
+        controller=file.controller,
+        disturbance=file.disturbance.intensity if file.disturbance else None,
+        folder=folder,
+    )
+    for index, entry in enumerate(file.effects):
+        model = _add_entry(model, entry, f"{where}: effects[{index}]")
+    return model
+
+
+def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:
+    try:
+        return model.with_entry(entry.effect, entry.at, entry.model_extra or {})
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def preset_names() -> tuple[str, ...]:
+    """Names of the preset models."""
+    return tuple(sorted(path.stem for path in PRESETS.glob("*.yaml")))
+
+
+def load_model(source: str | Path) -> Model:
+    """Read a model: the name of a preset, or a model file.
+
+    Raises
+    ------
+    InputError
+        One line that names file, key and cure.
+    """
+    path = Path(source)
+    if str(source) in preset_names():
+        path = PRESETS / f"{source}.yaml"
+        return build_model(read_model_file(read_text(path), f"preset {source}"), f"preset {source}")
+    if not path.exists():
+        raise InputError(
+            f"model '{source}': no such file, and no preset of this name: presets are {', '.join(preset_names())}"
+        )
+    return build_model(read_model_file(read_text(path), str(path)), str(path), path.resolve().parent)
