@@ -48,15 +48,10 @@ def check_output(path: Path, *, overwrite: bool) -> None:
 def compare_all(
     model: Model, train: list[Record], validation: list[Record]
 ) -> tuple[list[Comparison], list[Comparison]]:
-    """Compare the fitted model with every record, the drive side in the band of the first."""
+    """Compare the fitted model with every record."""
     from idloop.validate import compare
 
-    first = compare(model, train[0])
-    cutoff = None if first.force is None else first.force.cutoff
-    return (
-        [first, *(compare(model, record, cutoff=cutoff) for record in train[1:])],
-        [compare(model, record, cutoff=cutoff) for record in validation],
-    )
+    return [compare(model, record) for record in train], [compare(model, record) for record in validation]
 
 
 EXAMPLE = """\b

@@ -77,8 +77,8 @@ def before_fit(balances: list[Balance | None]) -> Choice:
     if share > QUIET_SHARE:
         return Choice(
             "prediction",
-            f"{100 * share:.2g} % of the differentiated acceleration is measurement noise "
-            f"(force balance: at most {100 * QUIET_SHARE:g} %)",
+            f"differentiated twice, {100 * min(share, 1.0):.3g} % of the acceleration would be measurement noise, "
+            f"and a force balance bears {100 * QUIET_SHARE:g} %",
         )
     if any(b.explained is None for b in known):
         return Choice(
@@ -157,7 +157,7 @@ def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> C
     if (ratio > PRECISION_RATIO or largest > SINGLE_RATIO) and follows and simulation.converged:
         return Choice(
             "simulation",
-            f"prediction would be up to {largest:.2g} times less precise than the free run: its noise model takes "
+            f"prediction would be up to {largest:.0f} times less precise than the free run: its noise model takes "
             "model error for noise, so something is missing from the model",
         )
     return Choice("prediction", prediction.why)

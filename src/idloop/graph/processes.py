@@ -15,13 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from idloop.errors import IdloopError
+from idloop.errors import IdloopError, InputError
 from idloop.graph.command import node_command, node_environment, parameter_document
 from idloop.graph.description import Graph, NodeEntry
 
 GRACE = 15.0  # seconds for a node to end after SIGINT; a recorder writes what it has
 FORCE = 3.0  # seconds after SIGTERM before SIGKILL
 POLL = 0.05
+BAD_INPUT = 2  # exit code of a node whose parameters or files are wrong
 
 Say = Callable[[str, str], None]
 
@@ -117,6 +118,8 @@ class GraphRun:
                 child.reader.join(timeout=1.0)
                 if code == 0 and child.node.ends_graph:
                     return
+                if code == BAD_INPUT:
+                    raise InputError(f"node {child.label}: {child.last_line or 'wrong parameters'}")
                 what = f"ended with exit code {code}" if code >= 0 else f"was killed by signal {-code}"
                 raise IdloopError(f"node {child.label} {what}: {child.last_line or 'it said nothing'}")
             time.sleep(POLL)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from idloop.errors import IdloopError
+from idloop.errors import IdloopError, InputError
 from idloop.graph.description import load_graph
 from idloop.graph.processes import Say, run_graph
 from idloop.graph.results import LiveResult, read_results
@@ -65,6 +65,8 @@ def replay_bag(
 
     Raises
     ------
+    InputError
+        The bag is too short for the windows.
     IdloopError
         Stopped before the end, or no fit came out.
     """
@@ -72,7 +74,14 @@ def replay_bag(
 
     windows = windows or Windows()
     # rounded to what a person would have set
-    period = float(f"{read_record(bag, load_model(model)).sample_time:.4g}")
+    record = read_record(bag, load_model(model))
+    period = float(f"{record.sample_time:.4g}")
+    needed = windows.window + windows.validation
+    if record.duration + period < needed:
+        raise InputError(
+            f"{bag}: {record.duration:.4g} s are too short for a fit on {windows.window:g} s judged on "
+            f"{windows.validation:g} s: shorten --window and --validation"
+        )
     values = {
         "play": str(bag.absolute()),
         "model": model,
@@ -88,5 +97,5 @@ def replay_bag(
         raise IdloopError("stopped before the end of the bag")
     result = read_results(target)
     if not result.fits or result.error:
-        raise IdloopError(result.error or "no fit: the bag is shorter than window plus validation: shorten them")
+        raise IdloopError(result.error or "the estimator made no fit")
     return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -17,6 +18,7 @@ from idloop.records.finding import Finding
 from idloop.records.read import read_streams
 from idloop.records.record import Record
 from idloop.records.runs import backwards_message, on_receive_time, split_runs
+from idloop.records.said_units import said_units
 from idloop.records.stream import FIELDS, JointStream
 
 Floats = NDArray[np.float64]
@@ -150,6 +152,7 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
             if (found := _sibling(command, name, topics)) in topics and topics[found].count
         }
         streams = read_streams(bag, {command, *measured, *extra.values()})
+        other_units = _unit_findings(model, said_units(bag.custom))
     if stamps == "receive":
         streams = {topic: on_receive_time(stream) for topic, stream in streams.items()}
     runs = {topic: split_runs(stream) for topic, stream in streams.items()}
@@ -167,8 +170,20 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         # A reference latched before the reset has fewer runs: the last one it has stays in force.
         part = {topic: parts[min(number, len(parts) - 1)] for topic, parts in runs.items()}
         name = path.stem if counts[command] == 1 else f"{path.stem}[{number}]"
-        records.append(_align(path, name, model, part, command, measured, extra))
+        record = _align(path, name, model, part, command, measured, extra)
+        records.append(replace(record, findings=(*record.findings, *other_units)))
     return records
+
+
+def _unit_findings(model: ModelSignals, said: Mapping[str, str]) -> list[Finding]:
+    """Compare the model's units with those that an import wrote into the bag."""
+    found = []
+    for signal in (model.input, *model.outputs):
+        unit = said.get(f"{signal.joint}.{signal.field}", signal.unit)
+        if unit != signal.unit:
+            text = f"{signal.joint}.{signal.field} is in {unit} in the bag and in {signal.unit} in the model"
+            found.append(Finding("unit", text, where=f"{signal.joint}.{signal.field}", level="warning"))
+    return found
 
 
 def _sibling(command: str, other: str, topics: Collection[str]) -> str:

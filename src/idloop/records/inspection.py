@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from idloop.records.finding import Finding
 from idloop.records.insight import Evidence, insights, verdict
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
+from idloop.records.said_units import imported, said_units
 from idloop.records.stream import FIELDS, JointStream
 from idloop.spelling import listed
 
@@ -166,7 +166,7 @@ def inspect_bag(
         streams = read_streams(bag)
         read = set(readable_topics(bag))
         receive = bag.receive_stamps([topic for topic in bag.topics if topic not in streams])
-        imported = _imported(bag.custom)
+        custom = bag.custom
         topics = bag.topics
         command_topic = _command_topic(streams, topics, command, path)
     reports = []
@@ -202,7 +202,7 @@ def inspect_bag(
         if stream is not None:
             findings += stream.findings
             findings += stamp_findings(topic.name, report.stamps)
-    units = _units(imported)
+    units = said_units(custom)
     measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
@@ -220,7 +220,7 @@ def inspect_bag(
         insights=tuple(insights(evidence)),
         verdict=verdict(evidence),
         command_topic=command_topic,
-        imported=imported,
+        imported=imported(custom),
         streams=streams,
     )
 
@@ -240,20 +240,6 @@ def _command_topic(
         if found:
             return found[0]
     return ""
-
-
-def _imported(custom: Mapping[str, str]) -> dict[str, Any]:
-    try:
-        content = json.loads(custom.get("idloop.import", "{}"))
-    except json.JSONDecodeError:
-        return {}
-    return content if isinstance(content, dict) else {}
-
-
-def _units(imported: Mapping[str, Any]) -> dict[str, str]:
-    """Return units by signal; an import writes them as ``topic joint.field``."""
-    said = imported.get("units", {})
-    return {str(name).rpartition(" ")[2]: str(unit) for name, unit in said.items()} if isinstance(said, dict) else {}
 
 
 def _delay(stream: JointStream) -> dict[str, float]:

@@ -32,7 +32,7 @@ class ResidualTest:
     cross_correlation, cross_correlation_band : array, shape (2 m + 1,)
         Correlation between input and residual and the half width of its 99 % band.
     cross_p : float
-        p-value that no causal lag (≥ 0) carries input left in the residual.
+        p-value that no causal lag (≥ 1) carries input left in the residual.
     """
 
     name: str
@@ -166,7 +166,8 @@ def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tu
     band : array, shape (2 lags + 1,)
         Half width of the 99 % band.
     p_value : float
-        p-value of the pooled test over lags 0..lags.
+        p-value of the pooled test over lags 1..lags. Lag 0 is left out: a measurement comes before the
+        command of its stamp, so under feedback the command follows the residual there.
     """
     from scipy.linalg import toeplitz
     from scipy.stats import chi2
@@ -180,10 +181,10 @@ def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tu
     window = 1.0 - np.arange(reach + 1) / (reach + 1)
     kernel = r_u * r_e * window
     product = np.concatenate([kernel[:0:-1], kernel])
-    covariance = np.array([_shifted_sum(r_u, r_e * window, k) for k in range(lags + 1)]) / n
+    covariance = np.array([_shifted_sum(r_u, r_e * window, k) for k in range(lags)]) / n
     variance = max(float(np.sum(product)) / n, 1.0 / n**2)
     band = np.full(2 * lags + 1, 2.5758293035489004 * np.sqrt(variance))
-    causal = correlation[lags:]
+    causal = correlation[lags + 1 :]
     values, vectors = np.linalg.eigh(toeplitz(covariance))
     keep = values > 1e-3 * values[-1] if values[-1] > 0 else np.zeros(len(values), dtype=bool)
     if not np.any(keep):
