@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from idloop.errors import IdloopError
+from idloop.errors import IdloopError, InputError
 from idloop.graph import Graph, GraphRun, NodeEntry, run_graph
 
 SCRIPTS = {
@@ -15,6 +15,7 @@ SCRIPTS = {
     "endless": "echo up; exec sleep 1000",
     "deaf": "trap '' INT TERM; echo up; while :; do sleep 0.1; done",
     "broken": "echo so sorry; exit 3",
+    "misled": "echo no such model; exit 2",
     "family": "sleep 1000 & echo child $!; trap '' INT TERM; while :; do sleep 0.1; done",
     "words": 'echo "$@"; echo "$ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE"',
 }
@@ -98,3 +99,8 @@ def test_nodes_get_their_words_and_environment(graph):
     assert lines[0].startswith("--fast --ros-args --params-file ")
     assert lines[0].endswith("-r __node:=me -r __ns:=/left -r x:=/y")
     assert lines[1] == "42 LOCALHOST"
+
+
+def test_bad_input_of_a_node_is_bad_input_of_the_launcher(graph):
+    with pytest.raises(InputError, match="misled: no such model"):
+        run_graph(graph("misled", "endless"), say=lambda label, line: None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -160,3 +161,11 @@ def test_unmeasured_values_inside_a_stream_are_legal(make_bag, model):
     assert record.time.size == 200
     assert np.isfinite(record.output[:, 1]).sum() == 40
     assert "not_measured" in _kinds(record)
+
+
+def test_a_unit_that_differs_from_the_imports_is_reported(tmp_path, record, model):
+    units = {"joint_command motor.effort": "A", "joint_states motor.velocity": "rad/s"}
+    bag = write_bag(tmp_path / "bag", record, custom={"idloop.import": json.dumps({"units": units})})
+    found = [finding for finding in read_record(bag, model).findings if finding.kind == "unit"]
+    assert [(one.where, one.level) for one in found] == [("motor.effort", "warning")]
+    assert "in A in the bag and in V in the model" in found[0].text

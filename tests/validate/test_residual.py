@@ -51,3 +51,14 @@ def test_one_test_per_output_and_missing_samples_left_out() -> None:
 def test_too_few_samples() -> None:
     with pytest.raises(InputError, match="too few"):
         residual_tests(np.zeros((50, 1)), np.zeros(50))
+
+
+def test_feedback_of_the_residual_into_the_command_is_no_finding() -> None:
+    rng = np.random.default_rng(5)
+    p = []
+    for _ in range(200):
+        e = rng.normal(size=1000)
+        u = 0.3 * rng.normal(size=1000) - 0.8 * e  # the command of a stamp follows its measurement
+        p.append(input_residual_test(u, e, 20)[2])
+    # 5 % of 200 with three binomial standard deviations
+    assert abs(np.sum(np.array(p) < 0.05) - 10) <= 10
