@@ -7,8 +7,8 @@ disturbance torque; fits it each time from wrong starting values and counts for
 every parameter how many intervals hold. `gain` is estimated with the inertia known,
 `inertia` with the gain known; the two cannot be told apart from one another.
 
-    python benchmarks/coverage.py                  # 200 fits a case, all cases
-    python benchmarks/coverage.py --fits 50 --loop open --noise ar
+    python benchmarks/interval_coverage.py                  # 200 fits a case, all cases
+    python benchmarks/interval_coverage.py --fits 50 --loop open --noise ar
 """
 
 from __future__ import annotations
@@ -22,16 +22,13 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 # Two workers share the cores already: threads inside the linear algebra only get in their way.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# numba looks for the package `coverage`, which this script's own name would shadow.
-sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != Path(__file__).resolve().parent]
 
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
+import numpy as np
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
