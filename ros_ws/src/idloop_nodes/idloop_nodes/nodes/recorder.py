@@ -22,6 +22,9 @@ SECOND = 1_000_000_000
 SLACK = 1200  # samples by which streams may run apart before they are written in order
 DRAIN_QUIET = 0.1  # seconds without a message after which nothing more is expected at the end
 DRAIN_LIMIT = 3.0
+# Streams with a message for every sample of a lock-step run, and how long a silent one is waited for [s].
+TO_THE_END = ("joint_states", "joint_command", "estimator/prediction", "estimator/residual")
+PATIENCE = 5.0
 
 Batch = list[tuple[str, int, bytes]]  # topic, log time, payload
 
@@ -60,6 +63,8 @@ class RecorderNode(StreamNode):
         self._next_burst = 0.0
         self._order = CanonicalOrder()
         self._watermark = -1
+        self._newest = dict.fromkeys(self._topics, -1)
+        self._last_arrival = time.monotonic()
         self._batches: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
         self._waiting = 0
         self._overflow = 0
@@ -94,6 +99,7 @@ class RecorderNode(StreamNode):
                 count += 1
                 stamp = peek_stamp(data)
                 check.take(information, stamp)
+                self._newest[topic] = max(self._newest[topic], stamp)
                 if topic == "joint_states":
                     self._watermark = stamp
                 if self._lockstep:
@@ -101,6 +107,8 @@ class RecorderNode(StreamNode):
                 else:
                     batch.append((name, information.get("received_timestamp") or time.time_ns(), data))
         self._queue(sorted(batch, key=lambda one: one[1]))
+        if count:
+            self._last_arrival = time.monotonic()
         return count
 
     def _hand_over(self, everything: bool = False) -> None:
@@ -125,9 +133,19 @@ class RecorderNode(StreamNode):
             self._told = self._watermark
             self.tell_progress(self._watermark)
         end = self.progress.end
-        if end is not None and not self._done and self._watermark >= end:
+        if end is not None and not self._done and self._complete(end):
             self._done = True
             self.tell_progress(end, DONE)
+
+    def _complete(self, end: int) -> bool:
+        """Whether every stream that reaches the end of the run has done so; its sender may then go.
+
+        A sender that has ended sends nothing again that was lost on the way, so the measurement alone is no sign.
+        """
+        if self._watermark < end:
+            return False
+        late = [topic for topic in TO_THE_END if 0 <= self._newest.get(topic, -1) < end]
+        return not late or time.monotonic() - self._last_arrival > PATIENCE
 
     def _write(self) -> None:
         """Run in the writer thread: disk pauses of milliseconds stay here."""
