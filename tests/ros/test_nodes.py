@@ -3,92 +3,17 @@
 from __future__ import annotations
 
 import math
-import time
 
 import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
-
 from idloop.errors import IdloopError, InputError
-from idloop_nodes.base import topic_qos, topic_type
 from idloop_nodes.codec import JointSample, decode_diagnostics, decode_joint_state, encode_joint_state, encode_time
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 MS = 1_000_000
-WAIT = 20.0
-
-
-class Bench:
-    """One node under test and one that talks to it, turned by hand."""
-
-    def __init__(self, kind, **parameters):
-        import importlib
-
-        arguments = ["test", "--ros-args"]
-        for name, value in parameters.items():
-            arguments += ["-p", f"{name}:={value}"]
-        rclpy.init(args=arguments)
-        self.executor = SingleThreadedExecutor()
-        self.node = importlib.import_module(f"idloop_nodes.nodes.{kind}").make()
-        self.other = rclpy.create_node("bench")
-        self.got = {}
-        self.executor.add_node(self.node)
-        self.executor.add_node(self.other)
-
-    def listen(self, topic):
-        self.got[topic] = []
-        self.other.create_subscription(topic_type(topic), topic, self.got[topic].append, topic_qos(topic), raw=True)
-
-    def talk(self, topic):
-        return self.other.create_publisher(topic_type(topic), topic, topic_qos(topic))
-
-    def until(self, condition):
-        end = time.monotonic() + WAIT
-        while not condition():
-            assert time.monotonic() < end, "condition not met in time"
-            self.executor.spin_once(timeout_sec=0.01)
-            self.node.poll()
-
-    def matched(self, *publishers):
-        self.until(lambda: all(one.get_subscription_count() for one in publishers))
-
-    def call(self, service):
-        client = self.other.create_client(Trigger, service)
-        self.until(client.service_is_ready)
-        future = client.call_async(Trigger.Request())
-        self.until(future.done)
-        return future.result()
-
-    def set(self, name, value):
-        (result,) = self.node.set_parameters([Parameter(name, value=value)])
-        return result
-
-    def close(self):
-        self.node.close()
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.other.destroy_node()
-        rclpy.try_shutdown()
-
-
-@pytest.fixture
-def bench():
-    benches = []
-
-    def build(kind, **parameters):
-        benches.append(Bench(kind, **parameters))
-        return benches[-1]
-
-    yield build
-    for one in benches:
-        one.close()
-    rclpy.try_shutdown()
 
 
 def measurement(stamp, position, velocity=0.0):
@@ -230,7 +155,7 @@ def test_a_running_signal_cannot_change(bench):
     one.node.trigger_deactivate()
     assert one.set("amplitude", 2).successful
     assert not one.set("amplitude", math.nan).successful
-    assert abs(one.node._position).max() == pytest.approx(2.0, rel=1e-3)
+    assert abs(one.node._sequence._position).max() == pytest.approx(2.0, rel=1e-3)
 
 
 def test_estimator_refuses_effects_that_do_not_exist_and_keeps_its_model(bench):

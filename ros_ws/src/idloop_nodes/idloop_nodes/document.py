@@ -12,7 +12,9 @@ from idloop_nodes.wiring import NODES, TOPICS
 
 ABOUT = {
     "excitation": "Builds the whole signal once and publishes it ahead of the clock, each sample stamped with the "
-    "time at which it holds. Lifecycle node: inactive, it publishes neutral values.",
+    "time at which it holds. Lifecycle node: inactive, it publishes neutral values. An experiment is put between the "
+    "samples of the normal signal, with a smooth way in and back, after a check of the `limit.*` parameters; where a "
+    "motion limit is set, the axis is watched on `joint_states` and a breach deactivates the node.",
     "controller": "Computes the command from measurement, reference and excitation. Lifecycle node: inactive, after "
     "an emergency stop, on a measurement that is not finite or absent, and at its end the command is zero.",
     "plant": "Simulates the machine. In lock-step it steps when the command arrives and waits for slow listeners; "
@@ -23,7 +25,12 @@ ABOUT = {
     "replay": "Plays a recording into the live graph, byte for byte.",
 }
 SERVICES = {
-    "excitation": {"~/start": "start the signal from its beginning", "~/stop": "neutral values from the next sample"},
+    "excitation": {
+        "~/start": "start the signal from its beginning",
+        "~/stop": "neutral values from the next sample, whatever runs",
+        "~/run_experiment": "play the parameter `experiment` once, then go on with the signal",
+        "~/stop_experiment": "end it now and go on with the signal",
+    },
     "controller": {"~/emergency_stop": "zero command until reset", "~/reset": "clear stop, fault and memory"},
     "estimator": {"~/refit": "fit the newest window now"},
 }

@@ -5,7 +5,9 @@ Messages on `progress` are headers. The frame says who speaks and what about:
 - ``name/ready``: my streams are matched with those of all my peers,
 - ``name``: I have dealt with everything up to this stamp,
 - ``name/end``: there is nothing after this stamp,
-- ``name/done``: I have dealt with everything, queued work included.
+- ``name/done``: I have dealt with everything, queued work included,
+- ``name/experiment``: from this stamp on I play an experiment,
+- ``name/handed_back``: from this stamp on I play the normal signal again, or nothing.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 READY, END, DONE = "ready", "end", "done"
+EXPERIMENT, HANDED_BACK = "experiment", "handed_back"
 
 
 class Progress:
@@ -22,6 +25,7 @@ class Progress:
         self.ready: set[str] = set()
         self.done: set[str] = set()
         self.end: int | None = None
+        self.experiment: tuple[int, int | None] | None = None  # stamps of the newest one: start, end once it is known
         self.reached: dict[str, int] = {}
 
     def hear(self, stamp: int, frame: str) -> None:
@@ -34,6 +38,11 @@ class Progress:
             self.reached[name] = max(stamp, self.reached.get(name, stamp))
         elif word == END:
             self.end = stamp
+        elif word == EXPERIMENT:
+            self.experiment = stamp, None
+        elif word == HANDED_BACK:
+            if self.experiment is not None:
+                self.experiment = self.experiment[0], stamp
         else:
             self.reached[name] = max(stamp, self.reached.get(name, stamp))
 

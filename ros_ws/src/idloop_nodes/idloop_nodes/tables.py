@@ -167,6 +167,18 @@ def excitation_table() -> Table:
         ),
         P("joint", "str", "motor", "Joint that the messages name.", read_only=True),
         P("ahead", "int", 200, "Samples published ahead of the clock.", minimum=2, maximum=4000, read_only=True),
+        P("experiment", "str", "", "What ~/run_experiment plays, as YAML: {signal: {name: ..., ...}, adds_to: ...}."),
+        P("handover_time", "float", 0.5, "Time of the smooth way into an experiment and back.", unit="s", minimum=0.0),
+        P(
+            "limit.amplitude",
+            "float",
+            None,
+            "Largest absolute value of an experiment; not set: that of the normal signal.",
+            minimum=0.0,
+        ),
+        P("limit.position_min", "float", None, "An experiment must not take the axis below this position."),
+        P("limit.position_max", "float", None, "An experiment must not take the axis above this position."),
+        P("limit.velocity", "float", None, "An experiment must not move the axis faster than this.", minimum=0.0),
         P.adopt(common["duration"], "duration", 60.0),
     ]
     rows += [P.adopt(common[name], name, common[name].default) for name in ("amplitude", "offset", "seed", "ramp_in")]

@@ -1,4 +1,4 @@
-"""The excitation: builds the whole signal once and publishes it ahead of the clock."""
+"""The excitation: builds the whole signal once and publishes it ahead of the clock; plays experiments in between."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ from std_srvs.srv import Trigger
 
 from idloop.errors import InputError
 from idloop.signals import SIGNALS, build_signal
-from idloop_nodes.base import ManagedNode
-from idloop_nodes.codec import JointWriter, Level, Status, peek_stamp
+from idloop_nodes.base import ManagedNode, PolledStream
+from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
+from idloop_nodes.excitation_sequence import ExcitationSequence
+from idloop_nodes.experiment import Limits, read_experiment
 from idloop_nodes.parameters import Values
+from idloop_nodes.progress import EXPERIMENT, HANDED_BACK
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.tables import excitation_table
 
 SECOND = 1_000_000_000
 BURST = 1000  # samples published at most in one go, so that services stay answered
+LIMITS = ("amplitude", "position_min", "position_max", "velocity")
+# May change while the normal signal runs.
+FOR_EXPERIMENTS = frozenset({"experiment", "handover_time", *(f"limit.{name}" for name in LIMITS)})
 
 
 class ExcitationNode(ManagedNode):
@@ -39,16 +45,27 @@ class ExcitationNode(ManagedNode):
         self._publish = both["reference" if self._reference else "excitation"]
         self._now: int | None = None
         self._next: int | None = None
-        self._index = 0
         self._sent = RateCounter()
-        self._position, self._velocity = self._build(values.values)
-        values.check = self._refuse_while_active
-        values.apply = lambda names: self._rebuild()
+        self._experiments = 0
+        self._told_end = 0
+        self._breach = ""
+        self._sequence = ExcitationSequence(
+            *self._build(values.values), self._period_ns, keeps=self._reference, ahead=values["ahead"]
+        )
+        self._measurements: PolledStream | None = None
+        self._measured = JointReader([(values["joint"], "position"), (values["joint"], "velocity")])
+        self._watch_axis()
+        values.check = self._check
+        values.apply = self._apply
         if self._lockstep:
             self.listen("/clock", self._on_clock)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
+        self.create_service(Trigger, "~/run_experiment", self._on_run_experiment)
+        self.create_service(Trigger, "~/stop_experiment", self._on_stop_experiment)
         self.start_by_itself()
+
+    # parameters
 
     def _build(self, values: Values) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return value and rate of the whole signal, each (n,)."""
@@ -60,26 +77,51 @@ class ExcitationNode(ManagedNode):
         rate = np.zeros_like(signal.value) if signal.rate is None else signal.rate
         return signal.value, rate
 
-    def _refuse_while_active(self, values: Values) -> None:
-        if self.active:
-            raise InputError("the signal cannot change while it runs: call ~/stop (or deactivate) first")
-        self._build(values)
+    def _limits(self, values: Values) -> Limits:
+        limits = {name: values[f"limit.{name}"] for name in LIMITS}
+        if limits["amplitude"] is None:
+            limits["amplitude"] = self._sequence.peak
+        return Limits(**limits)
 
-    def _rebuild(self) -> None:
-        self._position, self._velocity = self._build(self.parameters.values)
-        self._index = 0
+    def _check(self, values: Values) -> None:
+        changed = {name for name, value in values.items() if value != self.parameters[name]}
+        if changed & FOR_EXPERIMENTS and self._sequence.playing:
+            raise InputError("an experiment is running: call ~/stop_experiment (or ~/stop) first")
+        if changed - FOR_EXPERIMENTS:
+            if self.active:
+                raise InputError("the signal cannot change while it runs: call ~/stop (or deactivate) first")
+            self._build(values)
+        if "experiment" in changed and values["experiment"]:
+            experiment = read_experiment(values["experiment"], self._target, values["sample_time"])
+            self._limits(values).refuse(experiment)
+
+    def _apply(self, names: set[str]) -> None:
+        if names - FOR_EXPERIMENTS:
+            self._sequence.load(*self._build(self.parameters.values))
+        self._watch_axis()
+
+    def _watch_axis(self) -> None:
+        """Listen to the axis as soon as a limit asks for it."""
+        if self._limits(self.parameters.values).watched and self._measurements is None:
+            self._measurements = self.poll_topic("joint_states")
 
     # lifecycle and services
 
     def activated(self) -> None:
         """Start the signal at the next sample that is not yet out."""
-        self._index = 0
+        self._sequence.restart()
 
     def deactivated(self) -> None:
         """Take back what was announced: everything from now on is neutral."""
-        if self._now is not None:
-            self._next = self._now + self._period_ns
-            self._publish_ahead(self._now)
+        if self._now is None:
+            return
+        self._sequence.cut(self._now, 0.0)
+        self._sequence.take_back(self._now)
+        self._announce_anew(self._now)
+
+    def _announce_anew(self, now: int) -> None:
+        self._next = now + self._period_ns
+        self._publish_ahead(now)
 
     def _on_start(self, request: Any, response: Any) -> Any:
         self.bring_up()
@@ -92,60 +134,120 @@ class ExcitationNode(ManagedNode):
         response.success, response.message = not self.active, "stopped: neutral values from the next sample on"
         return response
 
+    def _on_run_experiment(self, request: Any, response: Any) -> Any:
+        try:
+            response.message = self._begin_experiment()
+            response.success = True
+        except InputError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _begin_experiment(self) -> str:
+        values = self.parameters
+        if self._sequence.playing:
+            raise InputError("an experiment is running already: call ~/stop_experiment first")
+        if not values["experiment"]:
+            raise InputError("no experiment: set the parameter experiment first")
+        if not self.active or self._next is None:
+            raise InputError("an experiment needs an active excitation and a running graph: call ~/start first")
+        experiment = read_experiment(values["experiment"], self._target, values["sample_time"])
+        self._limits(values.values).refuse(experiment)
+        start, end = self._sequence.begin(experiment, values["handover_time"], self._next)
+        self._experiments += 1
+        self._breach = ""
+        self.tell_progress(start, EXPERIMENT)
+        self._tell_end(end)  # said again when a stop or a pause moves it
+        text = f"experiment from {start / SECOND:.3f} s to {end / SECOND:.3f} s"
+        self.get_logger().info(text)
+        return text
+
+    def _on_stop_experiment(self, request: Any, response: Any) -> Any:
+        end = None if self._now is None else self._sequence.cut(self._now, self.parameters["handover_time"])
+        if end is None or self._now is None:
+            response.success, response.message = False, "no experiment is running"
+            return response
+        self._announce_anew(self._now)
+        response.success, response.message = True, "stopped: back to the normal signal from the next sample on"
+        return response
+
+    def _tell_end(self, stamp: int) -> None:
+        self._told_end = stamp
+        self.tell_progress(stamp, HANDED_BACK)
+
+    def _guard(self) -> None:
+        """Stop when the axis leaves the limits during an experiment."""
+        if self._measurements is None:
+            return
+        limits = self._limits(self.parameters.values)
+        for data, _ in self._measurements.take():
+            span = self._sequence.span
+            if span is None or not self.active:
+                continue
+            try:
+                stamp, (position, velocity) = self._measured.read(data)
+            except CdrError:
+                continue
+            breach = limits.breach(position, velocity) if span[0] <= stamp < span[1] else ""
+            if breach:
+                self._breach = f"experiment stopped: {breach}"
+                self.get_logger().error(self._breach)
+                self.trigger_deactivate()
+
     # time
 
     def _on_clock(self, data: bytes) -> None:
-        self._publish_ahead(peek_stamp(data))
+        self._follow(peek_stamp(data))
 
     def poll(self) -> None:
         """Real time: follow the system clock on whole periods of it."""
         super().poll()
         if not self._lockstep:
-            self._publish_ahead(time.time_ns() // self._period_ns * self._period_ns)
+            self._follow(time.time_ns() // self._period_ns * self._period_ns)
+
+    def _follow(self, now: int) -> None:
+        self._publish_ahead(now)
+        self._guard()
 
     def _publish_ahead(self, now: int) -> None:
         if self._now is not None and now < self._now:
             self._next = None  # the clock was set back: a new run begins
-            self._index = 0
+            self._sequence.forget()
         self._now = now
         if self._next is None or self._next < now - self._ahead_ns:
             self._next = now
         for _ in range(BURST):
             if self._next > now + self._ahead_ns:
-                return
+                break
             self._publish(self._sample(self._next))
             self._next += self._period_ns
             self._sent.count += 1
+        span = self._sequence.span
+        if span is not None and span[1] != self._told_end:
+            self._tell_end(span[1])
 
     def _sample(self, stamp: int) -> bytes:
-        position, velocity = self._value()
+        position, velocity = self._sequence.next(stamp, self.active)
         if self._reference:
             return self._writer.pack(stamp, (position,), (velocity,))
         return self._writer.pack(stamp, (position,))
 
-    def _value(self) -> tuple[float, float]:
-        """Next value: the signal while active, then its end (reference) or zero (excitation)."""
-        index, last = self._index, len(self._position) - 1
-        if self.active and index <= last:
-            self._index += 1
-            return float(self._position[index]), float(self._velocity[index])
-        if not self._reference or index == 0:
-            return 0.0, 0.0
-        return float(self._position[min(index, last + 1) - 1]), 0.0
-
     def health(self) -> list[Status]:
         """Return where the signal stands."""
-        done = min(self._index, len(self._position))
+        done, length = self._sequence.index, self._sequence.length
         values = {
             "signal": self.parameters["signal"],
-            "samples": str(len(self._position)),
+            "samples": str(length),
             "sent_of_signal": str(done),
             "published": str(self._sent.count),
             "rate": f"{self._sent.rate():.1f}",
             "active": str(self.active).lower(),
+            "experiments": str(self._experiments),
         }
-        text = f"{self.parameters['signal']}: {100.0 * done / len(self._position):.0f} %"
-        return [Status("signal", text if self.active else "inactive", Level.OK, values)]
+        text = f"{self.parameters['signal']}: {100.0 * done / length:.0f} %"
+        if self._sequence.playing:
+            text = "experiment"
+        text = text if self.active else "inactive"
+        return [Status("signal", self._breach or text, Level.ERROR if self._breach else Level.OK, values)]
 
 
 def make() -> ExcitationNode:
