@@ -13,13 +13,20 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop_nodes.codec import (
     CdrError,
+    EffectSummary,
+    Estimate,
     FitSummary,
     JointReader,
     JointSample,
     JointWriter,
+    LadderSummary,
     Level,
+    Measures,
+    MissingSummary,
     ParameterSummary,
     Status,
+    StepSummary,
+    UnknownSummary,
     decode_diagnostics,
     decode_header,
     decode_joint_state,
@@ -30,6 +37,10 @@ from idloop_nodes.codec import (
     encode_time,
     fit_from_statuses,
     fit_to_statuses,
+    ladder_from_statuses,
+    ladder_to_statuses,
+    missing_from_statuses,
+    missing_to_statuses,
     parameters_from_statuses,
     parameters_to_statuses,
     peek_stamp,
@@ -182,3 +193,116 @@ def test_foreign_statuses_are_refused():
         fit_from_statuses([Status("x")])
     with pytest.raises(CdrError):
         parameters_from_statuses([Status("x")])
+
+
+name_tuples = st.lists(names, max_size=3).map(tuple)
+lines = st.lists(texts, max_size=3).map(tuple)
+estimates = st.dictionaries(names, st.builds(Estimate, finite, optional, texts), max_size=2)
+effects = st.builds(
+    EffectSummary, names, names, st.sampled_from(["yes", "weak", "no"]), optional, finite, optional, estimates, names
+)
+effects = st.builds(
+    lambda one, why, text: EffectSummary(**{**one.__dict__, "why": why, "text": text}), effects, texts, texts
+)
+curve = st.lists(finite, max_size=3).map(tuple)
+unknowns = st.one_of(st.none(), st.builds(UnknownSummary, texts, texts, texts, curve, curve, curve, finite, texts))
+windows = st.lists(st.tuples(stamps, stamps), max_size=2).map(tuple)
+by_output = st.dictionaries(names, finite, max_size=2)
+measures = st.builds(Measures, by_output, by_output, by_output, optional)
+steps = st.builds(StepSummary, st.one_of(st.none(), effects), name_tuples, optional, names, measures, measures, texts)
+documents = st.one_of(st.none(), st.dictionaries(texts, st.one_of(finite, texts), max_size=2))
+
+
+def through_a_message(items):
+    serialization = pytest.importorskip("rclpy.serialization")
+    message_module = pytest.importorskip("diagnostic_msgs.msg")
+    data = encode_diagnostics(1, items)
+    message = serialization.deserialize_message(data, message_module.DiagnosticArray)
+    return decode_diagnostics(serialization.serialize_message(message))[1]
+
+
+@given(
+    st.builds(
+        MissingSummary,
+        names,
+        name_tuples,
+        st.sampled_from(["missing", "adequate", "unknown_structure", "not_excited"]),
+        st.lists(effects, max_size=3).map(tuple),
+        name_tuples,
+        name_tuples,
+        lines,
+        lines,
+        unknowns,
+        names,
+        finite,
+        windows,
+        texts,
+    )
+)
+def test_missing_effects_round_trip(summary):
+    assert missing_from_statuses(through_a_message(missing_to_statuses("estimator", summary))) == summary
+
+
+@given(
+    st.builds(
+        LadderSummary,
+        names,
+        st.lists(steps, max_size=3).map(tuple),
+        names,
+        name_tuples,
+        documents,
+        st.integers(0, 9),
+        texts,
+    )
+)
+def test_ladder_round_trip(summary):
+    assert ladder_from_statuses(through_a_message(ladder_to_statuses("estimator", summary))) == summary
+
+
+DEAD_ZONE = EffectSummary(
+    "dead_zone",
+    "input",
+    "yes",
+    0.001,
+    0.97,
+    812.0,
+    {"width": Estimate(0.1213, 0.0011, "V")},
+    text="Dead.",
+)
+
+
+def test_missing_effects_are_for_people():
+    summary = MissingSummary("m", verdict="missing", candidates=(DEAD_ZONE,), set=("dead_zone@input", "slip@motor"))
+    head, one = missing_to_statuses("estimator", summary)
+    assert head.name == "estimator: missing effects"
+    assert head.level == one.level == Level.WARN
+    assert head.message == (
+        "dead_zone@input is missing (p 0.001, explains 97 %, width 0.1213 ± 0.0011 V); "
+        "this data cannot tell it from slip@motor"
+    )
+    assert (one.name, one.hardware_id) == ("estimator: dead_zone@input", "dead_zone@input")
+    assert missing_to_statuses("estimator", MissingSummary("m", verdict="adequate"))[0].level == Level.OK
+
+
+def test_the_ladder_is_for_people_and_for_the_file():
+    start = StepSummary(validation=Measures({"motor.position": 0.1}, {"motor.position": 90.0}), model="name: m")
+    step = StepSummary(
+        DEAD_ZONE, ("dead_zone@input",), 0.001, "diagnosis", validation=Measures({}, {"motor.position": 99.5})
+    )
+    summary = LadderSummary("m", (start, step), "adequate")
+    items = ladder_to_statuses("estimator", summary)
+    assert items[0].message == "start + dead_zone@input: FIT motor.position 99.50 % on data not used in the fit"
+    assert [one.name for one in items[1:]] == ["estimator: step 0", "estimator: step 1"]
+    document = summary.to_dict()
+    assert document["schema"] == "idloop/refine/1"
+    assert document["ladder"][0]["added"] is None
+    assert document["ladder"][0]["validation"]["fit"] == {"motor.position": 90.0}
+    added = document["ladder"][1]["added"]
+    assert added["parameters"] == {"width": {"value": 0.1213, "stderr": 0.0011, "unit": "V"}}
+
+
+@pytest.mark.parametrize("read", [missing_from_statuses, ladder_from_statuses])
+def test_foreign_findings_are_refused(read):
+    for items in ([], [Status("x")], [Status("x", values={"level": "a"})]):
+        with pytest.raises(CdrError):
+            read(items)

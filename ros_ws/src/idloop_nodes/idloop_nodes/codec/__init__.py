@@ -6,6 +6,14 @@ bytes of equal values are equal.
 
 from idloop_nodes.codec.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status, decode_diagnostics, encode_diagnostics
+from idloop_nodes.codec.effects import (
+    EffectSummary,
+    Estimate,
+    MissingSummary,
+    UnknownSummary,
+    missing_from_statuses,
+    missing_to_statuses,
+)
 from idloop_nodes.codec.joints import (
     JointReader,
     JointSample,
@@ -18,6 +26,13 @@ from idloop_nodes.codec.joints import (
     encode_time,
     peek_stamp,
 )
+from idloop_nodes.codec.ladder import (
+    LadderSummary,
+    Measures,
+    StepSummary,
+    ladder_from_statuses,
+    ladder_to_statuses,
+)
 from idloop_nodes.codec.results import (
     FitSummary,
     ParameterSummary,
@@ -29,13 +44,20 @@ from idloop_nodes.codec.results import (
 
 __all__ = [
     "CdrError",
+    "EffectSummary",
+    "Estimate",
     "FitSummary",
     "JointReader",
     "JointSample",
     "JointWriter",
+    "LadderSummary",
     "Level",
+    "Measures",
+    "MissingSummary",
     "ParameterSummary",
     "Status",
+    "StepSummary",
+    "UnknownSummary",
     "decode_diagnostics",
     "decode_header",
     "decode_joint_state",
@@ -46,6 +68,10 @@ __all__ = [
     "encode_time",
     "fit_from_statuses",
     "fit_to_statuses",
+    "ladder_from_statuses",
+    "ladder_to_statuses",
+    "missing_from_statuses",
+    "missing_to_statuses",
     "parameters_from_statuses",
     "parameters_to_statuses",
     "peek_stamp",

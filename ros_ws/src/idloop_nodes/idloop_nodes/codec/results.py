@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from idloop_nodes.codec.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
+from idloop_nodes.codec.numbers import number_or_none, text_or_empty
 
 
 @dataclass(frozen=True)
@@ -124,10 +125,10 @@ def parameters_to_statuses(node: str, parameters: Sequence[ParameterSummary]) ->
         values = {
             "parameter": one.name,
             "value": repr(float(one.value)),
-            "stderr": _optional(one.stderr),
+            "stderr": text_or_empty(one.stderr),
             "unit": one.unit,
-            "min": _optional(one.minimum),
-            "max": _optional(one.maximum),
+            "min": text_or_empty(one.minimum),
+            "max": text_or_empty(one.maximum),
             "free": "true" if one.free else "false",
         }
         text = f"{one.value:.5g}{error} {one.unit}".strip() + note
@@ -149,10 +150,10 @@ def parameters_from_statuses(statuses: Sequence[Status]) -> list[ParameterSummar
             ParameterSummary(
                 name=status.values["parameter"],
                 value=float(status.values["value"]),
-                stderr=_number(status.values["stderr"]),
+                stderr=number_or_none(status.values["stderr"]),
                 unit=status.values["unit"],
-                minimum=_number(status.values["min"]),
-                maximum=_number(status.values["max"]),
+                minimum=number_or_none(status.values["min"]),
+                maximum=number_or_none(status.values["max"]),
                 free=status.values["free"] == "true",
             )
             for status in statuses
@@ -168,11 +169,3 @@ def _window(text: str) -> tuple[int, int]:
 
 def _numbers(values: dict[str, str], prefix: str) -> dict[str, float]:
     return {key[len(prefix) :]: float(value) for key, value in values.items() if key.startswith(prefix)}
-
-
-def _optional(value: float | None) -> str:
-    return "" if value is None else repr(float(value))
-
-
-def _number(text: str) -> float | None:
-    return float(text) if text else None

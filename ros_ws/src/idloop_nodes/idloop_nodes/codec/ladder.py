@@ -1,0 +1,226 @@
+"""The ladder as diagnostic statuses and back, without loss: one status for the whole, one for each step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from idloop_nodes.codec.cdr import CdrError
+from idloop_nodes.codec.diagnostics import Level, Status
+from idloop_nodes.codec.effects import EffectSummary, effect_from_values, effect_to_values
+from idloop_nodes.codec.numbers import number_or_none, text_or_empty
+
+MEASURES = ("nrmse", "fit", "rmse")
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Errors of one model on one kind of data.
+
+    Attributes
+    ----------
+    nrmse, fit, rmse : dict of str to float
+        By output: error over spread, FIT in percent, error in the output's unit.
+    force : float or None
+        Relative error of the drive force, where it can be compared.
+    """
+
+    nrmse: dict[str, float] = field(default_factory=dict)
+    fit: dict[str, float] = field(default_factory=dict)
+    rmse: dict[str, float] = field(default_factory=dict)
+    force: float | None = None
+
+    @property
+    def line(self) -> str:
+        """FIT of every output for a person."""
+        return ", ".join(f"{name} {value:.2f} %" for name, value in self.fit.items())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as in the JSON of `idloop refine`."""
+        return {name: dict(getattr(self, name)) for name in MEASURES} | {"force": self.force}
+
+
+@dataclass(frozen=True)
+class StepSummary:
+    """One step: what was added, on what evidence, and what it did to the error.
+
+    Attributes
+    ----------
+    added : EffectSummary or None
+        None for the start.
+    set : tuple of str
+        Effects that the data could not tell from the one added, that one included.
+    p_value : float or None
+    chosen_by : str
+        ``diagnosis`` or ``user``; empty for the start.
+    train, validation : Measures
+        On the data of the fit, and on data that it never saw.
+    model : str
+        The model of this step as a model file.
+    """
+
+    added: EffectSummary | None = None
+    set: tuple[str, ...] = ()
+    p_value: float | None = None
+    chosen_by: str = ""
+    train: Measures = field(default_factory=Measures)
+    validation: Measures = field(default_factory=Measures)
+    model: str = ""
+
+
+@dataclass(frozen=True)
+class LadderSummary:
+    """All steps so far.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    steps : tuple of StepSummary
+        The first one is the start.
+    verdict : str
+        As of the newest diagnosis.
+    untestable : tuple of str
+    suggested_experiment : dict or None
+        The next experiment, as `idloop suggest` writes it.
+    experiments : int
+        Experiments whose data are in.
+    error : str
+        Why the last order could not be carried out, one line; empty when it was.
+    """
+
+    model: str
+    steps: tuple[StepSummary, ...] = ()
+    verdict: str = ""
+    untestable: tuple[str, ...] = ()
+    suggested_experiment: dict[str, Any] | None = None
+    experiments: int = 0
+    error: str = ""
+
+    @property
+    def line(self) -> str:
+        """The newest step for a person."""
+        if self.error:
+            return self.error
+        if not self.steps:
+            return "no step yet"
+        added = [step.added.name for step in self.steps if step.added is not None]
+        what = " + ".join(["start", *added])
+        fit = self.steps[-1].validation.line
+        return f"{what}: FIT {fit} on data not used in the fit" if fit else what
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document that `idloop refine` writes (schema idloop/refine/1)."""
+        return {
+            "schema": "idloop/refine/1",
+            "ladder": [_step_to_dict(step) for step in self.steps],
+            "verdict": self.verdict,
+            "untestable": list(self.untestable),
+            "suggested_experiment": self.suggested_experiment,
+        }
+
+
+def _step_to_dict(step: StepSummary) -> dict[str, Any]:
+    document: dict[str, Any] = {"added": None}
+    if step.added is not None:
+        parameters = {
+            name: {"value": one.value, "stderr": one.stderr, "unit": one.unit}
+            for name, one in step.added.parameters.items()
+        }
+        document["added"] = {"effect": step.added.effect, "at": step.added.at, "parameters": parameters}
+        document |= {"p_value": step.p_value, "set": list(step.set), "chosen_by": step.chosen_by}
+    return document | {
+        "train": step.train.to_dict(),
+        "validation": step.validation.to_dict(),
+        "model": step.model,
+    }
+
+
+def ladder_to_statuses(node: str, summary: LadderSummary) -> list[Status]:
+    """Return the statuses of ``estimator/ladder``."""
+    suggested = summary.suggested_experiment
+    values = {
+        "model": summary.model,
+        "verdict": summary.verdict,
+        "untestable": " ".join(summary.untestable),
+        "suggested_experiment": "" if suggested is None else json.dumps(suggested, ensure_ascii=False),
+        "experiments": str(summary.experiments),
+        "error": summary.error,
+    }
+    head = Status(f"{node}: ladder", summary.line, Level.WARN if summary.error else Level.OK, values, summary.model)
+    return [head, *(_step_to_status(node, number, step) for number, step in enumerate(summary.steps))]
+
+
+def _step_to_status(node: str, number: int, step: StepSummary) -> Status:
+    values = {
+        "set": " ".join(step.set),
+        "step_p_value": text_or_empty(step.p_value),
+        "chosen_by": step.chosen_by,
+        "model": step.model,
+    }
+    for kind in ("train", "validation"):
+        measures: Measures = getattr(step, kind)
+        values[f"{kind}/force"] = text_or_empty(measures.force)
+        for name in MEASURES:
+            numbers: dict[str, float] = getattr(measures, name)
+            values |= {f"{kind}/{name}/{output}": repr(float(value)) for output, value in numbers.items()}
+    name, hardware = "start", ""
+    if step.added is not None:
+        name, hardware = f"+ {step.added.name}", step.added.name
+        values |= effect_to_values(step.added)
+    message = f"{name}: FIT {step.validation.line}" if step.validation.fit else name
+    return Status(f"{node}: step {number}", message, Level.OK, values, hardware)
+
+
+def ladder_from_statuses(statuses: Sequence[Status]) -> LadderSummary:
+    """Return the summary that `ladder_to_statuses` wrote.
+
+    Raises
+    ------
+    CdrError
+        When a value is missing or no number.
+    """
+    if not statuses:
+        raise CdrError("estimator/ladder holds no status")
+    values = statuses[0].values
+    try:
+        return LadderSummary(
+            model=values["model"],
+            steps=tuple(_step_from_values(one.values) for one in statuses[1:]),
+            verdict=values["verdict"],
+            untestable=tuple(values["untestable"].split()),
+            suggested_experiment=_mapping(values["suggested_experiment"]),
+            experiments=int(values["experiments"]),
+            error=values["error"],
+        )
+    except (KeyError, ValueError) as error:
+        raise CdrError(f"estimator/ladder cannot be read: {error}") from error
+
+
+def _step_from_values(values: dict[str, str]) -> StepSummary:
+    return StepSummary(
+        added=effect_from_values(values) if "effect" in values else None,
+        set=tuple(values["set"].split()),
+        p_value=number_or_none(values["step_p_value"]),
+        chosen_by=values["chosen_by"],
+        train=_measures(values, "train"),
+        validation=_measures(values, "validation"),
+        model=values["model"],
+    )
+
+
+def _measures(values: dict[str, str], kind: str) -> Measures:
+    numbers: dict[str, dict[str, float]] = {}
+    for name in MEASURES:
+        prefix = f"{kind}/{name}/"
+        numbers[name] = {key[len(prefix) :]: float(value) for key, value in values.items() if key.startswith(prefix)}
+    return Measures(**numbers, force=number_or_none(values[f"{kind}/force"]))
+
+
+def _mapping(text: str) -> dict[str, Any] | None:
+    document = json.loads(text) if text else None
+    if document is not None and not isinstance(document, dict):
+        raise ValueError(f"{text[:40]!r} is no mapping")
+    return document
