@@ -32,6 +32,8 @@ class ForceError:
         ``‖required − applied‖ / ‖applied‖``.
     time, applied, required : array, shape (m,)
         Instants [s] and low-passed forces in the model's force unit.
+    command : array, shape (m,)
+        Mean command over one sample around each instant.
     cutoff, band : float
         Cut-off of the differentiating filter and of the comparison [Hz].
     noise_share : float
@@ -42,6 +44,7 @@ class ForceError:
     time: Array
     applied: Array
     required: Array
+    command: Array
     cutoff: float
     band: float
     noise_share: float
@@ -96,18 +99,20 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         )
     m = balance.motion
     # The held command's mean around each instant is what moved the axis there.
-    applied, required = engine.drive_force(
-        None, m.position, m.velocity, m.acceleration, m.time, balance.command(0.0), m.time
-    )
-    forces = thin(np.column_stack([applied, required]), m)
+    command = balance.command(0.0)
+    applied, required = engine.drive_force(None, m.position, m.velocity, m.acceleration, m.time, command, m.time)
+    # The filter leaves a straight line as it is, so the sample numbers tell which instants are kept.
+    forces = thin(np.column_stack([applied, required, np.arange(len(m.time))]), m)
+    kept = np.rint(forces[:, 2]).astype(np.int64)
     size = float(np.linalg.norm(forces[:, 0]))
     if size <= 0.0:
         raise InputError(f"record {record.name!r}: no drive force was applied")
     return ForceError(
         relative=float(np.linalg.norm(forces[:, 1] - forces[:, 0])) / size,
-        time=np.linspace(m.time[0], m.time[-1], len(forces)),
+        time=m.time[kept],
         applied=forces[:, 0],
         required=forces[:, 1],
+        command=command[kept],
         cutoff=m.cutoff,
         band=m.comparison_band,
         noise_share=float(np.max(m.noise_share)),

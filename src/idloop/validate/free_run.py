@@ -41,8 +41,9 @@ def free_run(engine: Engine, data: Data) -> Array:
     theta = engine.model.theta
     rule = SimulationCriterion(engine, [data])
     start, lower, upper, scale = rule.nuisance()
-    spread = np.nanstd(data.output, axis=0)
-    spread = np.where(spread > 0.0, spread, 1.0)
+    columns = (column[np.isfinite(column)] for column in data.output.T)
+    # An output that is constant or never measured sets no scale.
+    spread = np.array([(float(np.std(known)) if len(known) else 0.0) or 1.0 for known in columns])
 
     def residual(nuisance: Array) -> Array:
         groups = rule.errors(theta, nuisance)
