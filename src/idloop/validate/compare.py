@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.dataset import output_noise, prepare
+from idloop.estimate.dataset import Data, output_noise, prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.greybox import force_scale
 from idloop.estimate.motion import body_sensors
@@ -21,6 +21,7 @@ from idloop.validate.free_run import free_run
 from idloop.validate.measures import fit_percent, measures, nrmse, rmse
 from idloop.validate.regions import error_share, motion_regions, smooth_velocity
 from idloop.validate.residual import ResidualTest, residual_tests
+from idloop.validate.where import Where, where
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -66,10 +67,18 @@ class Comparison:
         return self.record.output
 
     @cached_property
+    def data(self) -> Data:
+        """The record as the compiled simulator reads it."""
+        return prepare(self.model, [self.record])[0]
+
+    @cached_property
     def simulated(self) -> Array:
-        """Free run from an estimated initial state, shape (n, p)."""
+        """Free run from an estimated initial state, shape (n, p); NaN when it does not stay finite."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return free_run(self._engine, self._data)
+            try:
+                return free_run(self._engine, self.data)
+            except IdloopError:
+                return np.full(self.measured.shape, np.nan)
 
     @cached_property
     def predicted(self) -> Array:
@@ -84,6 +93,12 @@ class Comparison:
         theta, nuisance = self.model.theta, self._observer.nuisance()[0]
         return self._observer.innovation(theta, nuisance, 0)
 
+    @property
+    def settled(self) -> int:
+        """First sample at which the predictions no longer depend on where the observer started."""
+        rule = self._observer
+        return 0 if rule is None or rule.estimate_start else int(np.ceil(rule.observer.memory))
+
     @cached_property
     def ahead(self) -> Array:
         """Prediction `steps` samples ahead, shape (n, p); NaN for the first `steps` samples and without an observer."""
@@ -91,7 +106,7 @@ class Comparison:
         if rule is None:
             return np.full(self.measured.shape, np.nan)
         start = rule.initial.state(rule.initial.values, 0, theta)
-        return steps_ahead(self._engine, self._data, rule.observer.gain, self.steps, start)
+        return steps_ahead(self._engine, self.data, rule.observer.gain, self.steps, start)
 
     @cached_property
     def force(self) -> ForceError | None:
@@ -134,9 +149,16 @@ class Comparison:
         velocity = self._velocity()
         if velocity is None:
             return {}
-        regions = motion_regions(self.time, velocity)
         error = self.measured - self.simulated
+        if not np.any(np.isfinite(error)):
+            return {}
+        regions = motion_regions(self.time, velocity)
         return {name: error_share(error[:, i], regions) for i, name in enumerate(self.names)}
+
+    @cached_property
+    def where(self) -> Where:
+        """Where the model fails: share of every error by time, frequency, velocity, position, command, ..."""
+        return where(self)
 
     def residual_tests(self, lags: int = 25) -> list[ResidualTest]:
         """Whiteness and input correlation of the one-step prediction errors.
@@ -153,7 +175,7 @@ class Comparison:
         """
         if self._observer is None:
             return []
-        return residual_tests(self.innovation, self._data.held_input(), self.names, lags)
+        return residual_tests(self.innovation, self.data.held_input(), self.names, lags)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all measures as plain numbers for JSON."""
@@ -173,6 +195,7 @@ class Comparison:
                 "noise_share": force.noise_share,
             },
             "share": self.share,
+            "where": self.where.to_dict(),
             "residual": [test.to_dict() for test in self.residual_tests()] if len(self.time) >= 100 else [],
         }
 
@@ -213,13 +236,9 @@ class Comparison:
         return RememberingEngine(self.model)
 
     @cached_property
-    def _data(self) -> Any:
-        return prepare(self.model, [self.record])[0]
-
-    @cached_property
     def _observer(self) -> PredictionCriterion | None:
         """The tuned predictor; None where no linear gain follows the model, as with a sensor blind to the sign."""
-        data = [self._data]
+        data = [self.data]
         noise = output_noise(self.model, data)
         rule = PredictionCriterion(self._engine, data, noise, force_scale(self._engine, data))
         known = self.model.disturbance
@@ -265,12 +284,12 @@ def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None 
     InputError
         If the record does not suit the model.
     IdloopError
-        If the model cannot be simulated.
+        If neither its free run nor its prediction stays finite.
     """
     if steps < 1:
         raise InputError(f"steps = {steps} is no prediction horizon; choose at least 1")
     comparison = Comparison(model, record, steps, cutoff)
     # Simulated at once, so that unsuitable data fails here and not in a later plot.
-    if not np.any(np.isfinite(comparison.simulated)):
-        raise IdloopError(f"the free run of model {model.name!r} does not stay finite")
+    if not np.any(np.isfinite(comparison.simulated)) and not np.any(np.isfinite(comparison.innovation)):
+        raise IdloopError(f"neither free run nor prediction of model {model.name!r} stays finite")
     return comparison

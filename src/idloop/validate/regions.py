@@ -10,7 +10,56 @@ from idloop.estimate.motion import differentiate, low_pass
 Array = NDArray[np.float64]
 
 # A speed below this share of the typical one counts as standing.
-_STANDING = 0.02
+STANDING = 0.02
+
+
+def direction_of(velocity: Array, floor: float = 0.0) -> Array:
+    """Direction of motion: 1 forward, -1 backward, 0 standing.
+
+    Parameters
+    ----------
+    velocity : array, shape (n,)
+        NaN counts as standing.
+    floor : float
+        Speed that the sensor's noise alone shows; 2 % of the typical speed when that is more.
+
+    Returns
+    -------
+    array, shape (n,)
+    """
+    v = np.nan_to_num(velocity)
+    typical = float(np.sqrt(np.mean(v**2)))
+    return np.where(np.abs(v) > max(STANDING * typical, floor), np.sign(v), 0.0)
+
+
+def since_reversal(time: Array, direction: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Time since the axis last moved the other way.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Instants [s].
+    direction : array, shape (n,)
+        Result of `direction_of`. Standing still between two stretches of one direction is no reversal; the
+        first start from rest counts as one.
+
+    Returns
+    -------
+    since : array, shape (n,)
+        Time [s]; infinite before the first reversal.
+    turns : array of int
+        First sample of each new direction.
+    """
+    # The last direction of motion, carried through standing still.
+    index = np.maximum.accumulate(np.where(direction != 0.0, np.arange(len(direction)), 0))
+    last = direction[index]
+    turns = np.flatnonzero(np.diff(last) != 0.0) + 1
+    since = np.full(len(direction), np.inf)
+    if len(turns):
+        previous = np.searchsorted(turns, np.arange(len(direction)), side="right") - 1
+        known = previous >= 0
+        since[known] = time[known] - time[turns[previous[known]]]
+    return since, turns
 
 
 def motion_regions(time: Array, velocity: Array) -> dict[str, NDArray[np.bool_]]:
@@ -28,27 +77,16 @@ def motion_regions(time: Array, velocity: Array) -> dict[str, NDArray[np.bool_]]
     dict of str to array of bool, shape (n,)
         Disjoint, together all samples.
     """
-    v = np.nan_to_num(velocity)
-    typical = float(np.sqrt(np.mean(v**2)))
-    moving = np.abs(v) > _STANDING * typical if typical > 0.0 else np.zeros(len(v), dtype=bool)
-    direction = np.where(moving, np.sign(v), 0.0)
-    # The last direction of motion, carried through standing still.
-    index = np.maximum.accumulate(np.where(direction != 0.0, np.arange(len(v)), 0))
-    last = direction[index]
-    turns = np.flatnonzero(np.diff(last) != 0.0) + 1
+    direction = direction_of(velocity)
+    since, turns = since_reversal(time, direction)
     # "Just after" is a tenth of the typical time between reversals.
     spacing = float(np.median(np.diff(time[turns]))) if len(turns) > 2 else float(time[-1] - time[0])
-    since = np.full(len(v), np.inf)
-    if len(turns):
-        previous = np.searchsorted(turns, np.arange(len(v)), side="right") - 1
-        known = previous >= 0
-        since[known] = time[known] - time[turns[previous[known]]]
     fresh = since < 0.1 * spacing
     return {
-        "after a reversal": fresh & moving,
+        "after a reversal": fresh & (direction != 0.0),
         "forward": ~fresh & (direction > 0.0),
         "backward": ~fresh & (direction < 0.0),
-        "standing": ~moving,
+        "standing": direction == 0.0,
     }
 
 

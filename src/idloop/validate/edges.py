@@ -1,0 +1,92 @@
+"""Where one bin ends and the next begins: round numbers that a reader can name."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# So many bins of a variable still read well, in a figure and in words.
+MOST_BINS = 12
+
+
+def round_step(span: float, most: int) -> float:
+    """Smallest of 1, 2, 2.5, 5 times a power of ten that divides a span into at most so many steps."""
+    least = span / most
+    power = 10.0 ** np.floor(np.log10(least))
+    return float(next(power * m for m in (1.0, 2.0, 2.5, 5.0, 10.0) if power * m >= least * (1.0 - 1e-9)))
+
+
+def round_edges(values: Array, floor: float = 0.0) -> Array:
+    """Edges at round numbers over the range of some values.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Finite values.
+    floor : float
+        Values of this size and below get a bin of their own, as standing does among velocities.
+
+    Returns
+    -------
+    array, shape (bins + 1,)
+        Increasing; the first and the last enclose the values, or nearly so.
+    """
+    low, high = float(np.min(values)), float(np.max(values))
+    # Rare extremes share the outermost bins and do not widen all others.
+    usual = np.percentile(values, [0.5, 99.5])
+    span = float(usual[1] - usual[0])
+    # Beside values this large nothing smaller can be told apart.
+    if not span > 1e-9 * max(abs(low), abs(high)):
+        return np.array([low, high if high > low else low + max(1e-9 * abs(low), 1e-12)])
+    step = round_step(span, MOST_BINS - 2)
+    digits = int(1 - np.floor(np.log10(step)))
+    inner = np.round(step * np.arange(np.ceil(usual[0] / step), np.floor(usual[1] / step) + 1.0), digits)
+    if 0.0 < floor < 0.75 * step:
+        middle = np.round(floor, int(1 - np.floor(np.log10(floor))))
+        inner = np.sort(np.concatenate([inner[np.abs(inner) > middle], [-middle, middle]]))
+    # Outermost bins that would be slivers join their neighbours; what sticks out a little counts as in them.
+    inner = inner[(inner > low + 0.25 * step) & (inner < high - 0.25 * step)]
+    first, last = step * np.floor(low / step + 0.1), step * np.ceil(high / step - 0.1)
+    return np.concatenate([np.round([first], digits), inner, np.round([last], digits)])
+
+
+def level_edges(values: Array) -> Array | None:
+    """Edges midway between the few levels of a signal; None when it has more than a dozen."""
+    levels = np.unique(values)
+    if not 1 < len(levels) <= MOST_BINS:
+        return None
+    middle = 0.5 * (levels[1:] + levels[:-1])
+    return np.concatenate([[2.0 * levels[0] - middle[0]], middle, [2.0 * levels[-1] - middle[-1]]])
+
+
+def decade_edges(low: float, high: float) -> Array:
+    """1, 2, 5, 10, ... strictly between two positive numbers."""
+    if not 0.0 < low < high:
+        return np.zeros(0)
+    powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    found = np.ravel(powers[:, None] * np.array([1.0, 2.0, 5.0]))
+    # A hair's breadth from the ends is not between them.
+    return np.asarray(found[(found > low * (1.0 + 1e-6)) & (found < high * (1.0 - 1e-6))])
+
+
+def since_edges(since: Array) -> Array:
+    """Edges for the time since an event: 0, then 1, 2, 5, 10, ... from where enough samples fall.
+
+    Parameters
+    ----------
+    since : array, shape (n,)
+        Finite, not negative.
+
+    Returns
+    -------
+    array, shape (bins + 1,)
+    """
+    longest = float(np.max(since))
+    if longest <= 0.0:
+        return np.array([0.0, 1e-12])
+    # Below this a bin would hold hardly any of the time.
+    shortest = max(float(np.percentile(since, 2.0)), 1e-4 * longest)
+    inner = decade_edges(0.7 * shortest, 0.9 * longest)
+    return np.concatenate([[0.0], inner, [longest]])
