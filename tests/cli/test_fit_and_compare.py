@@ -91,6 +91,38 @@ def test_compare_tells_the_better_model_from_the_worse(bags, tmp_path, capsys):
     assert figure.stat().st_size > 10000
 
 
+def test_compare_says_where_the_model_fails(bags, tmp_path, capsys):
+    figure = tmp_path / "where.svg"
+    assert main.run(words("compare", "dc_motor", bags[0], "--plot-where", figure, "--json")) == 0
+    out, err = capsys.readouterr()
+    document = json.loads(out)
+    assert document["plot_where"] == str(figure)
+    assert err == f"written: {figure}\n"
+    where = document["comparisons"][0]["where"]
+    assert set(where) == {"drive force", "motor.position", "motor.velocity"}
+    for one in where.values():
+        assert set(one["share"]) | set(one["left_out"]) == {
+            "time", "frequency", "velocity", "position", "command", "direction", "since_reversal",
+        }  # fmt: skip
+        for breakdown in one["share"].values():
+            assert sum(b["error"] for b in breakdown["bins"]) == pytest.approx(1.0)
+            assert len({"from", "to", "error", "mean", "rms"} & set(breakdown["bins"][0])) == 5
+    # Too much friction and too little gain: the missing force follows the command and the velocity.
+    assert where["drive force"]["share"]["velocity"]["follows"] > 0.2
+    text = figure.read_text(encoding="utf-8")
+    for label in ("velocity [rad/s]", "command [V]", "mean ± rms [N·m]", "share [%]"):
+        assert label in text
+
+
+def test_compare_prints_where_in_words(bags, capsys):
+    assert main.run(words("compare", "dc_motor", bags[0], "--effect", "coulomb_friction@motor(level=6)")) == 0
+    out = capsys.readouterr().out
+    assert "dc_motor: where the error of train falls" in out
+    assert "drive force: applied minus needed, rms" in out
+    assert "a curve over one variable makes up so much of it:" in out
+    assert "% of the error falls in the" in out
+
+
 def test_compare_prints_measures_and_verdicts(bags, capsys):
     assert main.run(words("compare", "dc_motor", bags[0], "--set", "drive.gain=6")) == 0
     out = capsys.readouterr().out
@@ -116,6 +148,7 @@ def test_compare_prints_measures_and_verdicts(bags, capsys):
         (["compare", "BAG"], "MODEL"),
         (["compare", "dc_motor", "emps", "BAG"], "different outputs"),
         (["compare", "dc_motor", "BAG", "--steps", "0"], "--steps"),
+        (["compare", "dc_motor", "BAG", "--plot-where", "a.gif"], ".svg"),
         (["compare", "dc_motor", "BAG", "--steps", "100000"], "100000"),
     ),
 )

@@ -76,6 +76,22 @@ def print_verdicts(rows: Iterable[tuple[str, Comparison]]) -> None:
             click.echo(f"{label}: squared error of {name}: {', '.join(parts)}")
 
 
+def print_where(rows: Iterable[tuple[str, Comparison]]) -> None:
+    """Print where each model fails: what stands out, a few lines for the drive force and every output."""
+    for label, comparison in rows:
+        click.echo(f"{label}: where the error of {comparison.record.name} falls")
+        for line in comparison.where.lines():
+            click.echo(f"  {line}")
+
+
+def save_where(rows: Sequence[tuple[str, Comparison]], path: Path) -> None:
+    """Write the figure of where the models fail, all on one record."""
+    from idloop.report.style import save
+    from idloop.report.where import plot_where
+
+    save(plot_where([(label, comparison.where) for label, comparison in rows]), path)
+
+
 def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
     """Column of the comparison figure: one record and the free run of each model.
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._assessment import make_panel, print_comparisons, print_verdicts, save_figure
+from idloop.cli._assessment import make_panel, print_comparisons, print_verdicts, print_where, save_figure, save_where
 from idloop.cli._common import (
     BAG,
+    PLOT,
     apply_options,
     json_option,
     log,
@@ -41,6 +42,7 @@ def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
     "--steps", type=click.IntRange(min=1), default=10, show_default=True, help="Samples that a prediction looks ahead."
 )
 @plot_option
+@click.option("--plot-where", type=PLOT, metavar="FILE", help="Write the figure of where the models fail.")
 @json_option
 def command(
     models: tuple[str, ...],
@@ -50,11 +52,13 @@ def command(
     effects: tuple[str, ...],
     steps: int,
     plot: Path | None,
+    plot_where: Path | None,
     as_json: bool,
 ) -> None:
     """Compare what BAG measured with what each MODEL says, its parameters as they are.
 
-    Free run (only the start is fitted), some samples ahead, and the drive force that the measured motion needs.
+    Free run (only the start is fitted), some samples ahead, and the drive force that the measured motion needs;
+    then where the error falls: by time, frequency, velocity, position, command, direction, time since a reversal.
     """
     from idloop.physics import load_model
     from idloop.validate import compare
@@ -74,9 +78,15 @@ def command(
     if plot is not None:
         save_figure([make_panel(records[0].name, rows)], rows[0][1], plot)
         log(f"written: {plot}")
+    if plot_where is not None:
+        save_where(rows, plot_where)
+        log(f"written: {plot_where}")
     if as_json:
-        print_json({"schema": "idloop/compare/1", "comparisons": documents, "plot": plot})
+        document = {"schema": "idloop/compare/1", "comparisons": documents, "plot": plot, "plot_where": plot_where}
+        print_json(document)
         return
     print_comparisons(rows)
     click.echo()
     print_verdicts(rows)
+    click.echo()
+    print_where(rows)

@@ -66,6 +66,15 @@ def styled() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def short_numbers() -> Iterator[None]:
+    """Write large and small numbers at the ticks with one common power of ten, for narrow axes."""
+    import matplotlib as mpl
+
+    with mpl.rc_context({"axes.formatter.limits": (-2, 4)}):
+        yield
+
+
 def new_figure(rows: int, columns: int = 1, heights: tuple[float, ...] | None = None) -> tuple[Figure, Any]:
     """Make a figure without any window or global state.
 
