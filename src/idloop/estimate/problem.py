@@ -32,6 +32,7 @@ class Problem:
         self.orders: list[int] = []
         self.weights: list[Array] = []
         self.objective = np.inf
+        self.length = 0
         self._whiteners: list[Whitener] = []
 
     def errors(self, point: Array) -> Errors:
@@ -52,16 +53,17 @@ class Problem:
         whitener = fit_whitener(group, order)
         return whitener, [whitener.apply(e) for e in group]
 
-    def reweigh(self, point: Array, whiten: bool) -> None:
-        """Set orders and weights from the errors at a point."""
+    def reweigh(self, point: Array, whiten: bool, orders: list[int] | None = None) -> None:
+        """Set orders and weights from the errors at a point; orders that are given are kept."""
         errors = self.errors(point)
-        self.orders = [choose_order(group) if whiten else 0 for group in errors]
+        self.orders = orders or [choose_order(group) if whiten else 0 for group in errors]
         self.weights, self._whiteners = [], []
-        self.objective = 0.0
+        self.objective, self.length = 0.0, 0
         for raw, order in zip(errors, self.orders, strict=True):
             whitener, group = self._whitener(raw, order)
             self._whiteners.append(whitener)
             stacked = np.concatenate(group)
+            self.length += stacked.size
             covariance = stacked.T @ stacked / max(len(stacked), 1)
             # Outputs that the model matches exactly must not weigh infinitely.
             floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
@@ -89,7 +91,11 @@ class Problem:
 
     def frozen_residual(self, point: Array) -> Array:
         """Residual with the whitening coefficients that the last `reweigh` found."""
-        groups = zip(self.errors(point), self._whiteners, self.weights, strict=True)
+        return self.whiten_like(self.errors(point))
+
+    def whiten_like(self, errors: Errors) -> Array:
+        """Any model's errors, whitened and weighed as the last `reweigh` found it right for this one's."""
+        groups = zip(errors, self._whiteners, self.weights, strict=True)
         return np.concatenate([(w.apply(e) @ v.T).ravel() for group, w, v in groups for e in group])
 
     def scores(self, point: Array, residual: Array, jacobian: Array) -> list[Array]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -43,29 +45,46 @@ class Whitener:
         array, shape (n − order, p)
             Whitened residuals; the first ``order`` rows have no full past and are dropped.
         """
-        m = self.order
-        if m == 0:
+        if self.order == 0:
             return series
-        if series.shape[1] == 1:
-            taps = np.concatenate([[1.0], -self.coefficients[:, 0, 0]])
-            return np.asarray(np.convolve(series[:, 0], taps, mode="valid")[:, None])
-        white: Array = series[m:].copy()
-        n = len(series)
-        for k, matrix in enumerate(self.coefficients, start=1):
-            white -= series[m - k : n - k] @ matrix.T
-        return white
+        return np.asarray(_filter(np.ascontiguousarray(series), np.ascontiguousarray(self.coefficients)))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _filter(series: Any, coefficients: Any) -> Any:
+    """Prediction errors of an autoregression."""
+    n, p = series.shape
+    order = coefficients.shape[0]
+    white = series[order:].copy()
+    for j in range(p):
+        for k in range(1, order + 1):
+            for q in range(p):
+                factor = coefficients[k - 1, j, q]
+                for i in range(n - order):
+                    white[i, j] -= factor * series[i + order - k, q]
+    return white
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _lagged_products(series: Any, total: Any) -> None:
+    """Add Σ e_t e_{t−k}ᵀ of one record, k = 0..order, to ``total`` (order + 1, p, p)."""
+    n, p = series.shape
+    for k in range(min(total.shape[0], n)):
+        for j in range(p):
+            for q in range(p):
+                sum_ = 0.0
+                for i in range(k, n):
+                    sum_ += series[i, j] * series[i - k, q]
+                total[k, j, q] += sum_
 
 
 def _covariances(records: list[Array], order: int) -> Array:
     """Pooled autocovariance matrices E e_t e_{t−k}ᵀ, k = 0..order, biased estimate."""
     p = records[0].shape[1]
-    total = sum(len(e) for e in records)
     covariance = np.zeros((order + 1, p, p))
     for e in records:
-        n = len(e)
-        for k in range(min(order, n - 1) + 1):
-            covariance[k] += e[k:].T @ e[: n - k]
-    return np.asarray(covariance / total)
+        _lagged_products(np.ascontiguousarray(e), covariance)
+    return np.asarray(covariance / sum(len(e) for e in records))
 
 
 def _levinson(covariance: Array) -> Iterator[tuple[Array, Array]]:

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import math
 import os
 import sys
 from collections.abc import Callable, Mapping
@@ -35,6 +36,7 @@ from types import ModuleType
 
 from idloop.errors import InputError
 from idloop.physics.hooks import Hook
+from idloop.physics.trial import Trials
 from idloop.spelling import did_you_mean_or_known
 
 INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
@@ -60,6 +62,8 @@ class ParameterSpec:
         A whole number, chosen and not estimated.
     optional : str
         Name of the parameter whose value is taken when this one is not given.
+    held : bool
+        Kept at its start value when the effect is only looked for.
     """
 
     name: str
@@ -70,6 +74,7 @@ class ParameterSpec:
     max: float = float("inf")
     integer: bool = False
     optional: str = ""
+    held: bool = False
 
 
 def _no_rate(values: Mapping[str, float], inertia: float, stiffness: float) -> float:
@@ -113,6 +118,18 @@ class Effect:
         Parameter that is a pure delay of the input or output, handled by the simulator.
     splits : bool
         The effect splits its body in two; handled when the model is laid out.
+    trials : callable, optional
+        From `Scales` to alternatives of values to try when the effect is looked for; from the
+        parameters' units when left out.
+    contains : mapping
+        Effects that are this one with some parameters at their neutral values:
+        ``{effect: {its parameter: parameter of this one}}``.
+    separable : bool
+        Still an effect when the part of it that is another effect is switched off.
+    degenerates_to : tuple of str
+        Effects that this one imitates at the edge of its parameters.
+    needs_angle : bool
+        Makes sense only where positions are angles.
     """
 
     name: str
@@ -135,6 +152,19 @@ class Effect:
     spatial_rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
     delay: str = ""
     splits: bool = False
+    trials: Trials | None = None
+    contains: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    separable: bool = False
+    degenerates_to: tuple[str, ...] = ()
+    needs_angle: bool = False
+
+    @property
+    def strength(self) -> str:
+        """Parameter that the effect grows with, from nothing at its neutral value; empty without one."""
+        if self.splits or not self.parameters:
+            return ""
+        first = self.parameters[0]
+        return first.name if not first.integer and math.isfinite(first.neutral) else ""
 
     def spec(self, name: str) -> ParameterSpec:
         """Return a parameter's specification.

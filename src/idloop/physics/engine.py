@@ -144,9 +144,10 @@ class Engine:
         ----------
         measured : ndarray (n, p)
             Measurements; NaN where there is none.
-        gain : ndarray (2 b + 1, p)
+        gain : ndarray (m (2 b + 1), p)
             Observer gain on positions, velocities and the disturbance force; b bodies after
-            compliance has split some.
+            compliance has split some. Of m gains one below the other, each serves one of the
+            first measurements and the last all that follow.
 
         Returns
         -------

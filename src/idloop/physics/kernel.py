@@ -61,7 +61,7 @@ GAIN, DELAY, RATE, MOST = 0, 1, 2, 3
 
 # Inner functions allocate nothing, so they need no reference counts: twenty times faster.
 inner = njit(_nrt=False, error_model="numpy", forceinline=True)
-entry = njit(cache=True, error_model="numpy")
+entry = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @intrinsic
@@ -560,25 +560,29 @@ def predict(
 ) -> None:  # fmt: skip
     """One-step predictor: the free run, corrected by ``gain @ innovation`` after each measurement.
 
-    ``gain`` is (2n+1, p) on positions, velocities and the disturbance force; an output that is
-    NaN corrects nothing.
+    ``gain`` is (2n+1, p) on positions, velocities and the disturbance force, or several of these
+    one below the other: one for each of the first measurements, the last for all that follow. An
+    output that is NaN corrects nothing.
     """
     n = axis.inertia.shape[0]
     outputs = axis.outputs.shape[0]
+    rows = 2 * n + 1
+    last_gain = gain.shape[0] // rows - 1
     work = np.zeros((9, n))
     noise = np.zeros(outputs)
     reading = np.zeros(outputs)
     for k in range(time.shape[0]):
         run_to(axis, command_time, command, time[k], state, history, work)
         measure(axis, state, history, noise, reading)
+        first = rows * min(k, last_gain)
         for j in range(outputs):
             error = measured[k, j] - reading[j]
             innovation[k, j] = error
             if np.isnan(error):
                 continue
             for i in range(2 * n):
-                state[FIRST + i] += gain[i, j] * error
-            state[DISTURBANCE] += gain[2 * n, j] * error
+                state[FIRST + i] += gain[first + i, j] * error
+            state[DISTURBANCE] += gain[first + 2 * n, j] * error
 
 
 @entry

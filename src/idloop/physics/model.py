@@ -212,7 +212,8 @@ class Model:
     # -- effects ------------------------------------------------------------------------
 
     @property
-    def _effect_folders(self) -> tuple[Path, ...]:
+    def effect_folders(self) -> tuple[Path, ...]:
+        """Folders beside the model file that hold effects of the user's own."""
         return (self.folder / "effects",) if self.folder is not None else ()
 
     def site_kind(self, at: str) -> str:
@@ -273,7 +274,7 @@ class Model:
             As `with_effect`.
         """
         kind = self.site_kind(at)
-        effect = find_effect(name, kind, *self._effect_folders)
+        effect = find_effect(name, kind, *self.effect_folders)
         active = ActiveEffect(effect, at)
         if active.name in self.effect_names:
             raise InputError(f"model {self.name} has the effect {active.name} twice: remove one")

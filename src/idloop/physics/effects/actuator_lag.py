@@ -5,6 +5,7 @@ from typing import Any
 
 from idloop.physics.effect import INPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives, time_constants
 
 
 @hook
@@ -36,4 +37,5 @@ EFFECT = Effect(
     order=60,
     rate=lambda values, inertia, stiffness: 1.0 / max(values["time_constant"], 1e-3),
     looks_like=("input_delay",),
+    trials=lambda s: alternatives("time_constant", time_constants(s)),
 )

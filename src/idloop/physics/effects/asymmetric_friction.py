@@ -22,4 +22,10 @@ EFFECT = Effect(
     ),
     friction=friction,
     looks_like=("input_offset", "load_torque"),
+    trials=lambda s: [
+        [{"level": s.dry, "ratio": 0.1}]
+        if s.dry
+        else [{"level": 0.1 * s.force, "ratio": ratio} for ratio in (0.3, -0.3)]
+    ],
+    contains={"coulomb_friction": {"level": "level"}},
 )

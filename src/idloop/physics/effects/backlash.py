@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import COUPLING, OUTPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -48,6 +49,7 @@ EFFECT = (
         coupling=coupling,
         order=20,
         looks_like=("compliance", "stribeck_friction"),
+        trials=lambda s: alternatives("gap", [r * s.twist for r in (0.1, 0.3, 1.0, 3.0, 10.0)]),
     ),
     Effect(
         name="backlash",
@@ -59,5 +61,6 @@ EFFECT = (
         states=2,
         order=10,
         outputs=("position",),
+        trials=lambda s: alternatives("gap", [r * s.span for r in (0.0005, 0.002, 0.008, 0.03, 0.1)]),
     ),
 )

@@ -24,4 +24,11 @@ EFFECT = Effect(
     linear=True,
     rate=lambda values, inertia, stiffness: (values["stiffness"] / inertia) ** 0.5,
     looks_like=("imbalance",),
+    trials=lambda s: [
+        [
+            {"stiffness": 0.1 * s.force / s.span, "rest": s.middle},
+            {"stiffness": 0.1 * s.force / s.span, "rest": s.middle + s.span},
+        ]
+    ],
+    degenerates_to=("input_offset", "load_torque"),
 )

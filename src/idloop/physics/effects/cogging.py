@@ -5,6 +5,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import waves
 
 
 @hook
@@ -26,4 +27,6 @@ EFFECT = Effect(
     rate=lambda values, inertia, stiffness: (values["amplitude"] * values["harmonic"] / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: values["harmonic"],
     looks_like=("sensor_ripple",),
+    trials=lambda s: waves(0.05 * s.force, range(2, 25)),
+    needs_angle=True,
 )

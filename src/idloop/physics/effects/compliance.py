@@ -1,6 +1,7 @@
 """A body that is really two, joined by a spring."""
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.trial import resonances
 
 EFFECT = Effect(
     name="compliance",
@@ -13,4 +14,15 @@ EFFECT = Effect(
     ),
     splits=True,
     looks_like=("input_delay", "actuator_lag", "presliding_friction"),
+    trials=lambda s: [
+        [
+            {
+                "stiffness": (6.2832 * frequency) ** 2 * s.inertia * split * (1.0 - split),
+                "damping": 0.1 * 6.2832 * frequency * s.inertia * split * (1.0 - split),
+                "split": split,
+            }
+        ]
+        for frequency in resonances(s)
+        for split in (0.5,)
+    ],
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -19,4 +20,5 @@ EFFECT = Effect(
     parameters=(ParameterSpec("level", "{force}", min=0.0),),
     friction=friction,
     looks_like=("dead_zone", "stribeck_friction", "asymmetric_friction"),
+    trials=lambda s: alternatives("level", [r * s.force for r in (0.03, 0.1, 0.3)]),
 )

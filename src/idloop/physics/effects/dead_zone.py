@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import INPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -27,4 +28,5 @@ EFFECT = Effect(
     command=command,
     order=50,
     looks_like=("coulomb_friction",),
+    trials=lambda s: alternatives("width", [r * s.command for r in (0.02, 0.05, 0.12, 0.3, 0.6)]),
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import INPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -20,4 +21,5 @@ EFFECT = Effect(
     command=command,
     order=30,
     looks_like=("asymmetric_friction",),
+    trials=lambda s: alternatives("ratio", [0.05]),
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import COUPLING, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -20,4 +21,5 @@ EFFECT = Effect(
     coupling=coupling,
     order=40,
     looks_like=("compliance",),
+    trials=lambda s: alternatives("cubic", [0.1 * s.stiffness / s.twist**2]),
 )

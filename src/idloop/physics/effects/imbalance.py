@@ -5,6 +5,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import waves
 
 
 @hook
@@ -25,4 +26,6 @@ EFFECT = Effect(
     rate=lambda values, inertia, stiffness: (values["amplitude"] / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: 1.0,
     looks_like=("input_offset", "cable_spring"),
+    trials=lambda s: waves(0.05 * s.force),
+    needs_angle=True,
 )

@@ -1,6 +1,7 @@
 """Dead time between a command and its effect."""
 
 from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.trial import alternatives, time_constants
 
 EFFECT = Effect(
     name="input_delay",
@@ -10,4 +11,5 @@ EFFECT = Effect(
     delay="delay",
     order=10,
     looks_like=("actuator_lag", "sensor_delay", "compliance"),
+    trials=lambda s: alternatives("delay", time_constants(s)),
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import INPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -20,4 +21,5 @@ EFFECT = Effect(
     command=command,
     order=40,
     looks_like=("load_torque", "imbalance", "asymmetric_friction"),
+    trials=lambda s: alternatives("offset", [0.05 * s.command]),
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -19,4 +20,5 @@ EFFECT = Effect(
     parameters=(ParameterSpec("ratio", "-", min=0.0, max=0.99),),
     friction=friction,
     looks_like=("coulomb_friction",),
+    trials=lambda s: alternatives("ratio", [0.03, 0.1, 0.3]),
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -19,4 +20,5 @@ EFFECT = Effect(
     parameters=(ParameterSpec("torque", "{force}"),),
     force=force,
     looks_like=("input_offset",),
+    trials=lambda s: alternatives("torque", [0.05 * s.force]),
 )

@@ -53,8 +53,8 @@ EFFECT = Effect(
         ParameterSpec("level", "{force}", min=0.0),
         ParameterSpec("stiffness", "{force}/{position}", start=1e3, min=0.0),
         ParameterSpec("static", "{force}", min=0.0, optional="level"),
-        ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6),
-        ParameterSpec("damping", "{force}·s/{position}", min=0.0),
+        ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6, held=True),
+        ParameterSpec("damping", "{force}·s/{position}", min=0.0, held=True),
     ),
     force=force,
     settle=settle,
@@ -64,4 +64,10 @@ EFFECT = Effect(
     ),
     spatial_rate=lambda values, inertia, stiffness: values["stiffness"] / max(values["level"], 1e-12) * 0.5,
     looks_like=("compliance", "backlash"),
+    trials=lambda s: [
+        [{"level": level, "stiffness": level / (reach * s.span)}]
+        for reach in (0.001, 0.01, 0.05, 0.2)
+        for level in ([s.dry] if s.dry else [0.05 * s.force, 0.2 * s.force])
+    ],
+    contains={"coulomb_friction": {"level": "level"}},
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -19,4 +20,5 @@ EFFECT = Effect(
     parameters=(ParameterSpec("coefficient", "{force}·s²/{position}²", min=0.0),),
     force=force,
     looks_like=("viscous_friction", "stribeck_friction"),
+    trials=lambda s: alternatives("coefficient", [0.05 * s.force / s.speed**2]),
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import INPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -20,4 +21,5 @@ EFFECT = Effect(
     command=command,
     order=20,
     looks_like=("speed_limit_voltage",),
+    trials=lambda s: alternatives("limit", [r * s.command_most for r in (0.97, 0.9, 0.8, 0.65, 0.5, 0.35)]),
 )

@@ -1,6 +1,7 @@
 """Dead time between the motion and its measurement."""
 
 from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.trial import alternatives, time_constants
 
 EFFECT = Effect(
     name="sensor_delay",
@@ -9,4 +10,5 @@ EFFECT = Effect(
     parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
     delay="delay",
     looks_like=("input_delay",),
+    trials=lambda s: alternatives("delay", time_constants(s)),
 )

@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -19,4 +20,5 @@ EFFECT = Effect(
     parameters=(ParameterSpec("offset", "{output}"),),
     reading=reading,
     order=60,
+    trials=lambda s: alternatives("offset", [0.05 * s.output]),
 )

@@ -5,6 +5,7 @@ from typing import Any
 
 from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import waves
 
 
 @hook
@@ -25,4 +26,6 @@ EFFECT = Effect(
     reading=reading,
     order=50,
     looks_like=("cogging",),
+    trials=lambda s: waves(0.02, range(1, 13)),
+    needs_angle=True,
 )

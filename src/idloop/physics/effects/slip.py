@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import COUPLING, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -33,4 +34,5 @@ EFFECT = Effect(
     states=1,
     order=60,
     looks_like=("saturation",),
+    trials=lambda s: alternatives("limit", [r * s.torque_most for r in (0.97, 0.85, 0.7, 0.5, 0.3)]),
 )

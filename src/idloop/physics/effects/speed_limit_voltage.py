@@ -22,9 +22,15 @@ EFFECT = Effect(
     parameters=(
         ParameterSpec("supply", "V", start=float("inf"), neutral=float("inf"), min=0.0),
         ParameterSpec("back_emf", "V/({position}/s)", min=0.0),
-        ParameterSpec("resistance", "Ω", start=1.0, min=1e-6),
+        ParameterSpec("resistance", "Ω", start=1.0, min=1e-6, held=True),
     ),
     command=command,
     order=70,
     looks_like=("saturation",),
+    trials=lambda s: [
+        [{"supply": supply * s.command_most, "back_emf": back * s.command_most / s.speed_most}]
+        for supply in (0.7, 1.0, 1.4)
+        for back in (0.3, 0.7, 1.2)
+    ],
+    contains={"saturation": {"limit": "supply"}},
 )

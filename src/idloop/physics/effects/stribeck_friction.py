@@ -26,4 +26,13 @@ EFFECT = Effect(
     friction=friction,
     rate=lambda values, inertia, stiffness: abs(values["static"] - values["coulomb"]) / values["velocity"] / inertia,
     looks_like=("coulomb_friction", "quadratic_drag"),
+    trials=lambda s: [
+        [
+            {"coulomb": s.dry, "static": s.dry + 0.1 * s.force, "velocity": r * s.speed},
+            *([] if s.dry else [{"coulomb": 0.1 * s.force, "static": 0.1 * s.force, "velocity": r * s.speed}]),
+        ]
+        for r in (0.02, 0.1, 0.4)
+    ],
+    contains={"coulomb_friction": {"level": "coulomb"}},
+    separable=True,
 )

@@ -5,6 +5,7 @@ from typing import Any
 
 from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives, time_constants
 
 
 @hook
@@ -43,4 +44,5 @@ EFFECT = Effect(
     order=20,
     outputs=("velocity",),
     looks_like=("sensor_delay",),
+    trials=lambda s: alternatives("time_constant", time_constants(s)),
 )

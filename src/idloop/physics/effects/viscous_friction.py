@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import alternatives
 
 
 @hook
@@ -21,4 +22,5 @@ EFFECT = Effect(
     linear=True,
     rate=lambda values, inertia, stiffness: values["coefficient"] / inertia,
     looks_like=("quadratic_drag",),
+    trials=lambda s: alternatives("coefficient", [0.05 * s.force / s.speed]),
 )

@@ -1,0 +1,98 @@
+"""An effect that may be missing, with its evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from idloop.physics.model import Model
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one site, as a diagnosis saw it.
+
+    Attributes
+    ----------
+    effect, at : str
+        Name and site.
+    testable : {"yes", "weak", "no"}
+        Whether this data could show it.
+    why : str
+        Why it is testable or not.
+    text : str
+        The effect in one sentence of physics.
+    gain : float
+        Log-likelihood gained by the refit; NaN when it was only screened.
+    p_value : float
+        Probability that the best effect of the catalogue does as well by chance (family-wise).
+    explains : float
+        Share of the unexplained error's power that it takes away, 0 to 1.
+    parameters : dict
+        ``{name: {"value": ..., "stderr": ..., "unit": ...}}``.
+    model : Model or None
+        The model with the effect fitted; None when it was only screened.
+    replaces : str or None
+        An effect of the model that it contains and takes the place of.
+    """
+
+    effect: str
+    at: str
+    testable: str
+    why: str
+    text: str
+    gain: float = float("nan")
+    p_value: float = 1.0
+    explains: float = 0.0
+    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    model: Model | None = None
+    replaces: str | None = None
+
+    @property
+    def name(self) -> str:
+        """``effect@site``."""
+        return f"{self.effect}@{self.at}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "effect": self.effect,
+            "at": self.at,
+            "p_value": self.p_value,
+            "explains": self.explains,
+            "testable": self.testable,
+            "gain": None if np.isnan(self.gain) else self.gain,
+            "parameters": self.parameters,
+            "replaces": self.replaces,
+            "text": self.text,
+            "why": self.why,
+        }
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> Candidate:
+        """Read what `to_dict` wrote; the model is not part of it."""
+        gain = document.get("gain")
+        return cls(
+            effect=document["effect"],
+            at=document["at"],
+            testable=document.get("testable", "yes"),
+            why=document.get("why", ""),
+            text=document.get("text", ""),
+            gain=float("nan") if gain is None else float(gain),
+            p_value=float(document.get("p_value", 1.0)),
+            explains=float(document.get("explains", 0.0)),
+            parameters=dict(document.get("parameters", {})),
+            replaces=document.get("replaces"),
+        )
+
+
+def effect_parameters(model: Model, name: str) -> dict[str, dict[str, Any]]:
+    """Value, standard error and unit of every parameter of one effect of a model."""
+    prefix = f"{name}."
+    return {
+        p.name[len(prefix) :]: {"value": p.value, "stderr": p.stderr, "unit": p.unit}
+        for p in model.parameters
+        if p.name.startswith(prefix)
+    }

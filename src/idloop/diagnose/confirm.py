@@ -1,0 +1,156 @@
+"""Full refits of the most promising effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.proposals import Proposal
+from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.screen import Screened, Trace, workers
+from idloop.diagnose.setting import Setting
+from idloop.errors import IdloopError
+from idloop.physics.model import Model
+from idloop.physics.trial import Trial
+
+Array = NDArray[np.float64]
+
+# Effects that are refitted: the best few, and no more that promise less than this part of the best.
+MOST_REFITS, LEAST_SHARE, FEWEST_REFITS = 8, 0.05, 3
+# Phases from which a search for a wave starts.
+_PHASES = (0.0, 1.5707963267948966, 3.141592653589793, -1.5707963267948966)
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """A proposal after its refit.
+
+    Attributes
+    ----------
+    proposal : Proposal
+    fit : Refit
+    gain : float
+        Log-likelihood above the parent's, never below 0: the parent is one of its models.
+    statistic : float
+        Score statistic of the screening.
+    uneven : float
+        How much more the errors vary along the effect's trace than elsewhere, at least 1.
+    """
+
+    proposal: Proposal
+    fit: Refit
+    gain: float
+    statistic: float
+    uneven: float = 1.0
+
+
+def promising(screened: Sequence[Screened], chance: float) -> list[Screened]:
+    """The screened effects that are worth a refit, best first.
+
+    Parameters
+    ----------
+    screened : sequence of Screened
+    chance : float
+        Statistic that the best of the catalogue often reaches by chance; below it the best few do.
+    """
+    ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)
+    if not ranked:
+        return []
+    bar = max(LEAST_SHARE * ranked[0].statistic, chance)
+    return [s for i, s in enumerate(ranked[:MOST_REFITS]) if i < FEWEST_REFITS or s.statistic > bar]
+
+
+def confirm(
+    setting: Setting,
+    parent: Refit,
+    chosen: Sequence[Screened],
+    report: Callable[[float, str], None] | None = None,
+) -> list[Confirmed]:
+    """Refit the parent with each of some effects.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+    chosen : sequence of Screened
+    report : callable, optional
+        Called with the share done and a text.
+
+    Returns
+    -------
+    list of Confirmed
+        In order of falling gain; effects that cannot be simulated are left out.
+    """
+
+    def one(screened: Screened) -> Confirmed | None:
+        try:
+            return _confirm(setting, parent, screened)
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
+
+    found = []
+    with ThreadPoolExecutor(workers()) as pool:
+        for i, result in enumerate(pool.map(one, chosen)):
+            if result is not None:
+                found.append(result)
+            if report is not None:
+                report((i + 1) / len(chosen), chosen[i].proposal.name)
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
+    proposal = screened.proposal
+    traces = sorted(screened.traces, key=lambda t: -t.statistic)[:2]
+    best: Refit | None = None
+    for number, group in enumerate(_by_structure(proposal, traces)):
+        model, starts = group
+        own = {n: v for n, v in zip(parent.model.free, parent.point, strict=False)}
+        thetas = []
+        for values in starts:
+            start = proposal.model(values)
+            thetas.append(np.array([own.get(name, start.values[name]) for name in start.free]))
+        scale = np.max(np.abs(np.array(thetas)), axis=0)
+        found = refit(setting, model, thetas, parent, scale)
+        if best is None or found.log_likelihood > best.log_likelihood:
+            best = found
+        # A second shape is only worth its time while the first explains nothing.
+        if number == 0 and best.log_likelihood - parent.log_likelihood > 0.25 * screened.statistic:
+            break
+    if best is None:
+        return None
+    return Confirmed(
+        proposal, best, max(best.log_likelihood - parent.log_likelihood, 0.0), screened.statistic, screened.uneven
+    )
+
+
+def _by_structure(proposal: Proposal, traces: list[Trace]) -> list[tuple[Model, list[Trial]]]:
+    """Start values by what a search cannot move: whole numbers such as harmonics."""
+    found: dict[tuple[tuple[str, float], ...], list[Trial]] = {}
+    integers = [spec.name for spec in proposal.effect.parameters if spec.integer]
+    for trace in traces:
+        key = tuple((name, trace.trials[0].get(name, 0.0)) for name in integers)
+        found.setdefault(key, []).extend(starts(proposal, trace))
+    return [(proposal.model(values[0]), values) for values in found.values()]
+
+
+def starts(proposal: Proposal, trace: Trace) -> list[Trial]:
+    """Values to start a search from, by what the screening found."""
+    found: list[Trial] = []
+    strength = proposal.effect.strength
+    for trial, size in zip(trace.trials, trace.size, strict=True):
+        found.append(trial)
+        share = float(np.clip(abs(size), 0.02, 50.0))
+        if strength and share != 1.0:
+            sign = 1.0 if proposal.one_sided else float(np.sign(size))
+            found.append(proposal.inside(proposal.weaker(trial, sign * share)))
+    if "phase" in trace.trials[0] and strength:
+        reach = float(np.clip(np.linalg.norm(trace.size), 0.02, 1e4))
+        base = proposal.weaker(trace.trials[0], reach)
+        found = [{**base, "phase": phase} for phase in _PHASES]
+        if len(trace.size) > 1:
+            found.append({**base, "phase": float(np.arctan2(trace.size[1], trace.size[0]))})
+    return found

@@ -1,0 +1,283 @@
+"""What is missing from a model: gate, screening, refits, calibrated evidence, ties, a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from idloop.diagnose.calibrate import Null, calibrate
+from idloop.diagnose.candidate import Candidate, effect_parameters
+from idloop.diagnose.choice import choose_kind
+from idloop.diagnose.confirm import Confirmed, confirm, promising
+from idloop.diagnose.evidence import explained, rank, statistic, tied
+from idloop.diagnose.gate import Gate, gate
+from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.proposals import proposals
+from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.screen import Screen, Screened
+from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.unknown import UnknownStructure, unknown_structure
+from idloop.errors import InputError
+from idloop.physics.model import Model
+from idloop.records import Record
+
+Progress = Callable[[float, str], None]
+
+MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a model lacks on a set of records.
+
+    Attributes
+    ----------
+    model : Model
+        The model, its free parameters refitted.
+    candidates : tuple of Candidate
+        All effects that were weighed, best first.
+    set : tuple of str
+        Effects that this data cannot tell from the best one, itself first; empty when none is significant.
+    verdict : {"missing", "adequate", "unknown_structure", "not_excited"}
+    gate : Gate
+        What this data can show.
+    unknown : UnknownStructure or None
+        What remains when no effect of the catalogue explains it.
+    criterion : str
+        What the models were measured by.
+    level : float
+        Family-wise error rate.
+    fit : Refit
+        The refitted model, where a search can go on from.
+    """
+
+    model: Model
+    candidates: tuple[Candidate, ...]
+    set: tuple[str, ...]
+    verdict: str
+    gate: Gate
+    unknown: UnknownStructure | None
+    criterion: str
+    level: float
+    fit: Refit
+    best_fit: Refit | None = None
+
+    @property
+    def best(self) -> Candidate | None:
+        """The missing effect; None when none is significant."""
+        return self.candidates[0] if self.set else None
+
+    @property
+    def untestable(self) -> tuple[str, ...]:
+        """Effects that this data cannot show."""
+        return self.gate.untestable
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, schema ``idloop/diagnose/1``."""
+        return {
+            "schema": "idloop/diagnose/1",
+            "model": self.model.name,
+            "criterion": self.criterion,
+            "level": self.level,
+            "verdict": self.verdict,
+            "best": None if self.best is None else self.best.name,
+            "set": list(self.set),
+            "candidates": [c.to_dict() for c in self.candidates],
+            "untestable": list(self.untestable),
+            "gate": {"findings": list(self.gate.findings), "testable": self.gate.testable, "why": self.gate.why},
+            "unknown": None if self.unknown is None else self.unknown.to_dict(),
+        }
+
+    def summary(self) -> str:
+        """The answer in words, several lines."""
+        lines = list(self.gate.findings)
+        if self.best is not None:
+            others = [name for name in self.set if name != self.best.name]
+            lines.append(f"missing: {self.best.name} (p = {self.best.p_value:.2g}). {self.best.text}")
+            if others:
+                lines.append(f"this data cannot tell it from {', '.join(others)}")
+        elif self.unknown is not None:
+            lines.append(self.unknown.text)
+        elif self.verdict == NOT_EXCITED:
+            lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
+        else:
+            lines.append("nothing significant is left")
+        return "\n".join(lines)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def diagnose(
+    model: Model,
+    records: Sequence[Record],
+    *,
+    level: float = 0.01,
+    criterion: str = "auto",
+    effects: Sequence[str] | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find the physical effect that a model lacks.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+        Experiments; several amplitudes tell more than one.
+    level : float
+        Probability of naming an effect where none is missing, over the whole catalogue.
+    criterion : {"auto", "prediction", "simulation", "force"}
+        What the models are measured by, as in `idloop.estimate.fit`.
+    effects : sequence of str, optional
+        Choose from these only (``name`` or ``name@site``).
+    seed : int
+        Of the calibration.
+    progress : callable, optional
+        Called with the share done and a text.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        Bad level, unknown effects, records that do not suit the model.
+    """
+    if not 0.0 < level < 0.5:
+        raise InputError(f"level = {level} is no error rate; choose something such as 0.01")
+    tell = progress or (lambda share, text: None)
+    tell(0.0, "fitting the model as it is")
+    kind = choose_kind(model, records, criterion)
+    setting = prepare_setting(model, records, kind)
+    parent = refit(setting, model)
+    return diagnose_fitted(setting, parent, level=level, effects=effects, seed=seed, progress=progress)
+
+
+def diagnose_fitted(
+    setting: Setting,
+    parent: Refit,
+    *,
+    level: float,
+    effects: Sequence[str] | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """As `diagnose`, for a model that is fitted already.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+    level, effects, seed, progress
+        As in `diagnose`.
+
+    Returns
+    -------
+    Diagnosis
+    """
+    tell = progress or (lambda share, text: None)
+    open_ = proposals(parent.model, effects)
+    screen = Screen(setting, parent, seed)
+    screened = screen.all(open_, lambda share, text: tell(0.15 + 0.4 * share, f"screening {text}"))
+    null = calibrate(screened, seed + 1)
+    chosen = promising(screened, null.threshold(0.5))
+    confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.4 * share, f"refitting with {text}"))
+    parent, confirmed = _same_footing(setting, parent, confirmed, null.threshold(level))
+    ranked = rank(confirmed, null, level)
+    gated = gate(parent.model, setting, screened)
+    significant = [c for c in ranked if null.p_value(statistic(c)) < level]
+    best = significant[0] if significant else None
+    rivals = tied(best, significant[1:]) if best is not None else []
+    unknown = None
+    if best is None:
+        unknown = unknown_structure(screen, level, seed)
+    candidates = _candidates(setting, parent, ranked, best, rivals, screened, null, gated)
+    verdict = MISSING if best else UNKNOWN if unknown else NOT_EXCITED if gated.poor else ADEQUATE
+    tell(1.0, "done")
+    return Diagnosis(
+        model=parent.model,
+        candidates=candidates,
+        set=tuple(c.proposal.name for c in ([best, *rivals] if best else [])),
+        verdict=verdict,
+        gate=gated,
+        unknown=unknown,
+        criterion=setting.kind,
+        level=level,
+        fit=parent,
+        best_fit=best.fit if best else None,
+    )
+
+
+def _same_footing(
+    setting: Setting, parent: Refit, confirmed: list[Confirmed], threshold: float
+) -> tuple[Refit, list[Confirmed]]:
+    """Let the parent profit from a better noise model that a candidate's search has found.
+
+    Near the threshold a gain may be the noise model's and not the effect's.
+    """
+    from dataclasses import replace
+
+    near = [c for c in confirmed if threshold < 2.0 * c.gain < threshold + 60.0]
+    if not near:
+        return parent, confirmed
+    free = set(parent.model.free)
+    for c in near[:2]:
+        start = np.array([v for n, v in zip(c.fit.model.free, c.fit.point, strict=False) if n in free])
+        if len(start) == parent.parameters:
+            again = refit(setting, parent.model, [start, parent.point[: parent.parameters]], c.fit)
+            if again.log_likelihood > parent.log_likelihood:
+                lift = again.log_likelihood - parent.log_likelihood
+                parent = again
+                confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
+    return parent, confirmed
+
+
+def _candidates(
+    setting: Setting,
+    parent: Refit,
+    ranked: list[Confirmed],
+    best: Confirmed | None,
+    rivals: list[Confirmed],
+    screened: list[Screened],
+    null: Null,
+    gated: Gate,
+) -> tuple[Candidate, ...]:
+    found = []
+    precise = {id(c) for c in ([best, *rivals] if best else ranked[:1])}
+    for c in ranked:
+        name = c.proposal.name
+        model = with_stderr(c.fit) if id(c) in precise else c.fit.model
+        found.append(
+            Candidate(
+                effect=c.proposal.effect.name,
+                at=c.proposal.at,
+                testable=gated.testable.get(name, "yes"),
+                why=gated.why.get(name, ""),
+                text=c.proposal.effect.text,
+                gain=c.gain,
+                p_value=null.p_value(statistic(c)),
+                explains=explained(parent, c.fit),
+                parameters=effect_parameters(model, name),
+                model=model,
+                replaces=c.proposal.replaces,
+            )
+        )
+    done = {c.name for c in found}
+    rest = sorted((s for s in screened if s.proposal.name not in done), key=lambda s: -s.statistic)
+    for s in rest:
+        name = s.proposal.name
+        found.append(
+            Candidate(
+                effect=s.proposal.effect.name,
+                at=s.proposal.at,
+                testable=gated.testable.get(name, "yes"),
+                why=gated.why.get(name, ""),
+                text=s.proposal.effect.text,
+                p_value=max(null.p_value(s.statistic), 1e-300) if not best else 1.0,
+                replaces=s.proposal.replaces,
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,71 @@
+"""How far a model is from a set of records, in the figures that a ladder shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from idloop.errors import IdloopError, InputError
+from idloop.estimate.dataset import prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.physics.model import Model
+from idloop.records import Record
+from idloop.validate.drive import force_error
+from idloop.validate.free_run import free_run
+from idloop.validate.measures import fit_percent, nrmse, rmse
+
+
+def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
+    """Free-run errors by output and the relative force error, over all records and for each.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+
+    Returns
+    -------
+    dict
+        ``nrmse``, ``fit`` [%] and ``rmse`` by output, ``force`` (None where it cannot be told) and
+        ``records``: the same by record. Empty without records.
+    """
+    if not records:
+        return {}
+    by_record = {record.name: _errors(model, record) for record in records}
+    return {**_mean(list(by_record.values())), "records": by_record}
+
+
+def _errors(model: Model, record: Record) -> dict[str, Any]:
+    names = [o.name for o in model.outputs]
+    data = prepare(model, [record])[0]
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            simulated = free_run(RememberingEngine(model), data)
+    except IdloopError:
+        simulated = np.full(data.output.shape, np.nan)
+    found: dict[str, Any] = {}
+    for label, measure in (("nrmse", nrmse), ("fit", fit_percent), ("rmse", rmse)):
+        values = measure(data.output, simulated)
+        found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
+    try:
+        found["force"] = force_error(model, record).relative
+    except (InputError, IdloopError):
+        found["force"] = None
+    return found
+
+
+def _mean(several: list[dict[str, Any]]) -> dict[str, Any]:
+    """Root mean square over the records of all but FIT, which is averaged."""
+    mean: dict[str, Any] = {}
+    for label in ("nrmse", "fit", "rmse"):
+        names = dict.fromkeys(name for one in several for name in one[label])
+        mean[label] = {}
+        for name in names:
+            values = [one[label][name] for one in several if name in one[label]]
+            power = float(np.mean(values)) if label == "fit" else float(np.sqrt(np.mean(np.square(values))))
+            mean[label][name] = power
+    forces = [one["force"] for one in several if one["force"] is not None]
+    mean["force"] = float(np.sqrt(np.mean(np.square(forces)))) if len(forces) == len(several) else None
+    return mean

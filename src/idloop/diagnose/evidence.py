@@ -1,0 +1,110 @@
+"""Which of the refitted effects is the missing one, how sure that is, and what the data cannot tell from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.calibrate import Null
+from idloop.diagnose.confirm import Confirmed
+from idloop.diagnose.refit import Refit
+
+Array = NDArray[np.float64]
+
+# A rival is excluded when its log-likelihood is lower by more than this and by more than twice
+# the standard deviation of the difference (Vuong, Econometrica 57, 1989).
+LEAST_DIFFERENCE, DEVIATIONS = 4.6, 2.0
+# Differences of the log-likelihood within which the simpler effect goes first.
+_EQUAL = 0.5
+_BLOCKS = 50
+
+
+def statistic(confirmed: Confirmed) -> float:
+    """Twice the log-likelihood ratio, less for a variance that is uneven along the trace."""
+    return 2.0 * confirmed.gain / confirmed.uneven
+
+
+def rank(confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confirmed]:
+    """Order by gain, less what each effect gains by chance.
+
+    Parameters
+    ----------
+    confirmed : sequence of Confirmed
+    null : Null
+    level : float
+        Family-wise error rate.
+
+    Returns
+    -------
+    list of Confirmed
+        Best first.
+    """
+
+    def merit(c: Confirmed) -> float:
+        return c.gain - 0.5 * null.own_threshold(c.proposal.name, level)
+
+    ranked = sorted(confirmed, key=lambda c: -merit(c))
+    if not ranked:
+        return []
+    best = merit(ranked[0])
+    equal = [c for c in ranked if merit(c) > best - _EQUAL]
+    equal.sort(key=lambda c: c.fit.parameters)
+    return equal + [c for c in ranked if c not in equal]
+
+
+def tied(best: Confirmed, others: Sequence[Confirmed]) -> list[Confirmed]:
+    """Rivals that this data cannot tell from the best effect.
+
+    Richer effects of which the best one is a part, or the edge, are no rivals: they had to be
+    significantly better to be chosen.
+
+    Parameters
+    ----------
+    best : Confirmed
+    others : sequence of Confirmed
+
+    Returns
+    -------
+    list of Confirmed
+        Without the best.
+    """
+    return [c for c in others if not _contains(c, best) and not distinguishable(best.fit, c.fit)]
+
+
+def _contains(rich: Confirmed, plain: Confirmed) -> bool:
+    effect, name = rich.proposal.effect, plain.proposal.effect.name
+    return (name in effect.contains and rich.proposal.at == plain.proposal.at) or name in effect.degenerates_to
+
+
+def distinguishable(better: Refit, worse: Refit) -> bool:
+    """Whether the data prefers one model to the other beyond doubt."""
+    difference = better.log_likelihood - worse.log_likelihood
+    if difference <= LEAST_DIFFERENCE:
+        return False
+    return difference > DEVIATIONS * difference_deviation(better, worse)
+
+
+def difference_deviation(one: Refit, other: Refit) -> float:
+    """Standard deviation of the difference of two log-likelihoods, from stretches of the data."""
+    total = 0.0
+    ones, others = one.contributions(), other.contributions()
+    for a, b in zip(ones, others, strict=True):
+        if len(a) != len(b):
+            return 0.0
+        parts = [float(np.sum(part)) for part in np.array_split(a - b, min(_BLOCKS, max(len(a) // 10, 2)))]
+        total += len(parts) * float(np.var(parts, ddof=1))
+    return float(np.sqrt(total))
+
+
+def explained(parent: Refit, fit: Refit) -> float:
+    """Share of the one-step errors' excess power that an effect takes away, 0 to 1.
+
+    The excess is what the disturbance and the whitening had to account for: measured by the
+    generalised variance of the innovations per output.
+    """
+    samples = sum(len(c) for c in parent.contributions())
+    outputs = sum(len(w) for w in parent.problem.weights)
+    gain = max(fit.log_likelihood - parent.log_likelihood, 0.0)
+    return float(1.0 - np.exp(-2.0 * gain / max(samples * outputs / max(len(parent.problem.weights), 1), 1)))

@@ -1,0 +1,160 @@
+"""What the data can show at all: per effect, before anything is ranked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.screen import Screened
+from idloop.diagnose.setting import Setting
+from idloop.physics.model import Model
+
+Array = NDArray[np.float64]
+
+# Twice the log-likelihood that an effect of typical strength must be worth to be found or ruled out.
+NEEDED = 40.0
+# Part of a trace that must not be the free parameters' own.
+_OWN_PART = 3e-3
+# Effects that are everyday and whose absence from the data is worth a verdict of its own.
+_EVERYDAY = ("dead_zone", "coulomb_friction", "gain_asymmetry", "viscous_friction")
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What this data can show.
+
+    Attributes
+    ----------
+    findings : tuple of str
+        Facts about the excitation, one line each.
+    testable : dict
+        ``yes``, ``weak`` or ``no`` by effect and site.
+    why : dict
+        One sentence by effect and site.
+    """
+
+    findings: tuple[str, ...]
+    testable: dict[str, str]
+    why: dict[str, str]
+
+    @property
+    def untestable(self) -> tuple[str, ...]:
+        """Effects that this data cannot show."""
+        return tuple(name for name, answer in self.testable.items() if answer == "no")
+
+    @property
+    def poor(self) -> bool:
+        """Whether the data cannot show effects that every servo axis may have."""
+        return any(name.split("@")[0] in _EVERYDAY for name in self.untestable)
+
+
+def gate(model: Model, setting: Setting, screened: Sequence[Screened]) -> Gate:
+    """Judge what the data can show.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted model without the effects in question.
+    setting : Setting
+    screened : sequence of Screened
+
+    Returns
+    -------
+    Gate
+    """
+    facts = _facts(model, setting)
+    findings = [facts.sentence]
+    if facts.command_levels <= 1:
+        findings.append("the command has one size only: what depends on its size cannot be told from the gain")
+    if facts.reversals < 4:
+        findings.append(f"the axis reverses {facts.reversals} times: friction and play hardly show")
+    testable, why = {}, {}
+    for s in screened:
+        testable[s.proposal.name], why[s.proposal.name] = _judge(s, facts)
+    return Gate(tuple(findings), testable, why)
+
+
+@dataclass(frozen=True)
+class _Facts:
+    seconds: float
+    command_levels: int
+    command_most: float
+    reversals: int
+    turns: float
+    angle: bool
+    sentence: str
+
+
+def _facts(model: Model, setting: Setting) -> _Facts:
+    from idloop.diagnose.scales import Sizes
+
+    sizes = Sizes(model, setting)
+    seconds = sizes.duration
+    command = np.abs(np.concatenate([d.input for d in setting.data]))
+    moving = command[command > 1e-3 * sizes.command_most]
+    levels = len(np.unique(np.round(moving / (0.02 * sizes.command_most)))) if len(moving) else 0
+    reversals = 0
+    for d in setting.data:
+        change = np.sign(np.diff(d.output[:, 0]))
+        change = change[change != 0]
+        reversals += _slow_reversals(d.output[:, 0], model.outputs[0].field, float(setting.noise[0]))
+    speed, _, _, span = sizes.bodies[0]
+    angle = model.units.position == "rad"
+    turns = span / (2.0 * np.pi) if angle else 0.0
+    unit = model.units.position
+    reach = f"{turns:.2g} turns" if angle else f"{span:.3g} {unit}"
+    sentence = (
+        f"{seconds:.3g} s in {len(setting.data)} record{'s' if len(setting.data) > 1 else ''}, "
+        f"command up to {sizes.command_most:.3g} {model.input.unit}, motion over {reach}, "
+        f"speed {speed:.3g} {unit}/s rms, {reversals} reversals"
+    )
+    return _Facts(seconds, levels, sizes.command_most, reversals, turns, angle, sentence)
+
+
+def _slow_reversals(output: Array, field: str, noise: float) -> int:
+    """Reversals larger than the noise: turning points of a position, sign changes of a velocity."""
+    y = output[np.isfinite(output)]
+    if len(y) < 3:
+        return 0
+    band = max(6.0 * noise, 0.01 * float(np.ptp(y)))
+    if field == "velocity":
+        sign, count = 0, 0
+        for value in np.sign(y[np.abs(y) > 0.5 * band]):
+            count += sign not in (0, value)
+            sign = value
+        return count
+    count, direction, extreme = 0, 0, y[0]
+    for value in y[:: max(len(y) // 20000, 1)]:
+        if direction >= 0 and value < extreme - band:
+            count += direction == 1
+            direction, extreme = -1, value
+        elif direction <= 0 and value > extreme + band:
+            count += direction == -1
+            direction, extreme = 1, value
+        elif (direction > 0 and value > extreme) or (direction < 0 and value < extreme):
+            extreme = value
+    return count
+
+
+def _judge(s: Screened, facts: _Facts) -> tuple[str, str]:
+    """``yes``, ``weak`` or ``no``, and why."""
+    name = s.proposal.effect.name
+    if not s.traces:
+        return "no", "the model cannot be simulated with it on this data"
+    if name in ("dead_zone", "saturation") and facts.command_levels <= 1:
+        return "no", "the command has one size only, so the effect is a plain gain: use several amplitudes"
+    if s.left < _OWN_PART:
+        return "no", "on this data it does no more than the free parameters or the initial state can do"
+    worth = max((t.worth for t in s.traces), default=0.0)
+    if worth < 0.1 * NEEDED:
+        return "no", f"at typical strength it would be worth {0.5 * worth:.2g} units of log-likelihood: far too little"
+    if worth < NEEDED:
+        return "weak", f"only a strong effect would show (worth {0.5 * worth:.2g} units of log-likelihood)"
+    if name == "saturation":
+        return "yes", f"limits below {facts.command_most:.3g} would show, higher ones cannot"
+    if name == "imbalance" and facts.turns < 1.0:
+        return "weak", f"the motion covers {facts.turns:.2g} of a turn: it looks like an offset or a spring"
+    return "yes", f"at typical strength it would be worth {0.5 * worth:.3g} units of log-likelihood"

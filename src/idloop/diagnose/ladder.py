@@ -1,0 +1,199 @@
+"""The ladder: a model that grows by one effect at a time until nothing significant is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from idloop.diagnose.candidate import Candidate
+from idloop.diagnose.unknown import UnknownStructure
+from idloop.errors import InputError
+from idloop.physics.model import Model
+from idloop.physics.model_file import from_text
+
+SCHEMA = "idloop/refine/1"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One rung.
+
+    Attributes
+    ----------
+    added : Candidate or None
+        The effect that was added; None for the start.
+    set : tuple of str
+        Effects that the data cannot tell from it, itself included.
+    p_value : float or None
+    chosen_by : {"diagnosis", "user"}
+    model : Model
+        Fitted with it.
+    train, validation : dict
+        Errors: ``nrmse``, ``fit`` [%], ``rmse`` by output, ``force`` (relative), and per record.
+    """
+
+    added: Candidate | None
+    model: Model
+    set: tuple[str, ...] = ()
+    p_value: float | None = None
+    chosen_by: str = "diagnosis"
+    train: dict[str, Any] = field(default_factory=dict)
+    validation: dict[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; the model as text."""
+        added = None
+        if self.added is not None:
+            added = {
+                "effect": self.added.effect,
+                "at": self.added.at,
+                "parameters": self.added.parameters,
+                "explains": self.added.explains,
+                "replaces": self.added.replaces,
+                "text": self.added.text,
+            }
+        return {
+            "added": added,
+            "p_value": self.p_value,
+            "set": list(self.set),
+            "chosen_by": self.chosen_by,
+            "train": self.train,
+            "validation": self.validation,
+            "model": self.model.to_yaml(),
+        }
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Steps from the start model to the last one, and what is left.
+
+    Attributes
+    ----------
+    steps : tuple of Step
+        The first is the start.
+    verdict : {"adequate", "unknown_structure", "not_excited", "missing"}
+        ``missing`` while the ladder was stopped before its end.
+    candidates : tuple of Candidate
+        What was weighed last.
+    untestable : tuple of str
+    findings : tuple of str
+        What the data can show.
+    unknown : UnknownStructure or None
+    suggested_experiment : dict or None
+    criterion : str
+    level : float
+    """
+
+    steps: tuple[Step, ...]
+    verdict: str = "missing"
+    candidates: tuple[Candidate, ...] = ()
+    untestable: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    unknown: UnknownStructure | None = None
+    suggested_experiment: dict[str, Any] | None = None
+    criterion: str = "auto"
+    level: float = 0.01
+
+    @property
+    def model(self) -> Model:
+        """Model of the last step."""
+        return self.steps[-1].model
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Names of the effects that were added."""
+        return tuple(step.added.name for step in self.steps if step.added is not None)
+
+    def undo(self) -> Ladder:
+        """The ladder without its last step.
+
+        Raises
+        ------
+        InputError
+            Nothing was added yet.
+        """
+        if len(self.steps) < 2:
+            raise InputError("nothing to undo: no effect was added yet")
+        return replace(
+            self, steps=self.steps[:-1], verdict="missing", candidates=(), unknown=None, suggested_experiment=None
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document of schema ``idloop/refine/1``."""
+        return {
+            "schema": SCHEMA,
+            "criterion": self.criterion,
+            "level": self.level,
+            "ladder": [step.to_dict() for step in self.steps],
+            "verdict": self.verdict,
+            "candidates": [c.to_dict() for c in self.candidates],
+            "untestable": list(self.untestable),
+            "findings": list(self.findings),
+            "unknown": None if self.unknown is None else self.unknown.to_dict(),
+            "suggested_experiment": self.suggested_experiment,
+        }
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any], folder: Path | None = None) -> Ladder:
+        """Read what `to_dict` wrote.
+
+        Parameters
+        ----------
+        document : dict
+        folder : Path, optional
+            Where the models' own effects lie.
+
+        Raises
+        ------
+        InputError
+            Not such a document.
+        """
+        if document.get("schema") != SCHEMA:
+            raise InputError(f"this is no ladder: its schema is {document.get('schema')!r}, not {SCHEMA!r}")
+        steps = []
+        for entry in document["ladder"]:
+            model = from_text(entry["model"], folder)
+            added = entry["added"]
+            candidate = None
+            if added is not None:
+                candidate = replace(Candidate.from_dict({**added, "p_value": entry.get("p_value") or 1.0}), model=model)
+            steps.append(
+                Step(
+                    added=candidate,
+                    model=model,
+                    set=tuple(entry.get("set", ())),
+                    p_value=entry.get("p_value"),
+                    chosen_by=entry.get("chosen_by", "diagnosis"),
+                    train=entry.get("train", {}),
+                    validation=entry.get("validation", {}),
+                )
+            )
+        return cls(
+            steps=tuple(steps),
+            verdict=document["verdict"],
+            candidates=tuple(Candidate.from_dict(c) for c in document.get("candidates", ())),
+            untestable=tuple(document.get("untestable", ())),
+            findings=tuple(document.get("findings", ())),
+            suggested_experiment=document.get("suggested_experiment"),
+            criterion=document.get("criterion", "auto"),
+            level=document.get("level", 0.01),
+        )
+
+    def summary(self) -> str:
+        """The ladder in words, one line a step."""
+        lines = []
+        for step in self.steps:
+            what = "start" if step.added is None else f"+ {step.added.name}"
+            if step.added is not None and step.added.replaces:
+                what += f" (in place of {step.added.replaces})"
+            measured = step.validation or step.train
+            label = "validation" if step.validation else "train"
+            fits = ", ".join(f"{name} {value:.1f} %" for name, value in measured.get("fit", {}).items())
+            force = measured.get("force")
+            tail = "" if force is None else f", force error {100 * force:.2f} %"
+            others = [name for name in step.set if step.added is not None and name != step.added.name]
+            tie = f"; cannot be told from {', '.join(others)}" if others else ""
+            lines.append(f"{what}: {label} FIT {fits}{tail}{tie}")
+        lines.append(f"verdict: {self.verdict}")
+        return "\n".join(lines)

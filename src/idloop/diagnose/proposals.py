@@ -1,0 +1,191 @@
+"""Which effects a model could still have: the catalogue, laid over the model's sites."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from idloop.errors import InputError
+from idloop.physics.effect import BODY, OUTPUT, Effect, catalogue
+from idloop.physics.model import Model
+from idloop.physics.schema import Value
+from idloop.physics.trial import Scales, Trial
+from idloop.spelling import did_you_mean_or_known
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """An effect at a site that a model does not have yet.
+
+    Attributes
+    ----------
+    effect : Effect
+    at : str
+    base : Model
+        The model that it is added to: without the effect that it takes the place of.
+    replaces : str or None
+        That effect, as ``effect@site``.
+    held : tuple of str
+        Parameters of the effect that stay at their neutral value, because another effect of the
+        model does that part already.
+    """
+
+    effect: Effect
+    at: str
+    base: Model
+    replaces: str | None = None
+    held: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """``effect@site``."""
+        return f"{self.effect.name}@{self.at}"
+
+    def alternatives(self, scales: Scales) -> list[list[Trial]]:
+        """Values to try, see `idloop.physics.trial`."""
+        effect = self.effect
+        if effect.trials is not None:
+            found = [list(group) for group in effect.trials(scales)]
+        elif effect.parameters:
+            found = [[_generic_trial(effect, scales, share)] for share in (0.02, 0.1, 0.4)]
+        else:
+            found = [[{}]]
+        return [[self.inside(trial) for trial in group] for group in found]
+
+    def inside(self, trial: Trial) -> Trial:
+        """The nearest values within the parameters' bounds."""
+        values = {}
+        for name, value in trial.items():
+            spec = self.effect.spec(name)
+            values[name] = spec.neutral if name in self.held else min(max(value, spec.min), spec.max)
+        return values
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the effect can only act in one sense, because its neutral value is a bound."""
+        if self.replaces is not None:
+            return False
+        searched = (spec for spec in self.effect.parameters if not (spec.held or spec.integer))
+        return any(spec.neutral == spec.min or not math.isfinite(spec.neutral) for spec in searched)
+
+    def weaker(self, trial: Trial, share: float) -> Trial:
+        """The same effect at a share of its strength; unchanged where nothing says what its strength is."""
+        values = dict(trial)
+        name = self.effect.strength
+        if name and name in values and name not in self.held:
+            neutral = self.effect.spec(name).neutral
+            values[name] = neutral + share * (values[name] - neutral)
+        return values
+
+    def model(self, values: Trial) -> Model:
+        """The base with this effect at the given values; what a search may move is free."""
+        entries: dict[str, Value] = {}
+        for spec in self.effect.parameters:
+            if spec.optional and spec.name not in values:
+                continue
+            free = not (spec.held or spec.integer or spec.name in self.held)
+            entries[spec.name] = Value(value=float(values.get(spec.name, spec.start)), free=free)
+        return self.base.with_entry(self.effect.name, self.at, entries)
+
+
+def _generic_trial(effect: Effect, scales: Scales, share: float) -> Trial:
+    """Values for an effect that does not say what to try: a share of what its units suggest."""
+    trial = {}
+    for spec in effect.parameters:
+        own = spec.integer or spec.held or spec.start != spec.neutral
+        trial[spec.name] = spec.start if own else share * scales.unit(spec.unit)
+    return trial
+
+
+def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]:
+    """All effects that could be added to a model.
+
+    Parameters
+    ----------
+    model : Model
+    only : sequence of str, optional
+        Names of effects, or ``effect@site``, to choose from; the whole catalogue when None.
+
+    Returns
+    -------
+    list of Proposal
+        Without those that the model has, those that its own free parameters do already, and
+        those that one of its effects contains.
+
+    Raises
+    ------
+    InputError
+        ``only`` names an effect or a site that there is not.
+    """
+    known = catalogue(*model.effect_folders)
+    for text in only or ():
+        name, _, at = text.partition("@")
+        if name not in known:
+            raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
+        if at:
+            model.site_kind(at)
+    found = []
+    for effects in known.values():
+        for effect in effects:
+            for at in model.sites(effect.site):
+                if only is None or effect.name in only or f"{effect.name}@{at}" in only:
+                    proposal = _propose(model, effect, at)
+                    if proposal is not None:
+                        found.append(proposal)
+    return found
+
+
+def _fits(model: Model, effect: Effect, at: str) -> bool:
+    """Whether an effect makes sense at a site of a model that does not have it."""
+    if f"{effect.name}@{at}" in model.effect_names:
+        return False
+    if effect.site == OUTPUT and next(o for o in model.outputs if o.site == at).field not in effect.outputs:
+        return False
+    if effect.needs_angle and model.units.position != "rad":
+        return False
+    if effect.name == "viscous_friction" and f"{at}.viscous_friction" in model.free:
+        return False
+    # The data's own lattice shows a sensor's resolution; no refit is needed to see it.
+    return effect.name != "sensor_quantisation"
+
+
+def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
+    if not _fits(model, effect, at):
+        return None
+    beside = [active for active in model.effects if active.at == at and active.effect.site == effect.site]
+    if any(effect.name in active.effect.contains for active in beside):
+        return None
+    for active in beside:
+        if active.effect.name in effect.contains:
+            return Proposal(effect, at, model.without_effect(active.name), active.name)
+    for active in beside:
+        shared = set(active.effect.contains) & set(effect.contains)
+        if not shared:
+            continue
+        part = min(shared)
+        if effect.separable:
+            return Proposal(effect, at, model, held=tuple(effect.contains[part].values()))
+        if active.effect.separable:
+            # The one that is there hands the common part over.
+            names = [f"{active.name}.{name}" for name in active.effect.contains[part].values()]
+            base = model.with_values(dict.fromkeys(names, 0.0)).with_free(n for n in model.free if n not in names)
+            return Proposal(effect, at, base)
+        return None
+    return Proposal(effect, at, model)
+
+
+def dry_level(model: Model, body: str) -> float:
+    """Dry friction that a model has at a body at speed, 0 without any."""
+    level = 0.0
+    for active in model.effects:
+        if active.at == body and active.effect.site == BODY:
+            names = {"coulomb_friction": "level", **_dry_names(active.effect)}
+            if active.effect.name in names:
+                level += model.values[f"{active.name}.{names[active.effect.name]}"]
+    return level
+
+
+def _dry_names(effect: Effect) -> dict[str, str]:
+    part = effect.contains.get("coulomb_friction")
+    return {effect.name: part["level"]} if part else {}

@@ -1,0 +1,157 @@
+"""Typical sizes of a set of records at a site of a model, from which effects choose what to try."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.proposals import dry_level
+from idloop.diagnose.setting import Setting
+from idloop.estimate.dataset import Data
+from idloop.estimate.engine import RememberingEngine
+from idloop.physics.effect import BODY, COUPLING, OUTPUT
+from idloop.physics.model import Model
+from idloop.physics.trial import Scales
+from idloop.validate.regions import smooth_velocity
+
+Array = NDArray[np.float64]
+
+
+class Sizes:
+    """Sizes of motion, forces and outputs, found once for all sites.
+
+    Parameters
+    ----------
+    model : Model
+        Model fitted to the records.
+    setting : Setting
+    """
+
+    def __init__(self, model: Model, setting: Setting) -> None:
+        self.model, self.setting = model, setting
+        command = np.concatenate([d.input for d in setting.data])
+        self.command = max(float(np.sqrt(np.mean(command**2))), 1e-12)
+        self.command_most = max(float(np.max(np.abs(command))), 1e-12)
+        self.duration = float(sum(d.time[-1] - d.time[0] for d in setting.data))
+        self.sample_time = float(np.median([d.sample_time for d in setting.data]))
+        self.bodies = [self._motion(body) for body in model.bodies]
+
+    def _motion(self, body: str) -> tuple[float, float, float, float]:
+        """Speed rms and maximum, middle and span of the positions of a body, or of its nearest neighbour."""
+        order = sorted(self.model.bodies, key=lambda other: abs(self._index(other) - self._index(body)))
+        for other in order:
+            outputs = [(i, o) for i, o in enumerate(self.model.outputs) if o.body == other]
+            positions = [(i, o.scale) for i, o in outputs if o.field == "position"]
+            velocities = [(i, o.scale) for i, o in outputs if o.field == "velocity"]
+            if not positions and not velocities:
+                continue
+            speeds, places = [], []
+            for d in self.setting.data:
+                if velocities:
+                    speeds.append(_finite(d.output[:, velocities[0][0]]) / velocities[0][1])
+                else:
+                    speeds.append(_speed(d, positions[0][0]) / positions[0][1])
+                if positions:
+                    places.append(_finite(d.output[:, positions[0][0]]) / positions[0][1])
+                else:
+                    places.append(np.cumsum(speeds[-1]) * d.sample_time)
+            speed, place = np.concatenate(speeds), np.concatenate(places)
+            if len(speed) == 0 or len(place) == 0:
+                continue
+            span = max(float(np.ptp(place)), 1e-12)
+            rms = max(float(np.sqrt(np.mean(speed**2))), 1e-9 * span / self.sample_time, 1e-12)
+            most = max(float(np.percentile(np.abs(speed), 99.5)), rms)
+            return rms, most, float(0.5 * (np.min(place) + np.max(place))), span
+        return 1.0, 1.0, 0.0, 1.0
+
+    def _index(self, body: str) -> int:
+        return self.model.bodies.index(body)
+
+    def at(self, kind: str, site: str) -> Scales:
+        """Sizes at one site."""
+        model, values = self.model, self.model.values
+        body = 0
+        output = noise = 1.0
+        twist = torque = torque_most = stiffness = 1.0
+        if kind == BODY:
+            body = self._index(site)
+        elif kind == OUTPUT:
+            place = next(i for i, o in enumerate(model.outputs) if o.site == site)
+            body = self._index(model.outputs[place].body)
+            seen = np.concatenate([_finite(d.output[:, place]) for d in self.setting.data])
+            output = max(float(np.sqrt(np.mean(seen**2))), 1e-12) if len(seen) else 1.0
+            noise = float(self.setting.noise[place])
+        elif kind == COUPLING:
+            body = model.couplings.index(site) + 1
+            stiffness = max(values[f"{site}.stiffness"], 1e-12)
+            torque, torque_most = self._torque(body)
+            twist = torque / stiffness
+        speed, most, middle, span = self.bodies[body]
+        name = model.bodies[body]
+        angle = model.units.position == "rad"
+        return Scales(
+            command=self.command,
+            command_most=self.command_most,
+            force=self.setting.force,
+            speed=speed,
+            speed_most=most,
+            middle=middle,
+            span=span,
+            twist=twist,
+            torque=torque,
+            torque_most=torque_most,
+            inertia=values[f"{name}.inertia"],
+            stiffness=stiffness,
+            output=output,
+            noise=noise,
+            sample_time=self.sample_time,
+            duration=self.duration,
+            dry=dry_level(model, name),
+            angle=angle,
+            turns=span / (2.0 * np.pi) if angle else 0.0,
+        )
+
+    def _torque(self, body: int) -> tuple[float, float]:
+        """Typical and largest torque through the coupling before a body, in a free run of the linear part."""
+        model = self.model
+        engine = RememberingEngine(model)
+        linear = engine.linearise(None)
+        n = len(linear.A) // 2
+        joint = engine.layout(None).body_of[body] - 1
+        axis = engine.layout(None).axis
+        row = np.zeros(2 * n)
+        row[joint], row[joint + 1] = axis.stiffness[joint], -axis.stiffness[joint]
+        row[n + joint], row[n + joint + 1] = axis.damping[joint], -axis.damping[joint]
+        from scipy.signal import dlsim
+
+        from idloop.estimate.observer import discretise
+
+        most, power, count = 0.0, 0.0, 0
+        for d in self.setting.data:
+            transition, _ = discretise(
+                np.block([[linear.A, linear.B[:, None]], [np.zeros((1, 2 * n + 1))]]),
+                np.zeros((2 * n + 1, 2 * n + 1)),
+                d.sample_time,
+            )
+            _, torque, _ = dlsim(
+                (transition[:-1, :-1], transition[:-1, -1:], row[None, :], np.zeros((1, 1)), d.sample_time),
+                d.held_input()[:, None],
+            )
+            seen = torque[np.isfinite(torque)]
+            most, power, count = (
+                max(most, float(np.max(np.abs(seen)))),
+                power + float(np.sum(seen**2)),
+                count + len(seen),
+            )
+        return max(np.sqrt(power / max(count, 1)), 1e-12), max(most, 1e-12)
+
+
+def _finite(values: Array) -> Array:
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _speed(data: Data, column: int) -> Array:
+    known = np.isfinite(data.output[:, column])
+    if np.sum(known) < 50:
+        return np.zeros(0)
+    return smooth_velocity(data.time[known], data.output[known, column])

@@ -1,0 +1,240 @@
+"""Score test of the whole catalogue in one pass.
+
+For every effect the trace that it would leave in the whitened errors is computed by
+running the model with the effect at trial values; what the free parameters and the
+noise level could produce as well is projected out; what remains is correlated with the
+errors (Rao's score test; Ljung, System Identification, 2nd ed., section 16.4).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.proposals import Proposal
+from idloop.diagnose.refit import Refit
+from idloop.diagnose.scales import Sizes
+from idloop.diagnose.setting import Setting
+from idloop.errors import IdloopError
+from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.levenberg import difference_jacobian
+from idloop.physics.trial import Scales, Trial
+
+Array = NDArray[np.float64]
+
+# Random signs and sums of this many stretches keep all inner products of traces to about 1.5 %.
+SKETCH = 4096
+# A trace of which less than this part is left after projection is the free parameters' own.
+LEAST_LEFT = 1e-5
+# Trials worth more than this are made weaker, where an effect has a strength that can be.
+MOST_DETECTABLE = 1e5
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What one alternative of values would leave in the errors.
+
+    Attributes
+    ----------
+    trials : list of Trial
+        Values, one per direction.
+    statistic : float
+        Twice the gain in log-likelihood that the directions promise, robust to uneven variance.
+    size : array, shape (g,)
+        Coefficient of each direction: 1 means the trial values themselves.
+    detectable : float
+        Twice the log-likelihood that the effect would be worth at the trial values.
+    left : float
+        Part of the trace that the free parameters cannot produce.
+    one_sided : bool
+    sketch : array, shape (SKETCH, g)
+        Orthonormal directions, sketched.
+    uneven : float
+        How much more the errors vary along the trace than elsewhere, at least 1.
+    worth : float
+        As `detectable`, at the strength that was asked for before it was made weaker.
+    """
+
+    trials: list[Trial]
+    statistic: float
+    size: Array
+    detectable: float
+    left: float
+    one_sided: bool
+    sketch: Array
+    uneven: float = 1.0
+    worth: float = 0.0
+
+
+@dataclass(frozen=True)
+class Screened:
+    """All alternatives of one proposal."""
+
+    proposal: Proposal
+    traces: list[Trace]
+
+    @property
+    def statistic(self) -> float:
+        """Of the best alternative."""
+        return max((t.statistic for t in self.traces), default=0.0)
+
+    @property
+    def uneven(self) -> float:
+        """Of the best alternative."""
+        return max(self.traces, key=lambda t: t.statistic).uneven if self.traces else 1.0
+
+    @property
+    def detectable(self) -> float:
+        """Largest detectability of an alternative."""
+        return max((t.detectable for t in self.traces), default=0.0)
+
+    @property
+    def left(self) -> float:
+        """Largest part that the free parameters cannot produce."""
+        return max((t.left for t in self.traces), default=0.0)
+
+
+class Screen:
+    """The errors of a fitted model, ready to be compared with traces of effects.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+        The fitted model.
+    seed : int
+        Of the sketch.
+    """
+
+    def __init__(self, setting: Setting, parent: Refit, seed: int) -> None:
+        self.setting, self.parent = setting, parent
+        self.sizes = Sizes(parent.model, setting)
+        problem, point = parent.problem, parent.point
+        self.errors = self._base = parent.residual()
+        lower, upper = parent.model.bounds
+        _, low, high, size = parent.criterion.nuisance()
+        k = parent.parameters
+        scale = np.concatenate([np.maximum(np.abs(point[:k]), 1e-12), size])
+        slopes, _ = difference_jacobian(
+            problem.frozen_residual, point, self.errors, np.concatenate([lower, low]), np.concatenate([upper, high]),
+            parent.step, scale,
+        )  # fmt: skip
+        norms = np.linalg.norm(slopes, axis=0)
+        slopes = slopes[:, np.isfinite(norms) & (norms > 1e-6)]
+        left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
+        # Parameters that the data cannot tell apart span fewer directions than they are.
+        self.basis = left[:, weight > 1e-6 * max(float(np.max(weight, initial=0.0)), 1e-300)]
+        # The fit is not perfectly at its optimum: what the slopes still explain is not an effect's.
+        self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
+        rows = len(self.errors)
+        self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
+        self._edges = np.unique(np.linspace(0, rows, SKETCH + 1).astype(np.int64)[:-1])
+
+    def __call__(self, proposal: Proposal) -> Screened:
+        """Traces of all alternatives of one proposal."""
+        scales = self.sizes.at(proposal.effect.site, proposal.at)
+        traces = []
+        share, weakest = 1.0, _weakest(proposal, scales)
+        for trials in proposal.alternatives(scales):
+            weak = trials in weakest
+            if weak:
+                trials = [proposal.weaker(trial, share) for trial in trials]
+            trace = self._trace(proposal, trials)
+            for _ in range(3):
+                # A trace far above the noise says how a strong effect looks, not a weak one.
+                if not weak or trace is None or not trace.detectable > MOST_DETECTABLE:
+                    break
+                step = max(float(np.sqrt(0.01 * MOST_DETECTABLE / trace.detectable)), 1e-3)
+                share *= step
+                trials = [proposal.weaker(trial, step) for trial in trials]
+                trace = self._trace(proposal, trials)
+            if trace is not None:
+                typical = trace.detectable / (share if weak else 1.0) ** 2
+                traces.append(replace(trace, worth=max(trace.detectable, typical)))
+        return Screened(proposal, traces)
+
+    def all(self, proposals: Sequence[Proposal], report: Callable[[float, str], None] | None = None) -> list[Screened]:
+        """Screen many proposals, two cores at a time."""
+        found = []
+        with ThreadPoolExecutor(workers()) as pool:
+            for i, screened in enumerate(pool.map(self, proposals)):
+                found.append(screened)
+                if report is not None:
+                    report((i + 1) / len(proposals), screened.proposal.name)
+        return found
+
+    def moved(self, proposal: Proposal, trial: Trial) -> Array | None:
+        """Change of the whitened errors that an effect at given values makes; None where it cannot be simulated."""
+        parent = self.parent
+        try:
+            model = proposal.model(trial)
+            criterion = self.setting.criterion(model)
+            criterion.keep(parent.nuisance)
+            theta = model.theta
+            own = parent.criterion
+            if isinstance(criterion, InnovationCriterion) and isinstance(own, InnovationCriterion):
+                if proposal.effect.linear or proposal.effect.splits:
+                    criterion.retune(theta)
+                else:
+                    criterion.adopt(own)
+            nuisance = criterion.nuisance()[0]
+            if len(nuisance) != len(parent.nuisance):
+                nuisance = nuisance[: len(parent.nuisance)]
+            change = parent.problem.whiten_like(criterion.errors(theta, nuisance)) - self._base
+        except (IdloopError, np.linalg.LinAlgError, ValueError):
+            return None
+        return change if np.all(np.isfinite(change)) else None
+
+    def _trace(self, proposal: Proposal, trials: list[Trial]) -> Trace | None:
+        columns = [self.moved(proposal, trial) for trial in trials]
+        if any(c is None for c in columns) or not columns:
+            return None
+        raw = np.column_stack([c for c in columns if c is not None])
+        with np.errstate(over="ignore"):
+            power = np.sum(raw**2, axis=0)
+        if not np.all(np.isfinite(power)):
+            return Trace(trials, 0.0, np.zeros(len(trials)), 1e300, 1.0, True, np.zeros((len(self._edges), 0)))
+        if not np.any(power > 1e-12):
+            return Trace(trials, 0.0, np.zeros(len(trials)), 0.0, 0.0, True, np.zeros((len(self._edges), 0)))
+        own = raw - self.basis @ (self.basis.T @ raw)
+        left = float(np.max(np.sum(own**2, axis=0) / np.maximum(power, 1e-300)))
+        detectable = float(np.max(np.sum(own**2, axis=0)))
+        q, r = np.linalg.qr(own)
+        useful = np.abs(np.diag(r)) > 1e-3 * np.max(np.abs(np.diag(r)))
+        q, r = q[:, useful], r[np.ix_(useful, useful)]
+        if left < LEAST_LEFT:
+            return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, True, np.zeros((len(self._edges), 0)))
+        scores = -(q.T @ self.errors)
+        size = np.zeros(len(trials))
+        size[useful] = np.linalg.solve(r, scores)
+        one_sided = raw.shape[1] == 1 and proposal.one_sided
+        after = self.errors + q @ scores
+        variance = max(float(np.mean(after**2)), 1e-300)
+        uneven = max(1.0, float(np.max((q**2).T @ after**2)) / variance)
+        statistic = float(scores @ scores) / uneven
+        if one_sided and size[0] < 0.0:
+            statistic = 0.0
+        sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)
+        return Trace(trials, statistic, size, detectable, left, one_sided, sketch, uneven, detectable)
+
+
+def _weakest(proposal: Proposal, scales: Scales) -> list[list[Trial]]:
+    """Of the alternatives that differ in strength alone, the weakest."""
+    strength = proposal.effect.strength
+    found: dict[tuple[tuple[tuple[str, float], ...], ...], list[Trial]] = {}
+    for trials in proposal.alternatives(scales):
+        shape = tuple(tuple(sorted((k, v) for k, v in t.items() if k != strength)) for t in trials)
+        rival = found.get(shape)
+        if rival is None or abs(trials[0].get(strength, 0.0)) < abs(rival[0].get(strength, 0.0)):
+            found[shape] = trials
+    return list(found.values())
+
+
+def workers() -> int:
+    """Threads that work on refits at once."""
+    return max(min(os.cpu_count() or 1, 8), 1)

@@ -1,0 +1,169 @@
+"""What all models of one diagnosis are measured by: the data, the criterion, the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError, InputError
+from idloop.estimate.criterion import Criterion
+from idloop.estimate.dataset import Data, output_noise, prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.force import Balance, ForceCriterion, balance_of
+from idloop.estimate.greybox import force_scale
+from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.simulation import SimulationCriterion
+from idloop.physics import kernel
+from idloop.physics.layout import Layout
+from idloop.physics.model import Model
+from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# Integration steps per sample, and per second, that a model may take in a diagnosis: what is
+# faster than this lies beyond what the samples can show and would only cost time.
+_STEPS_PER_SAMPLE, _STEPS_PER_SECOND = 25.0, 5000.0
+
+KINDS = ("prediction", "simulation", "force")
+
+
+class FrugalEngine(RememberingEngine):
+    """Engine that refuses parameter values with dynamics far faster than the samples.
+
+    Parameters
+    ----------
+    model : Model
+    sample_time : float
+        Of the records [s].
+    speed : float
+        Largest speed in the records.
+    """
+
+    def __init__(self, model: Model, sample_time: float, speed: float) -> None:
+        super().__init__(model)
+        self._most = max(_STEPS_PER_SAMPLE / sample_time, _STEPS_PER_SECOND)
+        self._speed = speed
+
+    def layout(self, theta: Array | None = None) -> Layout:
+        """Arrays for one set of values.
+
+        Raises
+        ------
+        IdloopError
+            These values ask for too small steps.
+        """
+        layout = super().layout(theta)
+        rate = float(layout.axis.constants[kernel.RATE]) + self._speed * float(np.max(layout.axis.spatial_rate))
+        if rate > self._most:
+            raise IdloopError("these values make the model faster than the samples can show")
+        return layout
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Data and criterion of a diagnosis.
+
+    Attributes
+    ----------
+    kind : {"prediction", "simulation", "force"}
+        Criterion, see `idloop.estimate.fit`.
+    records : tuple of Record
+    data : tuple of Data
+        The same, laid out for the simulator.
+    noise : array, shape (p,)
+        Standard deviation of each output's measurement noise.
+    force : float
+        Typical drive force.
+    speed : float
+        Largest speed seen.
+    balances : tuple of Balance
+        Measured motion of each record, for the force criterion.
+    """
+
+    kind: str
+    records: tuple[Record, ...]
+    data: tuple[Data, ...]
+    noise: Array
+    force: float
+    speed: float
+    balances: tuple[Balance, ...] = ()
+
+    def criterion(self, model: Model) -> Criterion:
+        """The criterion for one model.
+
+        Raises
+        ------
+        InputError
+            The force criterion cannot serve a model of which not every body is measured.
+        """
+        engine = FrugalEngine(model, min(d.sample_time for d in self.data), self.speed)
+        if self.kind == "simulation":
+            return SimulationCriterion(engine, list(self.data))
+        if self.kind == "prediction":
+            return InnovationCriterion(engine, list(self.data), self.noise, self.force)
+        if engine.layout(None).bodies != len(model.bodies):
+            raise InputError("the force criterion needs every body measured")
+        return ForceCriterion(engine, self.balances)
+
+
+def prepare_setting(model: Model, records: Sequence[Record], kind: str) -> Setting:
+    """Lay records out for a diagnosis.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+    kind : {"prediction", "simulation", "force"}
+
+    Returns
+    -------
+    Setting
+
+    Raises
+    ------
+    InputError
+        Records that do not suit the model or the criterion, or a command that never changes.
+    """
+    data = prepare(model, records)
+    if all(np.ptp(d.input) == 0.0 for d in data):
+        raise InputError("the command never changes in these records; excite the axis, nothing can be learnt")
+    engine = RememberingEngine(model)
+    balances: list[Balance | None] = []
+    if kind == "force":
+        first = [balance_of(engine, d, None) for d in data]
+        known = [b for b in first if b is not None]
+        if len(known) < len(first):
+            raise InputError("the force criterion needs every body's position or velocity; use prediction")
+        cutoff = max(b.motion.cutoff for b in known)
+        balances = [balance_of(engine, d, r, cutoff) for d, r in zip(data, records, strict=True)]
+    return Setting(
+        kind,
+        tuple(records),
+        tuple(data),
+        output_noise(model, data),
+        force_scale(engine, data),
+        _largest_speed(model, data),
+        tuple(b for b in balances if b is not None),
+    )
+
+
+def _largest_speed(model: Model, data: list[Data]) -> float:
+    """Speed that is exceeded in one sample of a hundred only, of the fastest body."""
+    most = 0.0
+    for d in data:
+        for column, output in enumerate(model.outputs):
+            y = d.output[:, column] / output.scale
+            known = np.isfinite(y)
+            if np.sum(known) < 20:
+                continue
+            if output.field == "velocity":
+                most = max(most, float(np.percentile(np.abs(y[known]), 99.0)))
+            else:
+                # Over ten samples, so that noise does not pass for speed.
+                run, span = y[known], 10
+                elapsed = d.time[known][span:] - d.time[known][:-span]
+                most = max(most, float(np.percentile(np.abs(run[span:] - run[:-span]) / elapsed, 99.0)))
+    return most

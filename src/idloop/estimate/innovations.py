@@ -1,0 +1,146 @@
+"""Innovations with the disturbance's intensity as one more parameter of the search.
+
+The same question as the prediction criterion asks, arranged for many refits of
+neighbouring models: the intensity moves together with the parameters, and the
+observer learns the initial state by itself, so that no initial state is searched
+and every sample counts for every model.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimate.criterion import Errors, InitialStates
+from idloop.estimate.dataset import Data, output_groups
+from idloop.estimate.settling import SettlingObserver, settling_observer
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine
+    from idloop.physics.engine import Linear
+
+Array = NDArray[np.float64]
+
+# Decades of the intensity about a walk that reaches the drive force within the record.
+LEAST_EXPONENT, MOST_EXPONENT = -10.0, 10.0
+# First guesses of the initial motion may be wrong by this many times their typical size.
+_START_SPREAD = 3.0
+
+
+class InnovationCriterion:
+    """Innovations of an observer that learns the start; the nuisance parameter is log10 of the intensity.
+
+    Parameters
+    ----------
+    engine : Engine
+        Compiled model.
+    data : list of Data
+        Records.
+    output_noise : array, shape (p,)
+        Standard deviation of each output's measurement noise.
+    force_scale : float
+        Typical drive force; the unit of the intensity.
+    exponent : float
+        Intensity to start from, in decades.
+    """
+
+    name = "prediction"
+    whiten = True
+
+    def __init__(
+        self, engine: Engine, data: list[Data], output_noise: Array, force_scale: float, exponent: float = -4.0
+    ) -> None:
+        self.engine, self.data, self.output_noise = engine, data, output_noise
+        self.groups = output_groups(data)
+        self.measured = sorted(column for group in self.groups for column in group)
+        longest = max(float(d.time[-1] - d.time[0]) for d in data)
+        self.unit, self._longest = force_scale**2 / longest, longest
+        self.exponent = exponent
+        self.initial = InitialStates(engine, data, force_scale)
+        self._linear: Linear = engine.linearise(None)
+        self._chain: tuple[int, ...] = engine.layout(None).body_of
+        self._observers: dict[tuple[float, float], tuple[SettlingObserver, list[Array]]] = {}
+        self._rows = [[_usable(d, group) for d in data] for group in self.groups]
+
+    @property
+    def intensity(self) -> float:
+        """Intensity of the disturbance force [force²/s]."""
+        return float(self.unit * 10.0**self.exponent)
+
+    def retune(self, theta: Array) -> None:
+        """Design the observers anew for the linear part at these parameters."""
+        self._linear = self.engine.linearise(theta)
+        self._chain = self.engine.layout(theta).body_of
+        self._observers.clear()
+
+    def adopt(self, other: InnovationCriterion) -> None:
+        """Use the observers of a neighbouring model with the same linear part."""
+        self._linear, self._chain, self._observers = other._linear, other._chain, other._observers
+
+    def nuisance(self) -> tuple[Array, Array, Array, Array]:
+        """The exponent, its range and size."""
+        return np.array([self.exponent]), np.array([LEAST_EXPONENT]), np.array([MOST_EXPONENT]), np.array([1.0])
+
+    def keep(self, nuisance: Array) -> None:
+        """Go on from this intensity."""
+        self.exponent = float(nuisance[0])
+
+    def innovation(self, theta: Array, nuisance: Array, record: int) -> Array:
+        """One-step prediction errors of one record, shape (n, p), NaN where not measured."""
+        d = self.data[record]
+        observer, _ = self._observer(float(nuisance[0]), record)
+        state = self.initial.state(self.initial.values, record, theta)
+        return self.engine.predict(theta, d.input_time, d.input, d.time, d.output, observer.gain, initial_state=state)
+
+    def errors(self, theta: Array, nuisance: Array) -> Errors:
+        """Innovations by group and record, those of the start scaled to the settled ones' covariance."""
+        found: Errors = [[] for _ in self.groups]
+        for r in range(len(self.data)):
+            full = self.innovation(theta, nuisance, r)
+            _, scalings = self._observer(float(nuisance[0]), r)
+            for place, (group, rows) in enumerate(zip(self.groups, self._rows, strict=True)):
+                part = np.ascontiguousarray(full[:, group])
+                scaling = scalings[place]
+                part[: len(scaling)] = np.einsum("tij,tj->ti", scaling, part[: len(scaling)])
+                found[place].append(np.ascontiguousarray(part[rows[r]]))
+        return found
+
+    def _observer(self, exponent: float, record: int) -> tuple[SettlingObserver, list[Array]]:
+        """Observer of one record and the scaling of its first innovations, by group."""
+        step = self.data[record].sample_time
+        key = (exponent, step)
+        if key not in self._observers:
+            if len(self._observers) > 16:
+                self._observers.clear()
+            samples = max(len(d.time) for d in self.data if d.sample_time == step)
+            n = self.initial.bodies
+            scale = _START_SPREAD * self.initial.part(self.initial.scale, record)
+            # No more of a constant force than the walk makes by itself: an offset is not noise.
+            scale[-1] = np.sqrt(self.unit * 10.0**exponent * self._longest)
+            starts = [*self._chain, len(self._linear.A) // 2]
+            halves = np.diff(starts)
+            spread = np.concatenate([np.repeat(scale[:n], halves), np.repeat(scale[n : 2 * n], halves), scale[2 * n :]])
+            observer = settling_observer(
+                self._linear, self.measured, step, self.unit * 10.0**exponent, self.output_noise, spread, samples
+            )
+            if not np.all(np.isfinite(observer.gain)):
+                raise IdloopError("no observer could be designed for this model and data")
+            self._observers[key] = (observer, [_scalings(observer.covariance, group) for group in self.groups])
+        return self._observers[key]
+
+
+def _scalings(covariance: Array, group: list[int]) -> Array:
+    """Matrices that bring the first innovations of a group to the settled covariance, shape (m, g, g)."""
+    own = covariance[:, group][:, :, group]
+    roots = np.linalg.cholesky(own)
+    return np.asarray(roots[-1] @ np.linalg.inv(roots[:-1]))
+
+
+def _usable(data: Data, group: list[int]) -> NDArray[np.bool_]:
+    """Rows at which a group is measured, without the first one after a gap."""
+    keep = np.all(np.isfinite(data.output[:, group]), axis=1)
+    keep[data.gaps] = False
+    return np.asarray(keep)

@@ -1,0 +1,114 @@
+"""What to try when an effect is looked for: sizes seen in the records, and values that match them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+# Values of an effect's parameters at which its trace is computed.
+Trial = Mapping[str, float]
+# Alternatives to try; the traces of one alternative's trials are weighed against each other.
+Trials = Callable[["Scales"], Sequence[Sequence[Trial]]]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes at one site of a model in a set of records.
+
+    Attributes
+    ----------
+    command, command_most : float
+        Root mean square and largest command [input unit].
+    force : float
+        Root mean square force of the drive.
+    speed, speed_most : float
+        Root mean square and largest speed of the body.
+    middle, span : float
+        Middle and range of the body's positions.
+    twist, torque, torque_most : float
+        Typical twist of the coupling; typical and largest torque through it.
+    inertia, stiffness : float
+        Of the body or the coupling.
+    output, noise : float
+        Root mean square and measurement noise of the output.
+    sample_time, duration : float
+        Of the records [s].
+    dry : float
+        Dry friction level that the model has already at the body; 0 without any.
+    angle : bool
+        Whether positions are angles in radians.
+    turns : float
+        Range of the positions in turns; 0 for a linear axis.
+    """
+
+    command: float
+    command_most: float
+    force: float
+    speed: float
+    speed_most: float
+    middle: float
+    span: float
+    twist: float
+    torque: float
+    torque_most: float
+    inertia: float
+    stiffness: float
+    output: float
+    noise: float
+    sample_time: float
+    duration: float
+    dry: float
+    angle: bool
+    turns: float
+
+    def unit(self, template: str) -> float:
+        """Size of a quantity whose unit a parameter's template states, such as ``{force}·s/{position}``."""
+        numerator, *denominators = template.split("/")
+        sizes = {
+            "{force}": self.force,
+            "{input}": self.command,
+            "{position}": self.span,
+            "{output}": self.output,
+            "s": self.span / max(self.speed, 1e-12 * self.span, 1e-300),
+        }
+        size = 1.0
+        for sign, part in [(1, numerator), *((-1, text) for text in denominators)]:
+            for factor in part.strip("()").split("·"):
+                base, power = factor, 1
+                for mark, value in (("²", 2), ("³", 3)):
+                    if factor.endswith(mark):
+                        base, power = factor[:-1], value
+                size *= max(sizes.get(base, 1.0), 1e-300) ** (sign * power)
+        return size
+
+
+def alternatives(name: str, values: Sequence[float]) -> list[list[Trial]]:
+    """One alternative for each value of a single parameter."""
+    return [[{name: value}] for value in values]
+
+
+def waves(amplitude: float, harmonics: Sequence[int] = (), name: str = "amplitude") -> list[list[Trial]]:
+    """Sine and cosine over the turn, of the turn itself or of each of several harmonics of it."""
+    phases = (0.0, 1.5707963267948966)
+    if not harmonics:
+        return [[{name: amplitude, "phase": phase} for phase in phases]]
+    return [[{name: amplitude, "harmonic": float(n), "phase": phase} for phase in phases] for n in harmonics]
+
+
+def time_constants(scales: Scales) -> list[float]:
+    """Delays and lags from half a sample to a quarter of a second."""
+    found, value = [], 0.5 * scales.sample_time
+    while value <= max(0.25, 4.0 * scales.sample_time):
+        found.append(value)
+        value *= 4.0
+    return found
+
+
+def resonances(scales: Scales) -> list[float]:
+    """Frequencies of a hidden resonance to try [Hz], up to a quarter of the sample rate."""
+    highest = 0.25 / scales.sample_time
+    found, value = [], max(2.0 / scales.duration, 1e-3 * highest)
+    while value <= highest:
+        found.append(value)
+        value *= 1.8
+    return found
