@@ -586,6 +586,29 @@ def predict(
 
 
 @entry
+def predict_ahead(
+    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, steps: int, state: Any,
+    history: Any, prediction: Any,
+) -> None:  # fmt: skip
+    """Prediction (m, p) of each sample from the measurements up to ``steps`` samples before it.
+
+    The first ``steps`` rows of ``prediction`` are left as they are.
+    """
+    work = np.zeros((9, axis.inertia.shape[0]))
+    noise = np.zeros(axis.outputs.shape[0])
+    innovation = np.zeros((1, axis.outputs.shape[0]))
+    ahead, past = np.empty_like(state), np.empty_like(history)
+    for k in range(time.shape[0] - steps):
+        predict(
+            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, state, history, innovation
+        )  # fmt: skip
+        ahead[:] = state
+        past[:] = history
+        run_to(axis, command_time, command, time[k + steps], ahead, past, work)
+        measure(axis, ahead, past, noise, prediction[k + steps])
+
+
+@entry
 def balance(
     axis: Axis, time: Any, position: Any, velocity: Any, acceleration: Any, command_time: Any, command: Any,
     rest: float, state: Any, residual: Any, required: Any,

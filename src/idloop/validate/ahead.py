@@ -56,15 +56,9 @@ def steps_ahead(engine: Engine, data: Data, gain: Array, steps: int, initial_sta
     delay = float(layout.axis.constants[kernel.DELAY])
     before = int(np.searchsorted(data.input_time, data.time[0] - delay, side="left")) - 1
     state[kernel.COMMAND] = float(max(before, -1))
-    work, noise = np.zeros((9, layout.bodies)), np.zeros(p)
-    innovation, prediction = np.empty((1, p)), np.full((n, p), np.nan)
-    gain = np.ascontiguousarray(gain)
-    for k in range(n - steps):
-        kernel.predict(
-            layout.axis, data.input_time, data.input, data.time[k : k + 1], data.output[k : k + 1],
-            gain, state, history, innovation,
-        )  # fmt: skip
-        ahead, past = state.copy(), history.copy()
-        kernel.run(layout.axis, data.input_time, data.input, data.time[k + steps], ahead, past, work)
-        kernel.read(layout.axis, ahead, past, noise, prediction[k + steps])
+    prediction = np.full((n, p), np.nan)
+    kernel.predict_ahead(
+        layout.axis, data.input_time, data.input, data.time, data.output, np.ascontiguousarray(gain), steps,
+        state, history, prediction,
+    )  # fmt: skip
     return prediction

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from idloop.physics import Engine
 
 Array = NDArray[np.float64]
+
+# Difference steps of the search, as a share of each state's typical size.
+_STEP = 1e-5
 
 
 def free_run(engine: Engine, data: Data) -> Array:
@@ -40,7 +44,8 @@ def free_run(engine: Engine, data: Data) -> Array:
     """
     theta = engine.model.theta
     rule = SimulationCriterion(engine, [data])
-    start, lower, upper, scale = rule.nuisance()
+    start, lower, upper, size = rule.nuisance()
+    scale = np.asarray(size, dtype=float)
     columns = (column[np.isfinite(column)] for column in data.output.T)
     # An output that is constant or never measured sets no scale.
     spread = np.array([(float(np.std(known)) if len(known) else 0.0) or 1.0 for known in columns])
@@ -51,7 +56,26 @@ def free_run(engine: Engine, data: Data) -> Array:
         # Units of a hundredth of the signal: the search ends where the start no longer matters.
         return 100.0 * np.concatenate(parts)
 
-    if not np.all(np.isfinite(residual(start))):
+    base = residual(start)
+    if not np.all(np.isfinite(base)):
         raise IdloopError(f"the free run of model {engine.model.name!r} does not stay finite")
-    found = minimise(residual, start, lower, upper, scale, max_iterations=10, tolerance=1e-6)
+    step = _STEP * scale
+    nearer = _straight_to_the_best(residual, start, base, step)
+    found = minimise(residual, nearer, lower, upper, scale, step=step, max_iterations=10, tolerance=1e-4)
     return rule.simulated(theta, found.point, 0)
+
+
+def _straight_to_the_best(residual: Callable[[Array], Array], start: Array, base: Array, step: Array) -> Array:
+    """One undamped Gauss-Newton step, which ends the search on a linear model; the start where it does not help."""
+    columns = []
+    for index, size in enumerate(step):
+        moved = start.copy()
+        moved[index] += size
+        columns.append((residual(moved) - base) / size)
+    slope = np.column_stack(columns)
+    if not np.all(np.isfinite(slope)):
+        return start
+    # In units of the typical change, so that a state which hardly shows is left where it is.
+    move = step * np.linalg.lstsq(slope * step, -base, rcond=1e-9)[0]
+    there = residual(start + move)
+    return start + move if float(there @ there) < float(base @ base) else start
