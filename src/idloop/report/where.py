@@ -28,7 +28,7 @@ Named = tuple[str, ErrorMap]
 _COLUMNS = ((0.75, 2.9), (0.75, 1.6), (0.8, 1.75), (0.12, 1.75), (0.12, 1.75), (0.4, 1.0), (0.4, 1.9))
 # Above shares and values the room for titles and legends, then their heights; the rest is for the labels below.
 _ROWS = ((0.34, 1.15), (0.22, 1.3))
-_BELOW, _HEAD, _RIGHT = 0.65, 0.35, 0.12
+_BELOW, _HEAD, _RIGHT = 0.75, 0.35, 0.12
 _RANKED = 3
 
 

@@ -86,7 +86,7 @@ def since_edges(since: Array) -> Array:
     longest = float(np.max(since))
     if longest <= 0.0:
         return np.array([0.0, 1e-12])
-    # Below this a bin would hold hardly any of the time.
-    shortest = max(float(np.percentile(since, 2.0)), 1e-4 * longest)
-    inner = decade_edges(0.7 * shortest, 0.9 * longest)
+    # Below this a bin would hold hardly any of the time. The turning samples themselves say nothing about it.
+    shortest = max(float(np.percentile(since[since > 0.0], 2.0)), 1e-4 * longest)
+    inner = decade_edges(0.7 * shortest, 0.9 * longest)[1 - MOST_BINS :]
     return np.concatenate([[0.0], inner, [longest]])
