@@ -157,6 +157,7 @@ def test_rubbish_never_raises_anything_else(data):
         st.dictionaries(names, finite, max_size=3),
         st.dictionaries(names, finite, max_size=3),
         finite,
+        st.dictionaries(names, finite, max_size=3),
         texts,
     )
 )

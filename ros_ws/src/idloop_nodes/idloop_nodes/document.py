@@ -21,7 +21,8 @@ ABOUT = {
     "in real time it measures at absolute deadlines.",
     "recorder": "Writes every message as it came into a rosbag2 directory (mcap, 16 KiB chunks) and counts every loss.",
     "estimator": "Predicts every sample, fits a sliding window in a worker process, judges the fit on the samples "
-    "after the window.",
+    "after the window. Diagnoses in the same worker process when told to, after an experiment, and by itself when "
+    "the free-run residual of successive fits stops being white; in lock-step simulated time waits for it.",
     "replay": "Plays a recording into the live graph, byte for byte.",
 }
 SERVICES = {
@@ -32,7 +33,14 @@ SERVICES = {
         "~/stop_experiment": "end it now and go on with the signal",
     },
     "controller": {"~/emergency_stop": "zero command until reset", "~/reset": "clear stop, fault and memory"},
-    "estimator": {"~/refit": "fit the newest window now"},
+    "estimator": {
+        "~/refit": "fit the newest window now",
+        "~/diagnose": "find out what is missing, on the newest data and all experiments",
+        "~/add_best_effect": "add what the newest diagnosis names first, and refit",
+        "~/undo": "take the last step of the ladder back",
+        "~/run_suggested_experiment": "work out what separates the effects that tie, let the excitation run it, "
+        "then diagnose again",
+    },
 }
 EXAMPLE = {
     "excitation": "-p signal:=prbs -p prbs.band_hz:=10.0 -p amplitude:=0.6",

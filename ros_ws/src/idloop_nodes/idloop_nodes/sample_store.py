@@ -50,6 +50,11 @@ class SampleStore:
         part = slice(self._start + low, self._start + int(np.searchsorted(stamps, last)))
         return self._stamps[part].copy(), self._rows[part].copy()
 
+    def take_back(self, stamp: int) -> None:
+        """Drop rows from `stamp` on: their sender has announced them anew."""
+        stamps = self._stamps[self._start : self._stop]
+        self._stop = self._start + int(np.searchsorted(stamps, stamp))
+
     def forget(self, before: int) -> None:
         """Drop rows older than `before`, all but one: a held value stays known."""
         stamps = self._stamps[self._start : self._stop]

@@ -121,7 +121,12 @@ RECORDER: Table = (
 ESTIMATOR: Table = (
     *COMMON,
     MODEL,
-    EFFECTS,
+    P(
+        EFFECTS.name,
+        "strs",
+        (),
+        EFFECTS.description + " Setting it refits with exactly these beside the model file's own.",
+    ),
     P("window", "float", 20.0, "Length of the data a fit uses.", unit="s", minimum=0.05),
     P("validation", "float", 10.0, "Length of the data after it on which the fit is judged.", unit="s", minimum=0.05),
     P("fit_period", "float", 10.0, "Time between fits; 0 fits on request only.", unit="s", minimum=0.0),
@@ -133,6 +138,21 @@ ESTIMATOR: Table = (
         choices=("auto", "prediction", "simulation", "force"),
     ),
     P("recursive", "bool", True, "Predict every sample while parameters and state are estimated.", read_only=True),
+    P("auto_diagnose", "bool", True, "Diagnose when the residual of the fits stops being white."),
+    P("auto_add", "bool", False, "Add what a diagnosis finds missing, and diagnose again until nothing is left."),
+    P("auto_experiment", "bool", False, "Let the excitation run the suggested experiment where effects tie."),
+    P(
+        "diagnose_window",
+        "float",
+        30.0,
+        "Length of the newest data that a diagnosis uses; as for a fit, it is judged on the data after it.",
+        unit="s",
+        minimum=0.5,
+    ),
+    P("level", "float", 0.01, "Family-wise rate of false effects.", minimum=1e-6, maximum=0.5),
+    P("catalogue", "strs", (), "Effects that are looked for: name or name@site; none: the whole catalogue."),
+    P("seed", "int", 0, "Seed of the bootstrap; equal seeds give equal answers.", minimum=0, maximum=2**53),
+    P("excitation_node", "str", "excitation", "Node that runs the suggested experiment.", read_only=True),
 )
 
 REPLAY: Table = (

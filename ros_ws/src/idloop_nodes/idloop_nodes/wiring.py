@@ -19,13 +19,15 @@ TOPICS: dict[str, tuple[str, str]] = {
     "estimator/residual": (JOINT_STATE, "measurement minus prediction, stamped likewise"),
     "estimator/fit": (DIAGNOSTICS, "newest fit, judged on samples it has not used (latched)"),
     "estimator/parameters": (DIAGNOSTICS, "its parameters with standard errors (latched)"),
+    "estimator/missing_effects": (DIAGNOSTICS, "newest diagnosis: verdict, and one status for each effect (latched)"),
+    "estimator/ladder": (DIAGNOSTICS, "effects added so far, with the error at each step (latched)"),
     "progress": (HEADER, "how far each node has come: flow control and start barrier"),
     "/clock": (CLOCK, "simulated time (lock-step only)"),
     "/diagnostics": (DIAGNOSTICS, "health, once a second"),
 }
 
-RECORDED = tuple(list(TOPICS)[:8])
-RESULTS = ("estimator/fit", "estimator/parameters")
+RECORDED = tuple(list(TOPICS)[:10])
+RESULTS = ("estimator/fit", "estimator/parameters", "estimator/missing_effects", "estimator/ladder")
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ NODES: dict[str, Wiring] = {
     "recorder": Wiring((), RECORDED),
     "estimator": Wiring(
         ("estimator/prediction", "estimator/residual", *RESULTS),
-        ("joint_states", "joint_command"),
+        ("joint_states", "joint_command", "reference"),
     ),
     "replay": Wiring(("reference", "excitation", "joint_command", "joint_states"), ()),
 }

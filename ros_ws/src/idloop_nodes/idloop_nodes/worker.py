@@ -1,7 +1,7 @@
-"""What the estimator asks of its worker process, and how the worker is spoken to.
+"""The estimator's worker process and how it is spoken to.
 
 The worker is an ordinary child process with pickles on its pipes: it ends with its parent, and however
-long a fit takes, the estimator's subscriptions are served.
+long a job takes, the estimator's subscriptions are served.
 """
 
 from __future__ import annotations
@@ -14,38 +14,40 @@ import struct
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING, Any
-
-from idloop_nodes.codec import FitSummary, ParameterSummary
-
-if TYPE_CHECKING:
-    from idloop.physics import Model
-    from idloop.records import Record
+from typing import IO, Any, Protocol
 
 _LENGTH = struct.Struct("<Q")
 
+Report = Callable[[float, str], None]
+
+
+class Job(Protocol):
+    """Something for the worker to do; travels as a pickle."""
+
+    @property
+    def number(self) -> int:
+        """Which job this is."""
+
+    @property
+    def replaceable(self) -> bool:
+        """Whether a newer job of this kind makes it pointless while it waits."""
+
+    def work(self, report: Report) -> Any:
+        """Do it, in the worker, and return the answer."""
+
+    def failed(self, reason: str) -> Any:
+        """Return the answer of a job that could not be done: why, in one line."""
+
 
 @dataclass(frozen=True)
-class FitJob:
-    """Fit `model` to `fit_record`, judge it on `validation_record`."""
+class Note:
+    """How far a job is."""
 
     number: int
-    model: Model
-    criterion: str
-    fit_record: Record
-    validation_record: Record
-    fit_window: tuple[int, int]
-    validation_window: tuple[int, int]
-
-
-@dataclass(frozen=True)
-class FitAnswer:
-    """What came of a job; `parameters` is empty when the fit failed."""
-
-    number: int
-    summary: FitSummary
-    parameters: tuple[ParameterSummary, ...]
+    share: float
+    text: str
 
 
 def send(stream: IO[bytes], thing: object) -> None:
@@ -64,23 +66,29 @@ def receive(stream: IO[bytes]) -> Any:
     return pickle.loads(data)  # noqa: S301  (our own child)
 
 
-class FitWorker:
+class Worker:
     """A worker process that takes jobs one after the other.
 
     Parameters
     ----------
     queue_all : bool
-        True works off every job (lock-step: equal runs give equal fits); False replaces a waiting job
-        by a newer one (real time: only the newest window is of interest).
+        True works off every job (lock-step: equal runs give equal results); False lets a waiting job be replaced
+        by a newer one of its kind (real time: only the newest window is of interest).
+
+    Attributes
+    ----------
+    note : Note or None
+        How far the running job is.
     """
 
-    def __init__(self, queue_all: bool) -> None:
+    def __init__(self, *, queue_all: bool) -> None:
         self.skipped = 0
         self.failures = 0
+        self.note: Note | None = None
         self._queue_all = queue_all
-        self._waiting: list[FitJob] = []
-        self._running: FitJob | None = None
-        self._answers: queue.SimpleQueue[FitAnswer | None] = queue.SimpleQueue()
+        self._waiting: list[Job] = []
+        self._running: Job | None = None
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._process: subprocess.Popen[bytes] | None = None
         self._closing = False
         self._start()
@@ -90,24 +98,26 @@ class FitWorker:
         """Whether a job runs or waits."""
         return self._running is not None or bool(self._waiting)
 
-    def submit(self, job: FitJob) -> None:
+    def submit(self, job: Job) -> None:
         """Take in a job."""
-        if not self._queue_all and self._waiting:
-            self.skipped += len(self._waiting)
-            self._waiting.clear()
+        if not self._queue_all and job.replaceable:
+            keep = [one for one in self._waiting if not one.replaceable]
+            self.skipped += len(self._waiting) - len(keep)
+            self._waiting = keep
         self._waiting.append(job)
         self._next()
 
-    def answers(self) -> list[FitAnswer]:
+    def answers(self) -> list[Any]:
         """Return what has been finished since the last call."""
-        result: list[FitAnswer] = []
+        result: list[Any] = []
         while not self._answers.empty():
             answer = self._answers.get()
             if answer is None:
-                self._lost_worker(result)
+                self._lost(result)
             else:
                 result.append(answer)
                 self._running = None
+                self.note = None
         self._next()
         return result
 
@@ -125,19 +135,14 @@ class FitWorker:
                 with contextlib.suppress(OSError):  # a job that the worker never read
                     stream.close()
 
-    def _lost_worker(self, result: list[FitAnswer]) -> None:
+    def _lost(self, result: list[Any]) -> None:
         if self._closing:
             return
         self.failures += 1
         if self._running is not None:
-            summary = FitSummary(
-                self._running.model.name,
-                fit_window=self._running.fit_window,
-                validation_window=self._running.validation_window,
-                error="the worker process ended in the middle of the fit",
-            )
-            result.append(FitAnswer(self._running.number, summary, ()))
+            result.append(self._running.failed("the worker process ended in the middle of it"))
             self._running = None
+            self.note = None
         self._start()
 
     def _start(self) -> None:
@@ -145,17 +150,20 @@ class FitWorker:
         # One thread: the other core belongs to the loop, and the sums come out the same every time.
         environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "idloop_nodes.fit_worker"],
+            [sys.executable, "-m", "idloop_nodes.worker_main"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
         )
-        self._listener = threading.Thread(target=self._listen, args=(self._process,), name="fits", daemon=True)
+        self._listener = threading.Thread(target=self._listen, args=(self._process,), name="worker", daemon=True)
         self._listener.start()
 
     def _listen(self, process: subprocess.Popen[bytes]) -> None:
         while process.stdout is not None and (answer := receive(process.stdout)) is not None:
-            self._answers.put(answer)
+            if isinstance(answer, Note):
+                self.note = answer
+            else:
+                self._answers.put(answer)
         self._answers.put(None)
 
     def _next(self) -> None:

@@ -1,4 +1,4 @@
-"""The estimator's worker process: fits a window, judges the fit on the samples after it."""
+"""The estimator's worker process: does one job after the other, out of the loop's way."""
 
 from __future__ import annotations
 
@@ -7,72 +7,48 @@ import ctypes
 import os
 import signal
 import sys
+import time
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, Any
 
 from idloop.errors import IdloopError
-from idloop_nodes.codec import FitSummary, ParameterSummary
-from idloop_nodes.fit_jobs import FitAnswer, FitJob, receive, send
-
-if TYPE_CHECKING:
-    from idloop.physics import Model
+from idloop_nodes.worker import Job, Note, Report, receive, send
 
 PR_SET_PDEATHSIG = 1
-NICENESS = 10  # a fit may take longer; the loop may not
+NICENESS = 10  # a job may take longer; the loop may not
+NOTE_PERIOD = 0.2  # seconds between two notes on how far a job is
 
 
-def work(job: FitJob) -> FitAnswer:
+def work(job: Job, report: Report) -> Any:
     """Do one job; whatever goes wrong becomes the answer's error line."""
     try:
-        return _fit(job)
+        return job.work(report)
     except IdloopError as error:
         text = str(error)
-    except Exception as error:  # noqa: BLE001  (a fit must never end the live estimator)
+    except Exception as error:  # noqa: BLE001  (a job must never end the live estimator)
         text = f"{type(error).__name__}: {error}"
-    summary = FitSummary(
-        job.model.name,
-        tuple(job.model.effect_names),
-        job.criterion,
-        job.fit_window,
-        job.validation_window,
-        error=" ".join(text.split()),
-    )
-    return FitAnswer(job.number, summary, ())
+    return job.failed(" ".join(text.split()))
 
 
-def _fit(job: FitJob) -> FitAnswer:
-    from idloop.estimate import fit
-    from idloop.validate import compare
+def reporter(stream: IO[bytes], number: int) -> Report:
+    """Return a function that sends notes, not too many of them."""
+    last = 0.0
 
-    result = fit(job.model, [job.fit_record], criterion=job.criterion)
-    unseen, seen = (compare(result.model, record) for record in (job.validation_record, job.fit_record))
-    summary = FitSummary(
-        job.model.name,
-        tuple(job.model.effect_names),
-        result.criterion,
-        job.fit_window,
-        job.validation_window,
-        fit=dict(unseen.fit),
-        fit_train=dict(seen.fit),
-        loss=result.loss,
-    )
-    return FitAnswer(job.number, summary, summarise(result.model))
+    def report(share: float, text: str = "") -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= NOTE_PERIOD:
+            last = now
+            send(stream, Note(number, float(share), text))
 
-
-def summarise(model: Model) -> tuple[ParameterSummary, ...]:
-    """Return the model's estimated parameters."""
-    return tuple(
-        ParameterSummary(one.name, one.value, one.stderr, one.unit, one.min, one.max, one.free)
-        for one in model.parameters
-        if one.free
-    )
+    return report
 
 
 def die_with_parent() -> None:
-    """Let the kernel end this process when the estimator goes, however it goes: a fit may be in full swing."""
+    """Let the kernel end this process when the estimator goes, however it goes: a job may be in full swing."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with contextlib.suppress(OSError, AttributeError):  # other systems: the closed pipe ends it after the fit
+    with contextlib.suppress(OSError, AttributeError):  # other systems: the closed pipe ends it after the job
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
@@ -100,7 +76,7 @@ def main() -> None:
     # Anything a library prints must not get between the pickles.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     while (job := receive(jobs)) is not None:
-        send(answers, work(job))
+        send(answers, work(job, reporter(answers, job.number)))
 
 
 if __name__ == "__main__":

@@ -33,6 +33,8 @@ class FitSummary:
         FIT per output in percent on the fit window.
     loss : float
         Loss of the fit.
+    whiteness : dict of str to float
+        By output, the probability that a white residual of the free run on the validation window looks like this.
     error : str
         Why there is no fit, one line; empty when there is one.
     """
@@ -45,6 +47,7 @@ class FitSummary:
     fit: dict[str, float] = field(default_factory=dict)
     fit_train: dict[str, float] = field(default_factory=dict)
     loss: float = float("nan")
+    whiteness: dict[str, float] = field(default_factory=dict)
     error: str = ""
 
 
@@ -79,6 +82,7 @@ def fit_to_statuses(node: str, summary: FitSummary) -> list[Status]:
     }
     values |= {f"fit/{name}": repr(float(value)) for name, value in summary.fit.items()}
     values |= {f"train/{name}": repr(float(value)) for name, value in summary.fit_train.items()}
+    values |= {f"white/{name}": repr(float(value)) for name, value in summary.whiteness.items()}
     if summary.error:
         return [Status(f"{node}: fit", summary.error, Level.WARN, values, summary.model)]
     seconds = (summary.validation_window[1] - summary.validation_window[0]) / 1e9
@@ -108,6 +112,7 @@ def fit_from_statuses(statuses: Sequence[Status]) -> FitSummary:
             fit=_numbers(values, "fit/"),
             fit_train=_numbers(values, "train/"),
             loss=float(values["loss"]),
+            whiteness=_numbers(values, "white/"),
             error=values["error"],
         )
     except (KeyError, ValueError) as error:

@@ -1,17 +1,16 @@
-"""The estimator: predicts every sample, fits a sliding window in a worker, judges it on unseen samples."""
+"""The estimator: predicts every sample, fits a sliding window in a worker, finds out what is missing."""
 
 from __future__ import annotations
 
+import itertools
 import time
 from typing import Any
 
-import numpy as np
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from idloop.errors import IdloopError, InputError
-from idloop.estimate.recursive import RecursiveEstimator
+from idloop.errors import InputError
 from idloop.physics import Model, load_model
-from idloop.records import Record
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import (
     CdrError,
@@ -23,24 +22,23 @@ from idloop_nodes.codec import (
     fit_to_statuses,
     parameters_to_statuses,
 )
-from idloop_nodes.fit_jobs import FitAnswer, FitJob, FitWorker
+from idloop_nodes.data_book import SECOND, DataBook
+from idloop_nodes.diagnosing import Diagnosing
+from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO, DiagnosisAnswer
+from idloop_nodes.fit_jobs import FitAnswer
+from idloop_nodes.fit_schedule import FitSchedule
 from idloop_nodes.held_stream import HeldStream
 from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
 from idloop_nodes.parameters import Values
+from idloop_nodes.prediction import Prediction, Sample
 from idloop_nodes.progress import DONE
 from idloop_nodes.rates import RateCounter
-from idloop_nodes.sample_store import SampleStore
 from idloop_nodes.tables import ESTIMATOR
+from idloop_nodes.worker import Worker
 
-SECOND = 1_000_000_000
 BLOCK = 500  # samples worked off in one go, so that services stay answered
 COMMAND_WAIT = 100  # periods after which a missing command no longer holds a measurement up
-SHORTEST = 20  # samples below which a window is not fitted
-
-
-def update_block_length(sample_time: float) -> int:
-    """Return the samples between two updates of the parameters: a fifth of a second, whatever the rate."""
-    return min(max(round(0.2 / sample_time), 20), 200)
+ORDERS = {"diagnose": DIAGNOSE, "add_best_effect": ADD_BEST, "undo": UNDO, "run_suggested_experiment": SUGGEST}
 
 
 class EstimatorNode(StreamNode):
@@ -55,47 +53,58 @@ class EstimatorNode(StreamNode):
         self._next_burst = 0.0
         self._period_ns = round(values["sample_time"] * SECOND)
         self._model = self._load(values.values)
-        self._recursive = self._make_recursive()
-        self._command_reader = JointReader([(self._model.input.joint, self._model.input.field)])
         columns = output_columns(self._model)
+        self._command_reader = JointReader([(self._model.input.joint, self._model.input.field)])
         self._output_reader = JointReader(columns)
-        self._packer = OutputPacker(columns)
+        self._reference_reader = JointReader([("*", "position"), ("*", "velocity")])
         self._held = HeldStream()
-        self._pending: list[tuple[int, tuple[float, ...]]] = []
-        self._commands = SampleStore(1)
-        self._outputs = SampleStore(len(columns))
+        self._pending: list[Sample] = []
+        self._book = DataBook(len(columns))
         self._command_stream = self.poll_topic(self._model.input.topic)
         self._output_stream = self.poll_topic(output_topic(self._model))
+        self._reference_stream = self.poll_topic("reference")
         self.hear_progress()
-        self._publish_prediction = self.publisher("estimator/prediction")
-        self._publish_residual = self.publisher("estimator/residual")
+        self._prediction = Prediction(
+            wanted=values["recursive"],
+            sample_time=values["sample_time"],
+            packer=OutputPacker(columns),
+            publish_prediction=self.publisher("estimator/prediction"),
+            publish_residual=self.publisher("estimator/residual"),
+        )
         self._publish_fit = self.publisher("estimator/fit")
         self._publish_parameters = self.publisher("estimator/parameters")
-        self._worker = FitWorker(queue_all=self._lockstep)
-        self._jobs = 0
-        self._first: int | None = None
+        self._worker = Worker(queue_all=self._lockstep)
+        self._jobs = itertools.count(1)
+        self._submitted = 0
+        self._fits = FitSchedule(values, self._book, self._worker, self._number)
+        self._diagnosing = Diagnosing(
+            self,
+            values,
+            self._book,
+            self._worker,
+            self._number,
+            self._model,
+            self.publisher("estimator/missing_effects"),
+            self.publisher("estimator/ladder"),
+        )
         self._last: int | None = None
-        self._next_fit: int | None = None
         self._told = -1
         self._done = False
         self._samples = RateCounter()
         self._unreadable = 0
         self._resets = 0
         self._newest_fit: FitSummary | None = None
-        self._recursion_failed = ""
+        self._adopting = False
         values.check = self._check
         values.apply = self._apply
-        self._warm_up(len(columns))
+        self._prediction.warm_up(self._model)
         self.create_service(Trigger, "~/refit", self._on_refit)
+        for name, verb in ORDERS.items():
+            self.create_service(Trigger, f"~/{name}", self._order_service(verb))
 
-    def _warm_up(self, outputs: int) -> None:
-        """Compile before the first sample: the loop would wait for it."""
-        trial = self._make_recursive()
-        if trial is None:
-            return
-        count = 2 * trial.block + 1
-        time = np.arange(count) * self.parameters["sample_time"]
-        trial.update_block(time, np.sign(np.sin(time * 50.0)), np.zeros((count, outputs)))
+    def _number(self) -> int:
+        self._submitted = next(self._jobs)
+        return self._submitted
 
     # parameters
 
@@ -109,17 +118,30 @@ class EstimatorNode(StreamNode):
             raise InputError("the outputs of another model cannot be taken over by a running estimator")
 
     def _apply(self, names: set[str]) -> None:
-        if names & {"model", "effects"}:
-            self._model = self._load(self.parameters.values)
-            self._recursive = self._make_recursive()
-            self._fit_now()
+        if self._adopting or not names & {"model", "effects"}:
+            return
+        self._model = self._load(self.parameters.values)
+        self._prediction.begin(self._model)
+        if "model" in names:
+            self._diagnosing.restart()
+            self._diagnosing.last = self._last
+        self._diagnosing.another_model(self._model)
+        self._fits.fit_now(self._model, self._last)
+        if self._last is not None:
+            self._diagnosing.desk.set_effects(self.parameters["effects"])
 
-    def _make_recursive(self) -> RecursiveEstimator | None:
-        if not self.parameters["recursive"]:
-            return None
-        # The nominal step only: every update uses the measured stamps.
-        period = self.parameters["sample_time"]
-        return RecursiveEstimator(self._model, sample_time=period, block=update_block_length(period))
+    def _adopt(self, model: Model) -> None:
+        """Go on with the model of a new step; the parameter `effects` says which that is."""
+        self._model = model
+        self._prediction.go_on(model)
+        self._diagnosing.another_model(model)
+        own = load_model(self.parameters["model"]).effect_names
+        effects = [name for name in model.effect_names if name not in own]
+        self._adopting = True
+        try:
+            self.set_parameters([Parameter("effects", value=effects or [""])])
+        finally:
+            self._adopting = False
 
     # samples
 
@@ -131,30 +153,32 @@ class EstimatorNode(StreamNode):
         if now < self._next_burst:
             return
         self._next_burst = now + 0.9 * self.poll_period
-        for data, _ in self._command_stream.take():
-            self._take_command(data)
-        for data, _ in self._output_stream.take():
-            self._take_output(data)
-        self._predict()
+        for stream, take in (
+            (self._reference_stream, self._take_reference),
+            (self._command_stream, self._take_command),
+            (self._output_stream, self._take_output),
+        ):
+            for data, _ in stream.take():
+                try:
+                    take(data)
+                except CdrError:
+                    self._unreadable += 1
         for answer in self._worker.answers():
-            self._publish_answer(answer)
+            self._take_answer(answer)
+        self._diagnosing.follow(self.progress)
+        self._predict()
         self._report()
 
+    def _take_reference(self, data: bytes) -> None:
+        self._book.announce(*self._reference_reader.read(data))
+
     def _take_command(self, data: bytes) -> None:
-        try:
-            stamp, row = self._command_reader.read(data)
-        except CdrError:
-            self._unreadable += 1
-            return
+        stamp, row = self._command_reader.read(data)
         self._held.push(stamp, row)
-        self._commands.append(stamp, row)
+        self._book.commands.append(stamp, row)
 
     def _take_output(self, data: bytes) -> None:
-        try:
-            stamp, row = self._output_reader.read(data)
-        except CdrError:
-            self._unreadable += 1
-            return
+        stamp, row = self._output_reader.read(data)
         newest = self._pending[-1][0] if self._pending else self._last
         if newest is not None and stamp <= newest:
             if newest - stamp > SECOND:
@@ -162,142 +186,101 @@ class EstimatorNode(StreamNode):
             else:
                 return
         self._pending.append((stamp, row))
-        self._outputs.append(stamp, row)
+        self._book.outputs.append(stamp, row)
 
     def _restart(self) -> None:
         """Forget everything: the clock was set back, a new run begins."""
         self._resets += 1
         self._pending.clear()
         self._held.clear()
-        self._commands.clear()
-        self._outputs.clear()
-        self._first = self._last = self._next_fit = None
-        self._recursive = self._make_recursive()
+        self._book.clear()
+        self._fits.restart()
+        self._diagnosing.restart()
+        self._last = None
+        self._prediction.begin(self._model)
+
+    @property
+    def _holding(self) -> bool:
+        """Lock-step: whether simulated time waits for a result, so that equal runs give equal results."""
+        deciding = self.parameters["auto_diagnose"] and self._worker.busy
+        return self._lockstep and (deciding or self._diagnosing.desk.busy)
 
     def _predict(self) -> None:
-        while self._pending:
+        while self._pending and not self._holding:
             count = self._certain(self._pending[:BLOCK])
             if not count:
                 return
             block, self._pending = self._pending[:count], self._pending[count:]
             self._process(block)
 
-    def _certain(self, block: list[tuple[int, tuple[float, ...]]]) -> int:
-        """Return how many samples from the start have their command, or have waited long enough for it."""
+    def _certain(self, block: list[Sample]) -> int:
+        """Return how many samples from the start have their command, or have waited long enough for it.
+
+        A sample that completes a window or an experiment is the last of its block.
+        """
         newest_command = self._held.newest
         patience = block[-1][0] - COMMAND_WAIT * self._period_ns if not self._lockstep else -1
         limit = patience if newest_command is None else max(newest_command, patience)
-        return sum(stamp <= limit for stamp, _ in block)
+        count = sum(stamp <= limit for stamp, _ in block)
+        for due in (self._fits.due, self._diagnosing.due):
+            if due is not None:
+                count = min(count, 1 + sum(stamp < due - self._period_ns * 3 // 2 for stamp, _ in block))
+        return count
 
-    def _process(self, block: list[tuple[int, tuple[float, ...]]]) -> None:
-        if self._first is None:
-            self._first = block[0][0]
-        self._last = block[-1][0]
+    def _process(self, block: list[Sample]) -> None:
+        if self._book.first is None:
+            self._book.first = block[0][0]
+        self._last = self._diagnosing.last = block[-1][0]
         self._samples.count += len(block)
-        if self._recursive is not None and not self._recursion_failed:
-            self._publish_block(self._recursive, block)
-        self._schedule_fits()
+        healthy = not self._prediction.failure
+        self._prediction.take(self._book.first, block, [self._held.at(stamp) for stamp, _ in block])
+        if healthy and self._prediction.failure:
+            self.get_logger().error(self._prediction.failure)
+        self._fits.follow(self._model, self._last)
+        self._diagnosing.follow(self.progress)
+        self._forget(self._last)
 
-    def _publish_block(self, recursive: RecursiveEstimator, block: list[tuple[int, tuple[float, ...]]]) -> None:
-        origin = block[0][0] if self._first is None else self._first
-        held = [self._held.at(stamp) for stamp, _ in block]
-        time = np.array([stamp - origin for stamp, _ in block]) / SECOND
-        command = np.array([0.0 if one is None else one[1][0] for one in held])
-        measured = np.array([row for _, row in block])
-        try:
-            prediction = recursive.update_block(time, command, measured)
-        except (IdloopError, ArithmeticError, np.linalg.LinAlgError) as error:
-            self._recursion_failed = f"prediction stopped: {error}"
-            self.get_logger().error(self._recursion_failed)
-            return
-        residual = measured - prediction
-        for (stamp, _), expected, rest in zip(block, prediction.tolist(), residual.tolist(), strict=True):
-            self._publish_prediction(self._packer.pack(stamp, expected))
-            self._publish_residual(self._packer.pack(stamp, rest))
+    def _forget(self, last: int) -> None:
+        window, validation = self._fits.spans
+        longest = max(window, round(self.parameters["diagnose_window"] * SECOND)) + validation
+        oldest = last - max(longest, round(self.parameters["fit_period"] * SECOND)) - 2 * SECOND
+        needed = self._diagnosing.oldest
+        self._book.forget(oldest if needed is None else min(oldest, needed))
 
-    # fits
-
-    def _span(self) -> tuple[int, int]:
-        return round(self.parameters["window"] * SECOND), round(self.parameters["validation"] * SECOND)
-
-    def _schedule_fits(self) -> None:
-        window, validation = self._span()
-        period = round(self.parameters["fit_period"] * SECOND)
-        if not period or self._first is None or self._last is None:
-            return
-        if self._next_fit is None:
-            self._next_fit = self._first + window + validation
-        # A window ends with the sample before its end stamp; half a period keeps rounding out.
-        while self._last + self._period_ns // 2 >= self._next_fit - self._period_ns:
-            self._submit(self._next_fit - validation - window, self._next_fit - validation, self._next_fit)
-            self._next_fit += period
-        keep = max(window + validation, period) + 2 * SECOND
-        self._commands.forget(self._last - keep)
-        self._outputs.forget(self._last - keep)
-
-    def _fit_now(self) -> str:
-        """Fit what there is, a third of it kept for the judgement; return what was started."""
-        if self._first is None or self._last is None:
-            return "no samples yet"
-        window, validation = self._span()
-        end = self._last + self._period_ns
-        have = min(end - self._first, window + validation)
-        cut = end - have * validation // (window + validation)
-        return self._submit(end - have, cut, end)
-
-    def _submit(self, start: int, cut: int, end: int) -> str:
-        fit_record, validation_record = self._record(start, cut), self._record(cut, end)
-        if min(fit_record.time.size, validation_record.time.size) < SHORTEST:
-            return "too few samples"
-        self._jobs += 1
-        self._worker.submit(
-            FitJob(
-                self._jobs,
-                self._model,
-                self.parameters["criterion"],
-                fit_record,
-                validation_record,
-                (start, cut),
-                (cut, end),
-            )
-        )
-        return f"fit {self._jobs} of {(cut - start) / SECOND:.1f} s, judged on {(end - cut) / SECOND:.1f} s"
-
-    def _record(self, start: int, stop: int) -> Record:
-        command_stamps, command = self._commands.window(start, stop, before=True)
-        stamps, output = self._outputs.window(start, stop)
-        model = self._model
-        return Record(
-            name=f"{(start - (self._first or 0)) / SECOND:g} s",
-            input_time=(command_stamps - start) / SECOND,
-            input=command[:, 0],
-            time=(stamps - start) / SECOND,
-            output=output,
-            input_name=model.input.name,
-            input_unit=model.input.unit,
-            output_names=tuple(model.output_names),
-            output_units=tuple(output.unit for output in model.outputs),
-            start_ns=start,
-        )
+    # services and results
 
     def _on_refit(self, request: Any, response: Any) -> Any:
-        response.message = self._fit_now()
+        response.message = self._fits.fit_now(self._model, self._last)
         response.success = response.message.startswith("fit")
         return response
 
-    def _publish_answer(self, answer: FitAnswer) -> None:
+    def _order_service(self, verb: str) -> Any:
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                response.message, response.success = self._diagnosing.order(verb), True
+            except InputError as error:
+                response.message, response.success = str(error), False
+            return response
+
+        return answer
+
+    def _take_answer(self, answer: FitAnswer | DiagnosisAnswer) -> None:
+        if isinstance(answer, DiagnosisAnswer):
+            self._diagnosing.take(answer, self._adopt)
+            return
         name, stamp = self.get_name(), answer.summary.validation_window[1] - self._period_ns
         self._newest_fit = answer.summary
         statuses = fit_to_statuses(name, answer.summary)
         self._publish_fit(encode_diagnostics(stamp, statuses))
-        if answer.parameters:
-            parameters = parameters_to_statuses(name, answer.parameters)
-            self._publish_parameters(encode_diagnostics(stamp, parameters))
-            self.get_logger().info(
-                f"{statuses[0].message}: " + ", ".join(f"{p.hardware_id} = {p.message}" for p in parameters)
-            )
-        else:
+        if not answer.parameters:
             self.get_logger().warning(f"no fit: {answer.summary.error}")
+            return
+        parameters = parameters_to_statuses(name, answer.parameters)
+        self._publish_parameters(encode_diagnostics(stamp, parameters))
+        self.get_logger().info(
+            f"{statuses[0].message}: " + ", ".join(f"{p.hardware_id} = {p.message}" for p in parameters)
+        )
+        self._diagnosing.look(answer.summary)
 
     # progress and health
 
@@ -309,7 +292,9 @@ class EstimatorNode(StreamNode):
             self._told = last
             self.tell_progress(last)
         end = self.progress.end
-        if end is not None and not self._done and last >= end and not self._worker.busy:
+        if end is None or self._done or last < end:
+            return
+        if not self._worker.busy and not self._diagnosing.desk.busy:
             self._done = True
             self.tell_progress(last, DONE)
 
@@ -318,7 +303,7 @@ class EstimatorNode(StreamNode):
         self._worker.close()
 
     def health(self) -> list[Status]:
-        """Return rates, what waits, and the newest fit."""
+        """Return rates, what waits, the newest fit, and what is being worked out."""
         rate = self._samples.rate()
         values = {
             "samples": str(self._samples.count),
@@ -328,17 +313,18 @@ class EstimatorNode(StreamNode):
             "restarts": str(self._resets),
         }
         fits = {
-            "submitted": str(self._jobs),
+            "submitted": str(self._submitted),
             "skipped": str(self._worker.skipped),
             "worker_failures": str(self._worker.failures),
         }
         fit = self._newest_fit
         text = "no fit yet" if fit is None else fit_to_statuses("", fit)[0].message
         level = Level.WARN if self._worker.failures or (fit is not None and fit.error) else Level.OK
-        prediction = self._recursion_failed or f"{rate:.0f} samples/s"
+        failure = self._prediction.failure
         return [
-            Status("prediction", prediction, Level.ERROR if self._recursion_failed else Level.OK, values),
+            Status("prediction", failure or f"{rate:.0f} samples/s", Level.ERROR if failure else Level.OK, values),
             Status("fits", text, level, fits),
+            self._diagnosing.health(),
         ]
 
 

@@ -1,0 +1,203 @@
+"""What the worker knows of a model: its ladder, and what the newest diagnosis would add. Calls the library, no more."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from idloop.diagnose import Ladder, Step, add_effect, diagnose, refine
+from idloop.diagnose.errors import model_errors
+from idloop.errors import InputError
+from idloop.physics import parse_effect
+from idloop.validate import compare
+from idloop_nodes.diagnosis_jobs import DiagnosisAnswer, DiagnosisJob
+from idloop_nodes.summaries import summarise_diagnosis, summarise_ladder
+from idloop_nodes.worker import Report
+
+if TYPE_CHECKING:
+    from idloop.diagnose import Candidate
+    from idloop.physics import Model
+
+
+@dataclass
+class Notebook:
+    """Ladder and newest findings; every method carries out one order.
+
+    Attributes
+    ----------
+    ladder : Ladder or None
+        None before the first order.
+    findings : dict of str to Candidate
+        Effects that the newest diagnosis cannot tell apart, the best first.
+    suggested : dict or None
+        The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation is told.
+    """
+
+    ladder: Ladder | None = None
+    findings: dict[str, Candidate] = field(default_factory=dict)
+    suggested: dict[str, Any] | None = None
+
+    def diagnose(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+        """Find out what is missing."""
+        found = diagnose(
+            job.model,
+            job.records,
+            level=job.level,
+            criterion=job.criterion,
+            effects=job.catalogue or None,
+            seed=job.seed,
+            progress=report,
+        )
+        self.findings = {one.name: one for one in found.candidates if one.name in found.set}
+        self.suggested = None
+        if self.ladder is None:
+            self.ladder = Ladder((_step(found.model, job),), criterion=found.criterion, level=job.level)
+        else:
+            self.ladder = _measured_anew(self.ladder, job)
+        self.ladder = replace(
+            self.ladder,
+            verdict=found.verdict,
+            candidates=tuple(replace(one, model=None) for one in found.candidates),
+            untestable=found.untestable,
+            findings=found.gate.findings,
+            unknown=found.unknown,
+        )
+        where = compare(self.ladder.model, job.validation[-1]).where.lines() if job.validation else []
+        return self._answer(job, missing=summarise_diagnosis(found, where, job.windows))
+
+    def add_best_effect(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+        """Add what the newest diagnosis names first."""
+        if self.ladder is None or not self.findings:
+            raise InputError("no effect is known to be missing: diagnose first")
+        best = next(iter(self.findings.values()))
+        climbed = refine(
+            self.ladder.model,
+            job.records,
+            job.validation,
+            level=job.level,
+            criterion=job.criterion,
+            effects=[best.name],
+            seed=job.seed,
+            most=len(self.ladder.added) + 1,
+            ladder=self.ladder,
+            progress=report,
+        )
+        if best.name not in climbed.added and best.model is not None:
+            climbed = replace(self.ladder, steps=(*self.ladder.steps, _step(best.model, job, best)))
+        # The evidence is that of the whole catalogue.
+        last = climbed.steps[-1]
+        if last.added is not None:
+            added = replace(last.added, p_value=best.p_value, explains=best.explains, why=best.why)
+            last = replace(last, added=added, set=tuple(self.findings), p_value=best.p_value)
+        return self._climb(job, replace(climbed, steps=(*climbed.steps[:-1], last)))
+
+    def undo(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+        """Take the last step back."""
+        if self.ladder is None:
+            raise InputError("there is no step to take back")
+        return self._climb(job, self.ladder.undo())
+
+    def effects(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+        """Climb to exactly the effects of the order, from the highest step that has none but these."""
+        names = ["@".join(parse_effect(text)[:2]) for text in job.effects]
+        ladder = self.ladder
+        if ladder is None:
+            # The job's model has the effects already; the ladder begins without them.
+            start = job.model
+            for name in names:
+                start = start.without_effect(name)
+            ladder = refine(
+                start,
+                job.records,
+                job.validation,
+                level=job.level,
+                criterion=job.criterion,
+                effects=job.catalogue or None,
+                seed=job.seed,
+                most=0,
+                progress=report,
+            )
+        own = set(ladder.steps[0].model.effect_names)
+        while len(ladder.steps) > 1 and not set(ladder.model.effect_names) - own <= set(names):
+            ladder = ladder.undo()
+        for text, name in zip(job.effects, names, strict=True):
+            if name not in ladder.model.effect_names:
+                ladder = add_effect(ladder, text, job.records, job.validation, seed=job.seed, progress=report)
+        return self._climb(job, ladder)
+
+    def suggest(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+        """Work out the experiment that best separates what ties."""
+        from idloop.diagnose.suggest import Limits, suggest
+
+        if self.ladder is None:
+            raise InputError("nothing is undecided: diagnose first")
+        limits = job.limits
+        position = None
+        if limits.position_min is not None and limits.position_max is not None:
+            position = limits.position_min, limits.position_max
+        command = limits.amplitude if limits.adds_to == "command" else None
+        found = suggest(
+            [one.model for one in self.findings.values() if one.model is not None],
+            job.records,
+            Limits(command=command, position=position, velocity=limits.velocity),
+            seed=job.seed,
+            start=_newest_position(job),
+            adds_to=limits.adds_to,
+            progress=report,
+        )
+        self.suggested = found.to_dict()
+        shift = found.start if limits.absolute else 0.0
+        self.suggested["experiment"] = {"signal": _for_excitation(found.signal, shift), "adds_to": found.adds_to}
+        return self._answer(job)
+
+    # answers
+
+    def _climb(self, job: DiagnosisJob, ladder: Ladder) -> DiagnosisAnswer:
+        self.ladder = replace(ladder, candidates=(), suggested_experiment=None)
+        self.findings, self.suggested = {}, None
+        return self._answer(job, model=ladder.model)
+
+    def _answer(self, job: DiagnosisJob, **more: Any) -> DiagnosisAnswer:
+        ladder = None
+        if self.ladder is not None:
+            ladder = summarise_ladder(self.ladder, self.suggested, job.experiments)
+        return DiagnosisAnswer(job.number, job.verb, job.stamp, pickle.dumps(self), ladder=ladder, **more)
+
+
+def _step(model: Model, job: DiagnosisJob, added: Candidate | None = None) -> Step:
+    return Step(
+        added=added, model=model, train=model_errors(model, job.records), validation=model_errors(model, job.validation)
+    )
+
+
+def _measured_anew(ladder: Ladder, job: DiagnosisJob) -> Ladder:
+    """New data may have come in: every step is judged on the same."""
+    if len(ladder.steps[-1].train.get("records", {})) == len(job.records):
+        return ladder
+    steps = []
+    for step in ladder.steps:
+        errors = model_errors(step.model, job.records), model_errors(step.model, job.validation)
+        steps.append(replace(step, train=errors[0], validation=errors[1]))
+    return replace(ladder, steps=tuple(steps))
+
+
+def _newest_position(job: DiagnosisJob) -> float | None:
+    """Position at which the axis is, as far as the data tell."""
+    import numpy as np
+
+    for column, output in enumerate(job.model.outputs):
+        if output.field == "position" and output.body == job.model.bodies[0] and job.validation:
+            measured = job.validation[-1].output[:, column]
+            known = measured[np.isfinite(measured)]
+            return float(known[-1]) / output.scale if len(known) else None
+    return None
+
+
+def _for_excitation(signal: Mapping[str, Any], shift: float) -> dict[str, Any]:
+    """The signal as the excitation node builds it, on its own period, around where the axis is."""
+    told = {name: value for name, value in signal.items() if name != "sample_time" and value is not None}
+    if shift:
+        told["offset"] = told.get("offset", 0.0) + shift
+    return told
