@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from idloop.validate.breakdown import Breakdown, break_down, sums
-from idloop.validate.edges import MOST_BINS, decade_edges, level_edges, round_edges, since_edges
+from idloop.validate.edges import MOST_BINS, decade_edges, few_levels, level_edges, round_edges, since_edges
 
 N = 80
 VALUES = arrays(float, N, elements=st.floats(-1e3, 1e3, allow_subnormal=False))
@@ -150,11 +150,12 @@ def test_standing_gets_its_own_bin() -> None:
 
 
 def test_few_levels_are_told_apart() -> None:
-    edges = level_edges(np.array([-1.0, 0.0, 2.0, 2.0, -1.0]))
-    assert edges is not None
-    np.testing.assert_allclose(edges, [-1.5, -0.5, 1.0, 3.0])
-    assert level_edges(np.linspace(0.0, 1.0, 100)) is None
-    assert level_edges(np.zeros(5)) is None
+    levels = few_levels(np.array([-1.0, 0.0, 2.0, 2.0 + 1e-12, -1.0]))
+    assert levels is not None
+    np.testing.assert_allclose(levels, [-1.0, 0.0, 2.0])
+    np.testing.assert_allclose(level_edges(levels), [-1.5, -0.5, 1.0, 3.0])
+    assert few_levels(np.linspace(0.0, 1.0, 100)) is None
+    assert few_levels(np.zeros(5)) is None
 
 
 @given(st.floats(1e-4, 1e3), st.floats(1.1, 1e5))

@@ -120,3 +120,25 @@ def test_emps_without_dry_friction_misses_the_force(emps: Callable[[str, Model],
     first = force_error(result.model, train)
     assert first.relative == pytest.approx(0.18, abs=0.01)
     assert force_error(result.model, pulses, first.cutoff).relative == pytest.approx(0.18, abs=0.01)
+
+
+def test_a_hole_in_the_record_is_no_missing_force() -> None:
+    model, record = servo()
+    whole = force_error(model, record, 40.0)
+    keep = (record.time < 3.0) | (record.time > 3.6)
+    cut = replace(record, time=record.time[keep], output=record.output[keep])
+    lost = record.output.copy()
+    lost[~keep & (record.time < 3.3)] = np.nan
+    for holed in (cut, replace(record, output=lost)):
+        found = force_error(model, holed, 40.0)
+        assert found.relative < 1.5 * whole.relative
+        assert not np.any((found.time > 3.0) & (found.time < 3.3))
+
+
+def test_forces_stand_at_the_instants_of_the_motion() -> None:
+    model, record = servo()
+    found = force_error(model, record)
+    assert np.all(np.isin(found.time, record.time))
+    # The command is the applied force over the gain, but for the band limit.
+    gain = model.values["drive.gain"]
+    assert np.linalg.norm(gain * found.command - found.applied) < 0.02 * np.linalg.norm(found.applied)

@@ -50,6 +50,14 @@ def test_stretches_are_disjoint_and_hold_what_they_say(error: np.ndarray) -> Non
         assert s.rms == pytest.approx(np.sqrt(np.mean(error[inside] ** 2)))
 
 
+def test_a_stretch_ends_at_a_hole() -> None:
+    error = np.where((TIME > 4.8) & (TIME < 7.2), 1.0, 1e-3)
+    keep = (TIME < 5.0) | (TIME > 7.0)
+    found = worst_stretches(error[keep], doing().at(TIME[keep]), 0)
+    assert all(s.stop < 5.0 or s.start > 7.0 for s in found)
+    assert {round(s.start, 1) for s in found[:2]} == {4.8, 7.0}
+
+
 def test_no_error_has_no_worst_stretch() -> None:
     assert worst_stretches(np.zeros(len(TIME)), doing(), 0) == ()
 

@@ -139,6 +139,8 @@ def _motion(place: Array | None, speed: Array | None, step: float) -> tuple[Arra
         raw, density, power = differentiate(place, step), noise_std(place) * TURN * np.sqrt(2.0 * step / 3.0), 1.5
     else:
         raise ValueError("neither position nor velocity")
+    if not np.any(raw):
+        return place, raw, 0.0
     cutoff = min(_FILTER_RATIO * excitation_band(raw, step), 0.45 / step)
     velocity = low_pass(raw, cutoff, step)
     typical = np.sqrt(max(float(np.mean(velocity**2)) - (density * cutoff**power) ** 2, 0.0))

@@ -14,12 +14,17 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.force import balance_of, thin
+from idloop.estimate.motion import body_sensors, uniform
 
 if TYPE_CHECKING:
+    from idloop.estimate.dataset import Data
     from idloop.physics import Model
     from idloop.records import Record
 
 Array = NDArray[np.float64]
+
+# A sensor silent for longer than this many steps leaves a hole; its filtered edges reach this many periods of the band.
+_LONGEST_BRIDGE, _MARGIN = 5.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -91,8 +96,9 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     """
     from idloop.physics import Engine
 
-    engine = Engine(model)
-    balance = balance_of(engine, prepare(model, [record])[0], None, cutoff)
+    engine, data = Engine(model), prepare(model, [record])[0]
+    with np.errstate(invalid="ignore", divide="ignore"):  # a sensor that never changes has no spectrum
+        balance = balance_of(engine, data, None, cutoff)
     if balance is None:
         raise InputError(
             f"record {record.name!r}: the force error needs position or velocity of every body at a steady rate"
@@ -104,6 +110,10 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     # The filter leaves a straight line as it is, so the sample numbers tell which instants are kept.
     forces = thin(np.column_stack([applied, required, np.arange(len(m.time))]), m)
     kept = np.rint(forces[:, 2]).astype(np.int64)
+    seen = ~_in_holes(m.time[kept], model, data, _MARGIN / m.comparison_band)
+    if np.sum(seen) < 2:
+        raise InputError(f"record {record.name!r}: the motion is measured with too many gaps for the force error")
+    forces, kept = forces[seen], kept[seen]
     size = float(np.linalg.norm(forces[:, 0]))
     if size <= 0.0:
         raise InputError(f"record {record.name!r}: no drive force was applied")
@@ -117,3 +127,15 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         band=m.comparison_band,
         noise_share=float(np.max(m.noise_share)),
     )
+
+
+def _in_holes(time: Array, model: Model, data: Data, margin: float) -> NDArray[np.bool_]:
+    """Instants at which the motion was bridged because a sensor was silent, and as far around as the filters reach."""
+    inside = np.zeros(len(time), dtype=bool)
+    for row in {row for pair in body_sensors(model) for row in pair if row is not None}:
+        if uniform(data.time, data.output[:, row]) is None:  # too sparse to have been used
+            continue
+        known = data.time[np.isfinite(data.output[:, row])]
+        for hole in np.flatnonzero(np.diff(known) > _LONGEST_BRIDGE * data.sample_time):
+            inside |= (time > known[hole] - margin) & (time < known[hole + 1] + margin)
+    return inside

@@ -52,11 +52,17 @@ def round_edges(values: Array, floor: float = 0.0) -> Array:
     return np.concatenate([np.round([first], digits), inner, np.round([last], digits)])
 
 
-def level_edges(values: Array) -> Array | None:
-    """Edges midway between the few levels of a signal; None when it has more than a dozen."""
+def few_levels(values: Array) -> Array | None:
+    """Levels of a signal that has no more than a dozen; None when it has more, or only one."""
     levels = np.unique(values)
-    if not 1 < len(levels) <= MOST_BINS:
-        return None
+    # What only rounding tells apart is one level.
+    apart = np.diff(levels, prepend=-np.inf) > 1e-6 * (levels[-1] - levels[0])
+    levels = levels[apart]
+    return levels if 1 < len(levels) <= MOST_BINS else None
+
+
+def level_edges(levels: Array) -> Array:
+    """Edges midway between levels, at least two of them."""
     middle = 0.5 * (levels[1:] + levels[:-1])
     return np.concatenate([[2.0 * levels[0] - middle[0]], middle, [2.0 * levels[-1] - middle[-1]]])
 

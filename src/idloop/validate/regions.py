@@ -40,8 +40,8 @@ def since_reversal(time: Array, direction: Array) -> tuple[Array, NDArray[np.int
     time : array, shape (n,)
         Instants [s].
     direction : array, shape (n,)
-        Result of `direction_of`. Standing still between two stretches of one direction is no reversal; the
-        first start from rest counts as one.
+        Result of `direction_of`. Standing still between two stretches of one direction is no reversal, nor is
+        the first start from rest.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def since_reversal(time: Array, direction: Array) -> tuple[Array, NDArray[np.int
     # The last direction of motion, carried through standing still.
     index = np.maximum.accumulate(np.where(direction != 0.0, np.arange(len(direction)), 0))
     last = direction[index]
-    turns = np.flatnonzero(np.diff(last) != 0.0) + 1
+    turns = np.flatnonzero((np.diff(last) != 0.0) & (last[:-1] != 0.0)) + 1
     since = np.full(len(direction), np.inf)
     if len(turns):
         previous = np.searchsorted(turns, np.arange(len(direction)), side="right") - 1

@@ -21,8 +21,10 @@ _WINDOW_SAMPLES = 5
 _DEPTH = 0.25
 # but no further than this share of the record.
 _LONGEST = 0.1
+# Samples further apart than so many usual steps belong to no common stretch.
+_HOLE = 5.0
 # A stretch stands out when its mean square error is so many times that of the record and it holds so much of it.
-_DENSER, _WORTH = 1.5, 0.01
+_DENSER, _WORTH = 2.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -115,12 +117,14 @@ def worst_stretches(error: Array, doing: Doing, start_ns: int, most: int = 5) ->
     density = (area[high] - area[low]) / (high - low)
     free = np.ones(n, dtype=bool)
     longest = max(int(_LONGEST * n), window)
+    steps = np.diff(doing.time)
+    joined = steps <= _HOLE * np.median(steps)
     found: list[Stretch] = []
     for _ in range(most):
         peak = int(np.argmax(np.where(free, density, -1.0)))
         if not free[peak] or density[peak] <= 0.0:
             break
-        first, last = _reach(density, free, peak, longest)
+        first, last = _reach(density, free, joined, peak, longest)
         # What the window smeared out to either side is this stretch's too.
         free[max(first - half, 0) : last + 1 + half] = False
         share = float(np.sum(square[first : last + 1])) / float(area[-1])
@@ -140,13 +144,15 @@ def worst_stretches(error: Array, doing: Doing, start_ns: int, most: int = 5) ->
     return tuple(sorted(found, key=lambda s: -s.error))
 
 
-def _reach(density: Array, free: NDArray[np.bool_], peak: int, longest: int) -> tuple[int, int]:
+def _reach(
+    density: Array, free: NDArray[np.bool_], joined: NDArray[np.bool_], peak: int, longest: int
+) -> tuple[int, int]:
     """First and last sample of the stretch around a peak."""
     inside = free & (density >= _DEPTH * density[peak])
     first = last = peak
     while last + 1 - first < longest:
-        before = first > 0 and inside[first - 1]
-        after = last + 1 < len(inside) and inside[last + 1]
+        before = first > 0 and inside[first - 1] and joined[first - 1]
+        after = last + 1 < len(inside) and inside[last + 1] and joined[last]
         if not before and not after:
             break
         # Towards the denser side first, in case the longest stretch is reached.

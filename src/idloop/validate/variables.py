@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from idloop.validate.breakdown import Breakdown, break_down, sums
 from idloop.validate.doing import Doing
-from idloop.validate.edges import MOST_BINS, level_edges, round_edges, since_edges
+from idloop.validate.edges import MOST_BINS, few_levels, level_edges, round_edges, since_edges
 from idloop.validate.spectrum import by_frequency
 
 Array = NDArray[np.float64]
@@ -54,7 +54,10 @@ def break_down_all(error: Array, signal: Array, doing: Doing) -> tuple[tuple[Bre
     else:
         edges = round_edges(doing.velocity, doing.floor)
         unit = f"{doing.position_unit}/s"
-        found.append(break_down("velocity", f"velocity of {doing.body}", unit, doing.velocity, error, edges))
+        if np.ptp(doing.velocity) > 0.0:
+            found.append(break_down("velocity", f"velocity of {doing.body}", unit, doing.velocity, error, edges))
+        else:
+            left_out["velocity"] = "the velocity never changes"
         found.append(_by_direction(error, doing.direction, doing.body))
         if np.any(np.isfinite(doing.since)):
             found.append(_by_since(error, doing.since))
@@ -66,7 +69,7 @@ def break_down_all(error: Array, signal: Array, doing: Doing) -> tuple[tuple[Bre
         found.append(_by_position(error, doing))
     else:
         left_out["position"] = "the position never changes"
-    if np.ptp(doing.command) > 0.0:
+    if np.ptp(doing.command) > 1e-9 * np.max(np.abs(doing.command)):
         found.append(_by_command(error, doing))
     else:
         left_out["command"] = "the command never changes"
@@ -96,9 +99,6 @@ def _by_position(error: Array, doing: Doing) -> Breakdown:
 
 
 def _by_command(error: Array, doing: Doing) -> Breakdown:
-    edges, levels = level_edges(doing.command), None
-    if edges is None:
-        edges = round_edges(doing.command)
-    else:
-        levels = np.unique(doing.command)
+    levels = few_levels(doing.command)
+    edges = round_edges(doing.command) if levels is None else level_edges(levels)
     return break_down("command", "command", doing.command_unit, doing.command, error, edges, levels=levels)
