@@ -1,0 +1,216 @@
+"""The next experiment: within stated limits, the one that best tells rival models apart.
+
+Its worth is the log-likelihood by which the right model is expected to lead the closest other one, computed
+with the rivals themselves: each in turn is taken as the truth, and the others are refitted to what it would do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from idloop.diagnose.experiment import COMMAND, REFERENCE, Experiment
+from idloop.diagnose.suggest_limits import Limits, follows_reference, motion
+from idloop.diagnose.suggest_rivals import Rival, prepare_rivals
+from idloop.diagnose.suggest_search import Choice, Search, Setup
+from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, outcomes_of
+from idloop.errors import IdloopError, InputError
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+__all__ = ["Limits", "Outcome", "Suggestion", "suggest"]
+
+SCHEMA = "idloop/suggest/1"
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """An experiment and what to expect of it.
+
+    Attributes
+    ----------
+    signal : dict
+        For ``build_signal(**signal)``.
+    adds_to : {"command", "reference"}
+        Where the signal goes; the reference is held at `start` otherwise.
+    duration : float
+        [s]
+    discrimination : float
+        Expected difference in log-likelihood of the two closest rivals: geometric mean of the cases that the
+        one and that the other is right.
+    outcomes : tuple of Outcome
+        What to expect if each rival is right.
+    text : str
+        One or two sentences.
+    limits : Limits
+        Within which it was chosen.
+    start : float
+        Position at rest at which it begins [position unit].
+    controller : dict or None
+        Of the loop that it was computed for.
+    sample_time : float
+        Of the measurements [s].
+    """
+
+    signal: dict[str, Any]
+    adds_to: str
+    duration: float
+    discrimination: float
+    outcomes: tuple[Outcome, ...]
+    text: str
+    limits: Limits
+    start: float
+    controller: dict[str, Any] | None
+    sample_time: float
+
+    @property
+    def experiment(self) -> Experiment:
+        """To simulate it with any model."""
+        return Experiment(self.signal, self.adds_to, self.controller, self.start, self.sample_time)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {
+            "signal": dict(self.signal),
+            "adds_to": self.adds_to,
+            "duration": self.duration,
+            "discrimination": self.discrimination,
+            "outcomes": [outcome.to_dict() for outcome in self.outcomes],
+            "text": self.text,
+            "limits": self.limits.to_dict(),
+            "start": self.start,
+        }
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+        lines = [describe_signal(self.signal, self.adds_to), self.text]
+        return "\n".join([*lines, *(f"  {outcome.text}" for outcome in self.outcomes)])
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def suggest(
+    rivals: Sequence[Model],
+    records: Sequence[Record],
+    limits: Limits | None = None,
+    *,
+    duration: float | None = None,
+    seed: int = 0,
+    start: float | None = None,
+    adds_to: str | None = None,
+    progress: Callable[[float, str], None] | None = None,
+) -> Suggestion:
+    """Choose the experiment that best separates rival models.
+
+    Parameters
+    ----------
+    rivals : sequence of Model
+        Two or more, each fitted to the records.
+    records : sequence of Record
+        The data so far.
+    limits : Limits, optional
+        What the experiment may do; what is not given is the largest seen in the records.
+    duration : float, optional
+        Length [s]; chosen when left out.
+    seed : int
+        Equal seeds give equal suggestions.
+    start : float, optional
+        Position at which the axis will rest before [position unit]; where the last record starts by default.
+    adds_to : {"command", "reference"}, optional
+        By default the reference when one was recorded, else the command.
+    progress : callable, optional
+        Called with the share done in [0, 1] and a short text.
+
+    Returns
+    -------
+    Suggestion
+
+    Raises
+    ------
+    InputError
+        Fewer than two rivals, rivals that do not suit each other or the records, a closed loop without its
+        controller, or limits within which nothing can move.
+    """
+    if len(rivals) < 2:
+        raise InputError("a suggestion needs at least two rival models to tell apart")
+    tell = progress or (lambda share, text: None)
+    tell(0.0, "what the data so far say")
+    prepared = prepare_rivals(rivals, records)
+    setup = _setup(prepared, records, limits or Limits(), start, adds_to, seed)
+    search = Search(prepared, setup, duration, lambda share, text: tell(0.05 + 0.9 * share, text))
+    choice = search.best()
+    if choice is None:
+        raise InputError("limits: no experiment keeps every rival inside them; widen the position range or velocity")
+    tell(0.97, "expected outcomes")
+    return _suggestion(prepared, setup, choice)
+
+
+def _suggestion(rivals: Sequence[Rival], setup: Setup, choice: Choice) -> Suggestion:
+    experiment = setup.experiment(choice.design, choice.level, choice.duration)
+    outcomes = outcomes_of(rivals, experiment, choice.gains)
+    return Suggestion(
+        dict(experiment.signal),
+        setup.adds_to,
+        experiment.duration,
+        float(choice.score),
+        outcomes,
+        describe(rivals, experiment, setup.limits, choice.score),
+        setup.limits,
+        setup.start,
+        dict(setup.controller) if setup.controller is not None else None,
+        setup.sample_time,
+    )
+
+
+def _setup(
+    rivals: Sequence[Rival],
+    records: Sequence[Record],
+    limits: Limits,
+    start: float | None,
+    adds_to: str | None,
+    seed: int,
+) -> Setup:
+    model = rivals[0].model
+    closed = any(follows_reference(record) for record in records)
+    target = adds_to or (REFERENCE if closed else COMMAND)
+    controller: Mapping[str, Any] | None = model.controller if closed or target == REFERENCE else None
+    if target == REFERENCE and controller is None:
+        raise InputError(
+            f"model {model.name}: the records follow a reference, but the model file has no controller section; "
+            "add it, so that the closed loop can be simulated"
+        )
+    noise = rivals[0].noise
+    complete = limits.completed(model, records)
+    if start is None:
+        place, _ = motion(model, records[-1])
+        start = float(np.mean(place[:3])) if place.size and _measures_position(model) else 0.0
+    if complete.position is not None:
+        start = float(np.clip(start, *complete.position))
+    signal_time = noise.sample_time
+    if controller is not None:
+        signal_time = float(controller["sample_time"])
+    else:
+        periods = np.concatenate([np.diff(record.input_time) for record in records])
+        period = float(np.median(periods)) if len(periods) else noise.sample_time
+        if 0.05 * noise.sample_time <= period <= 20.0 * noise.sample_time:
+            signal_time = period
+    return Setup(
+        target, dict(controller) if controller is not None else None, start, _tidy(signal_time),
+        _tidy(noise.sample_time), complete, seed,
+    )  # fmt: skip
+
+
+def _measures_position(model: Model) -> bool:
+    return any(output.field == "position" for output in model.outputs)
+
+
+def _tidy(seconds: float) -> float:
+    """Sample time without the jitter of stamps."""
+    value = float(f"{seconds:.3g}")
+    if value <= 0.0:
+        raise IdloopError("the records have no sample time")
+    return value

@@ -1,0 +1,258 @@
+"""One noise model for all rivals, read off the data so far, and the observers that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.suggest_transfer import transfer
+from idloop.errors import IdloopError
+from idloop.estimate.dataset import Data, output_groups, output_noise
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.greybox import force_scale
+from idloop.estimate.innovations import LEAST_EXPONENT, MOST_EXPONENT, InnovationCriterion
+from idloop.estimate.observer import discretise
+from idloop.estimate.problem import Problem
+from idloop.estimate.settling import SettlingObserver, settling_observer
+from idloop.estimate.whitening import Whitener, choose_order, fit_whitener
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine, Model
+
+Array = NDArray[np.float64]
+
+# Lags of the common noise model at most; more only cost time.
+_MOST_LAGS = 8
+# Decades of the disturbance's intensity that are tried where no model states it.
+_EXPONENTS = (-12.0, -10.0, -8.0, -6.0, -4.0, -2.0, 0.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is left of the data so far when a model is right; the same for all rivals.
+
+    Attributes
+    ----------
+    groups : list of list of int
+        Outputs that are measured together.
+    every : list of int
+        Each group is measured at every so many-th instant.
+    whiteners : list of Whitener
+        Colour of the innovations, by group.
+    weights : list of array
+        Inverse Cholesky factor of the whitened innovations' covariance, by group.
+    sensors : array, shape (p,)
+        Measurement noise [output unit].
+    intensity : float
+        Of the disturbance force [force²/s].
+    exponent : float
+        The same in the decades of the innovation criterion.
+    force : float
+        Typical drive force.
+    sample_time : float
+        Of the measurements [s].
+    """
+
+    groups: list[list[int]]
+    every: list[int]
+    whiteners: list[Whitener]
+    weights: list[Array]
+    sensors: Array
+    intensity: float
+    exponent: float
+    force: float
+    sample_time: float
+
+    def scaled(self, errors: Sequence[Sequence[Array]]) -> Array:
+        """Errors by group and record as one vector, white and of unit variance."""
+        rows = zip(errors, self.whiteners, self.weights, strict=True)
+        return np.concatenate([(white.apply(e) @ weight.T).ravel() for group, white, weight in rows for e in group])
+
+    def lengths(self, samples: int) -> list[tuple[int, int]]:
+        """Samples and outputs of each group in the vector of an experiment."""
+        counts = [-(-samples // step) - white.order for step, white in zip(self.every, self.whiteners, strict=True)]
+        return [(max(count, 0), len(group)) for count, group in zip(counts, self.groups, strict=True)]
+
+
+class Observers:
+    """Observers of one rival for experiments of any length.
+
+    Parameters
+    ----------
+    engine : Engine
+        At the values of its model.
+    noise : Noise
+    criterion : InnovationCriterion
+        On the data so far: it knows the sizes of unknown starts.
+    """
+
+    def __init__(self, engine: Engine, noise: Noise, criterion: InnovationCriterion) -> None:
+        self.noise, self._measured = noise, criterion.measured
+        self._linear = engine.linearise(None)
+        chain = engine.layout(None).body_of
+        own = 3.0 * np.max(criterion.initial.scale.reshape(-1, criterion.initial.width), axis=0)
+        n = len(chain)
+        halves = np.diff([*chain, len(self._linear.A) // 2])
+        self._spread = np.concatenate([np.repeat(own[:n], halves), np.repeat(own[n : 2 * n], halves), own[2 * n :]])
+        self._known: dict[tuple[int, float], SettlingObserver] = {}
+        self._scalings: dict[tuple[int, float], list[Array]] = {}
+        self._covariances: dict[float, list[Array]] = {}
+        m = len(self._linear.A)
+        augmented, self._process = np.zeros((m + 1, m + 1)), np.zeros((m + 1, m + 1))
+        augmented[:m, :m], augmented[:m, m] = self._linear.A, self._linear.G
+        self._process[m, m] = noise.intensity
+        self._transition, self._process = discretise(augmented, self._process, noise.sample_time)
+        self._output = np.hstack([self._linear.C, np.zeros((len(self._linear.C), 1))])
+
+    def of(self, samples: int, decades: float = 0.0) -> SettlingObserver:
+        """Observer for an experiment.
+
+        Parameters
+        ----------
+        samples : int
+        decades : float
+            By which the disturbance is taken for stronger than it is.
+        """
+        key = (samples, decades)
+        if key not in self._known:
+            noise = self.noise
+            observer = settling_observer(
+                self._linear, self._measured, noise.sample_time, noise.intensity * 10.0**decades, noise.sensors,
+                self._spread, samples,
+            )  # fmt: skip
+            if not np.all(np.isfinite(observer.gain)):
+                raise IdloopError("no observer could be designed for one of the rivals")
+            self._known[key] = observer
+        return self._known[key]
+
+    def scaled(self, raw: Array, decades: float = 0.0) -> Array:
+        """Innovations white and of unit variance where the rival is right.
+
+        Parameters
+        ----------
+        raw : ndarray (n, p, k)
+            Series of innovations.
+        decades : float
+            Of the observer that they are from.
+
+        Returns
+        -------
+        ndarray (samples, k)
+        """
+        noise = self.noise
+        parts = []
+        for group, step, whitener, weight, scaling in zip(
+            noise.groups, noise.every, noise.whiteners, noise.weights, self._starts(len(raw), decades), strict=True
+        ):
+            own = np.ascontiguousarray(raw[:, group])
+            own[: len(scaling)] = scaling @ own[: len(scaling)]
+            white = [weight @ whitener.apply(np.ascontiguousarray(own[::step, :, i])).T for i in range(own.shape[2])]
+            parts.append(np.stack(white, axis=2).transpose(1, 0, 2).reshape(-1, own.shape[2]))
+        return np.concatenate(parts)
+
+    def _starts(self, samples: int, decades: float) -> list[Array]:
+        """What brings the first innovations, of a start that is uncertain, to the settled covariance, by group."""
+        key = (samples, decades)
+        if key not in self._scalings:
+            covariance = self.of(samples, decades).covariance[:samples]
+            roots = [np.linalg.cholesky(covariance[:, group][:, :, group]) for group in self.noise.groups]
+            self._scalings[key] = [np.asarray(root[-1] @ np.linalg.inv(root)) for root in roots]
+        return self._scalings[key]
+
+    def transferred(self, raw: Array, decades: float) -> Array:
+        """The same innovations as an observer for a stronger disturbance would have them, shape (n, p, k)."""
+        given, wanted = self.of(len(raw)).gain, self.of(len(raw), decades).gain
+        return transfer(raw, self._transition, self._output, given, wanted)
+
+    def noise_at(self, decades: float) -> list[Array]:
+        """Covariance, by group, that noise and disturbance as they are give the innovations of such an observer.
+
+        In units of that of the right observer.
+        """
+        if decades not in self._covariances:
+            right, stronger = self._stationary(0.0), self._stationary(decades)
+            found = []
+            for group in self.noise.groups:
+                root = np.linalg.inv(np.linalg.cholesky(right[np.ix_(group, group)]))
+                found.append(root @ stronger[np.ix_(group, group)] @ root.T)
+            self._covariances[decades] = found
+        return self._covariances[decades]
+
+    def _stationary(self, decades: float) -> Array:
+        """Innovation covariance of an observer for a stronger disturbance than there is, shape (p, p)."""
+        gain = self.of(max(samples for samples, _ in self._known), decades).gain
+        transition, output = self._transition, self._output
+        gain = gain[-len(transition) :]
+        sensors = np.diag(self.noise.sensors**2)
+        closed = transition @ (np.eye(len(transition)) - gain @ output)
+        closed *= 1.0 - 1e-7  # an angle that no sensor shows keeps its error for ever
+        covariance = self._process + transition @ gain @ sensors @ gain.T @ transition.T
+        # Doubling: P = Σ Aᵏ Q Aᵏᵀ.
+        for _ in range(60):
+            grown = covariance + closed @ covariance @ closed.T
+            closed = closed @ closed
+            if np.allclose(grown, covariance, rtol=1e-9, atol=0.0):
+                break
+            covariance = grown
+        return np.asarray(output @ covariance @ output.T + sensors)
+
+
+def common_noise(models: Sequence[Model], data: list[Data]) -> Noise:
+    """Noise of the rival that explains the data so far best, its disturbance included.
+
+    Parameters
+    ----------
+    models : sequence of Model
+    data : list of Data
+
+    Returns
+    -------
+    Noise
+    """
+    engines = [RememberingEngine(model) for model in models]
+    sensors = output_noise(models[0], data)
+    force = force_scale(engines[0], data)
+    unit = force**2 / max(float(d.time[-1] - d.time[0]) for d in data)
+    best: tuple[float, float, list[list[Array]]] | None = None
+    for engine, model in zip(engines, models, strict=True):
+        stated = model.disturbance
+        exponents = _EXPONENTS if stated is None else (float(np.log10(max(stated**2, 1e-300) / unit)),)
+        for tried in exponents:
+            exponent = float(np.clip(tried, LEAST_EXPONENT, MOST_EXPONENT))
+            criterion = InnovationCriterion(engine, data, sensors, force, exponent)
+            point = np.append(model.theta, exponent)
+            problem = Problem(criterion, len(model.theta))
+            try:
+                problem.reweigh(point, whiten=False)
+            except (IdloopError, np.linalg.LinAlgError):
+                continue
+            if np.isfinite(problem.objective) and (best is None or problem.objective < best[0]):
+                best = (problem.objective, exponent, problem.errors(point))
+    if best is None:
+        raise IdloopError("none of the models can be simulated along these records; fit them first")
+    _, exponent, errors = best
+    whiteners = [fit_whitener(group, choose_order(group, _MOST_LAGS)) for group in errors]
+    weights = []
+    for group, whitener in zip(errors, whiteners, strict=True):
+        white = np.concatenate([whitener.apply(e) for e in group])
+        covariance = white.T @ white / max(len(white), 1)
+        floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
+        weights.append(np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(covariance)))))
+    groups = output_groups(data)
+    instants = sum(len(d.time) for d in data)
+    known = [sum(int(np.sum(np.isfinite(d.output[:, group[0]]))) for d in data) for group in groups]
+    return Noise(
+        groups,
+        [max(round(instants / max(count, 1)), 1) for count in known],
+        whiteners,
+        weights,
+        sensors,
+        unit * 10.0**exponent,
+        exponent,
+        force,
+        float(np.median([d.sample_time for d in data])),
+    )

@@ -1,0 +1,344 @@
+"""Rival models on one scale: one noise model, what each has learnt so far, and what each would miss.
+
+What an experiment would show is expected, not observed: with one rival as the truth its outputs are known,
+and the innovations of another rival's observer on them are what that rival cannot explain. Part of it a
+refit would explain after all. The refit is linearised, and holds the parameters with the information of the
+data so far, because those data have to be explained as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.experiment import Experiment
+from idloop.diagnose.suggest_noise import Noise, Observers, common_noise
+from idloop.errors import InputError
+from idloop.estimate.dataset import Data, prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.innovations import MOST_EXPONENT, InnovationCriterion
+from idloop.estimate.levenberg import difference_jacobian, minimise
+from idloop.estimate.solve import typical_size
+from idloop.estimate.whitening import _covariances, _levinson
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# Decades by which a rival may take the disturbance for stronger, to explain with it what it misses ...
+_STRONGER = (2.0, 4.0, 6.0, 8.0)
+# ... where it misses so much that this can pay.
+_PLAIN = 10.0
+# Lags of a noise model of its own, by which a rival may explain what it misses.
+_MOST_LAGS = 8
+# Samples that the noise model is read from.
+_MOST_SAMPLES = 60_000
+
+
+@dataclass(frozen=True)
+class Missed:
+    """What one rival would miss of an experiment in which another one is the truth.
+
+    Attributes
+    ----------
+    gain : float
+        Expected log-likelihood by which the truth is ahead after the refit, the data so far held.
+    alone : float
+        The same from the experiment alone, as if the data so far were forgotten.
+    theta : array, shape (k,)
+        Parameters of the refitted rival.
+    """
+
+    gain: float
+    alone: float
+    theta: Array
+
+
+class Rival:
+    """A model with what the data so far say about its parameters.
+
+    Parameters
+    ----------
+    label : str
+        What sets it apart from the others.
+    model : Model
+        Fitted to the data so far.
+    data : list of Data
+    noise : Noise
+    """
+
+    def __init__(self, label: str, model: Model, data: list[Data], noise: Noise) -> None:
+        self.label, self.model, self.noise = label, model, noise
+        self.engine = RememberingEngine(model)
+        self.theta = model.theta
+        self.lower, self.upper = model.bounds
+        self.scale = typical_size(self.theta, self.lower, self.upper)
+        criterion = InnovationCriterion(self.engine, data, noise.sensors, noise.force, noise.exponent)
+        self.observers = Observers(self.engine, noise, criterion)
+        k = len(self.theta)
+        self.root = np.zeros((k, k))
+        self.step = 1e-4 * self.scale
+        if k:
+            # A rival that fits worse has taken more for noise, and knows its parameters less well.
+            own = common_noise([model], data)
+            exponent = np.array([own.exponent])
+            criterion.keep(exponent)
+
+            def residual(theta: Array) -> Array:
+                return own.scaled(criterion.errors(theta, exponent))
+
+            jacobian, self.step = self._slope(residual, self.theta, residual(self.theta))
+            self.root = _widened_root(jacobian, self._stated_errors())
+
+    def _stated_errors(self) -> Array:
+        """Standard errors that the fit has stated; NaN where none."""
+        known = [self.model.parameter(name).stderr for name in self.model.free]
+        return np.array([np.nan if value is None else value for value in known])
+
+    def _slope(self, residual: Callable[[Array], Array], theta: Array, base: Array) -> tuple[Array, Array]:
+        return difference_jacobian(residual, theta, base, self.lower, self.upper, self.step, self.scale, central=False)
+
+    def innovations(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
+        """Innovations of the observer on an experiment, shape (n, p), NaN where nothing is measured.
+
+        Parameters
+        ----------
+        record : Record
+        start : float
+            Where the axis rested before [position unit].
+        theta : array, shape (k,)
+        decades : float
+            By which the observer takes the disturbance for stronger than it is.
+        """
+        noise, n = self.noise, len(self.model.bodies)
+        output = record.output
+        if any(step > 1 for step in noise.every):
+            output = output.copy()
+            for group, step in zip(noise.groups, noise.every, strict=True):
+                skipped = np.arange(len(output)) % step != 0
+                output[np.ix_(skipped, group)] = np.nan
+        state = self.engine.initial_state(np.full(n, start), np.zeros(n), theta)
+        gain = self.observers.of(len(record.time), decades).gain
+        return self.engine.predict(
+            theta, record.input_time, record.input, record.time, output, gain, initial_state=state
+        )
+
+    def missed(self, record: Record, start: float, *, searched: bool = False) -> Missed:
+        """What this rival misses of a record without noise, refitted to it and to the data so far.
+
+        It may also take what it misses for a stronger disturbance, as a fit would.
+
+        Parameters
+        ----------
+        record : Record
+            From `Experiment.run` of the truth.
+        start : float
+            Where the axis rested before.
+        searched : bool
+            Refit by a search instead of one linear step: slower, and exact where the rival bends.
+
+        Returns
+        -------
+        Missed
+        """
+        raw = self._with_slopes(record, start)
+        if not np.all(np.isfinite(raw[:: self._slowest])):
+            return Missed(np.inf, np.inf, self.theta)  # runs away where the truth does not: plainly told apart
+        best, at = self._linear(raw, 0.0), 0.0
+        for decades in _STRONGER:
+            if min(best.gain, best.alone) < _PLAIN or self.noise.exponent + decades > MOST_EXPONENT:
+                break
+            other = self._linear(self.observers.transferred(raw, decades), decades)
+            if other.gain >= best.gain and other.alone >= best.alone:
+                break
+            if other.gain < best.gain:
+                at = decades
+            theta = other.theta if other.gain < best.gain else best.theta
+            best = Missed(min(best.gain, other.gain), min(best.alone, other.alone), theta)
+        return self._search(record, start, best, at) if searched and len(self.theta) else best
+
+    @property
+    def _slowest(self) -> int:
+        """Every so many-th instant all outputs are measured."""
+        return int(np.lcm.reduce(self.noise.every))
+
+    def _with_slopes(self, record: Record, start: float) -> Array:
+        """Innovations, and their derivative by each parameter in units of its step, shape (n, p, 1 + k)."""
+        base = self.innovations(record, start, self.theta)
+        raw = np.empty((*base.shape, 1 + len(self.theta)))
+        raw[:, :, 0] = base
+        for i, step in enumerate(self.step):
+            moved = self.theta.copy()
+            sign = 1.0 if moved[i] + step <= self.upper[i] else -1.0
+            moved[i] += sign * step
+            raw[:, :, 1 + i] = sign * (self.innovations(record, start, moved) - base)
+        return raw
+
+    def _linear(self, raw: Array, decades: float) -> Missed:
+        """Refit by one linear step, with the data so far and without them."""
+        white = self.observers.scaled(raw, decades)
+        base, jacobian = white[:, 0], white[:, 1:] / self.step
+        theta, free = self._refitted(jacobian, base, 1.0), self._refitted(jacobian, base, 1e-6)
+        gain = self._lost(base + jacobian @ (theta - self.theta), len(raw), decades)
+        alone = self._lost(base + jacobian @ (free - self.theta), len(raw), decades)
+        return Missed(gain + self._held(theta), alone, theta)
+
+    def _held(self, theta: Array) -> float:
+        """Log-likelihood of the data so far that a move of the parameters costs."""
+        return 0.5 * float(np.sum((self.root @ (theta - self.theta)) ** 2))
+
+    def _search(self, record: Record, start: float, linear: Missed, decades: float) -> Missed:
+        def residual(theta: Array) -> Array:
+            raw = self.innovations(record, start, theta, decades)[:, :, None]
+            return np.append(self.observers.scaled(raw, decades)[:, 0], self.root @ (theta - self.theta))
+
+        costs = [float(np.sum(residual(theta) ** 2)) for theta in (self.theta, linear.theta)]
+        found = minimise(
+            residual, linear.theta if costs[1] < costs[0] else self.theta, self.lower, self.upper, self.scale,
+            self.step.copy(), max_iterations=6, tolerance=1e-2, central=False,
+        )  # fmt: skip
+        left = found.residual[: len(found.residual) - len(self.theta)]
+        gain = self._lost(left, len(record.time), decades) + self._held(found.point)
+        return Missed(gain, linear.alone, found.point)
+
+    def _refitted(self, jacobian: Array, base: Array, held: float) -> Array:
+        """Least squares with a share of the information so far, in the bounds one parameter after the other."""
+        k = len(self.theta)
+        information = jacobian.T @ jacobian + held * self.root.T @ self.root
+        size = np.sqrt(np.diag(information))
+        size = np.where(size > 0.0, size, 1.0)
+        hessian = information / np.outer(size, size)
+        gradient = jacobian.T @ base / size
+        free, shift = np.ones(k, dtype=bool), np.zeros(k)
+        for _ in range(k):
+            index = np.flatnonzero(free)
+            if len(index) == 0:
+                break
+            own = hessian[np.ix_(index, index)] + 1e-10 * np.eye(len(index))
+            fixed = hessian[np.ix_(index, np.flatnonzero(~free))] @ shift[~free]
+            shift[index] = -np.linalg.solve(own, gradient[index] + fixed)
+            inside = np.clip(self.theta + shift / size, self.lower, self.upper)
+            beyond = free & (np.abs(inside - self.theta - shift / size) > 1e-9 * self.scale)
+            if not np.any(beyond):
+                break
+            shift[beyond] = ((inside - self.theta) * size)[beyond]
+            free &= ~beyond
+        return np.clip(self.theta + shift / size, self.lower, self.upper)
+
+    def _lost(self, left: Array, samples: int, decades: float) -> float:
+        """Log-likelihood lost by what is left, the noise's covariance and colour being refitted as well."""
+        lost, place = 0.0, 0
+        for (count, outputs), own in zip(self.noise.lengths(samples), self.observers.noise_at(decades), strict=True):
+            part = left[place : place + count * outputs].reshape(count, outputs)
+            place += count * outputs
+            if count > 20 * _MOST_LAGS:
+                lost += _coloured_loss(part, own)
+        return lost
+
+
+def _coloured_loss(left: Array, own: Array) -> float:
+    """Log-likelihood lost when white noise has something added that a noise model of its own may explain in part."""
+    count, outputs = left.shape
+    covariance = _covariances([np.ascontiguousarray(left)], _MOST_LAGS)
+    covariance[0] += own
+    losses = [
+        0.5 * count * float(np.linalg.slogdet(innovation)[1]) + len(coefficients) * outputs**2
+        for coefficients, innovation in _levinson(covariance)
+    ]
+    return max(min(losses), 0.0)
+
+
+def prepare_rivals(models: Sequence[Model], records: Sequence[Record]) -> list[Rival]:
+    """Put rival models on one scale.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        Each fitted to the records.
+    records : sequence of Record
+        The data so far.
+
+    Returns
+    -------
+    list of Rival
+
+    Raises
+    ------
+    InputError
+        Models with different signals, or records that do not suit them.
+    """
+    first = models[0]
+    for model in models[1:]:
+        if model.output_names != first.output_names or model.input != first.input:
+            raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
+    data = _shortened(prepare(first, records))
+    noise = common_noise(models, data)
+    return [Rival(label, model, data, noise) for label, model in zip(labels(models), models, strict=True)]
+
+
+def labels(models: Sequence[Model]) -> list[str]:
+    """What sets each model apart from the others: its effects that not all have, else its name."""
+    common = set(models[0].effect_names).intersection(*(model.effect_names for model in models[1:]))
+    own = [" + ".join(name for name in model.effect_names if name not in common) for model in models]
+    own = [text or "no further effect" for text in own]
+    return own if len(set(own)) == len(own) else _unique([model.name for model in models])
+
+
+def _unique(names: list[str]) -> list[str]:
+    return [name if names.count(name) == 1 else f"{name} ({index + 1})" for index, name in enumerate(names)]
+
+
+def _shortened(data: list[Data]) -> list[Data]:
+    """The first samples of every record, so that long recordings cost no more."""
+    from dataclasses import replace
+
+    most = max(_MOST_SAMPLES // len(data), 1000)
+    return [
+        replace(d, time=d.time[:most], output=d.output[:most], gaps=d.gaps[d.gaps < most]) if len(d.time) > most else d
+        for d in data
+    ]
+
+
+def _widened_root(jacobian: Array, stated: Array) -> Array:
+    """Root R of the information RᵀR that the data so far give, no sharper than the fit's own standard errors."""
+    information = jacobian.T @ jacobian
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    values = np.where(values > 1e-10 * values[-1], values, 0.0)
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
+    # Standard errors by the inverse; what the data do not determine stays free.
+    inverse = np.where(values > 0.0, 1.0 / np.where(values > 0.0, values, 1.0), 1e10)
+    own = np.sqrt(np.sum(vectors**2 * inverse, axis=1)) / size
+    wider = np.where(np.isfinite(stated) & (stated > own), stated / own, 1.0)
+    return np.asarray(root / wider)
+
+
+def experiment_gains(rivals: Sequence[Rival], experiment: Experiment, *, searched: bool = False) -> tuple[Array, Array]:
+    """Expected log-likelihood by which each rival, were it the truth, would lead each other one.
+
+    Parameters
+    ----------
+    rivals : sequence of Rival
+    experiment : Experiment
+    searched : bool
+        See `Rival.missed`.
+
+    Returns
+    -------
+    gains, alone : ndarray (m, m)
+        Row: the truth; column: the rival refitted; 0 on the diagonal. With and without the data so far.
+    """
+    gains, alone = np.zeros((2, len(rivals), len(rivals)))
+    for i, truth in enumerate(rivals):
+        record = experiment.run(truth.model, engine=truth.engine)
+        for j, other in enumerate(rivals):
+            if i != j:
+                missed = other.missed(record, experiment.start, searched=searched)
+                gains[i, j], alone[i, j] = missed.gain, missed.alone
+    return gains, alone

@@ -1,0 +1,144 @@
+"""What to expect of a suggested experiment, in numbers and sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from idloop.diagnose.experiment import Experiment
+    from idloop.diagnose.suggest_limits import Limits
+    from idloop.diagnose.suggest_rivals import Rival
+
+# Expected log-likelihood difference above which an experiment is expected to decide.
+DECISIVE = 10.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What to expect if one rival is right.
+
+    Attributes
+    ----------
+    rival : str
+        What sets it apart.
+    in_favour : float
+        Expected log-likelihood by which it leads the closest other one.
+    closest : str
+        That other one.
+    errors : dict
+        For every other rival, refitted to this experiment too, and every output the root mean square by which
+        its motion differs: ``{rival: {output: {"value": 0.1, "unit": "rad", "noise": 0.001}}}``.
+    text : str
+        One sentence.
+    """
+
+    rival: str
+    in_favour: float
+    closest: str
+    errors: dict[str, dict[str, dict[str, Any]]]
+    text: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {
+            "rival": self.rival,
+            "in_favour": self.in_favour,
+            "closest": self.closest,
+            "errors": self.errors,
+            "text": self.text,
+        }
+
+
+def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[np.float64]) -> tuple[Outcome, ...]:
+    """Expected outcome for each rival as the truth.
+
+    Parameters
+    ----------
+    rivals : sequence of Rival
+    experiment : Experiment
+    gains : ndarray (m, m)
+        From `experiment_gains`.
+
+    Returns
+    -------
+    tuple of Outcome
+    """
+    found = []
+    for i, truth in enumerate(rivals):
+        record = experiment.run(truth.model, engine=truth.engine)
+        errors = {}
+        for j, other in enumerate(rivals):
+            if i == j:
+                continue
+            theta = other.missed(record, experiment.start, searched=True).theta
+            rival = experiment.run(other.model, engine=other.engine, theta=theta)
+            left = np.sqrt(np.mean((rival.output - record.output) ** 2, axis=0))
+            errors[other.label] = {
+                output.name: {"value": float(value), "unit": output.unit, "noise": float(noise)}
+                for output, value, noise in zip(truth.model.outputs, left, truth.noise.sensors, strict=True)
+            }
+        closest = min((j for j in range(len(rivals)) if j != i), key=lambda j: float(gains[i, j]))
+        label = rivals[closest].label
+        found.append(
+            Outcome(
+                truth.label, float(gains[i, closest]), label, errors,
+                _sentence(truth.label, label, float(gains[i, closest]), errors[label]),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[str, Any]]) -> str:
+    name, worst = max(errors.items(), key=lambda item: item[1]["value"] / max(item[1]["noise"], 1e-300))
+    if gain < 1.0:
+        return f"if {truth}: {other} explains it just as well"
+    return (
+        f"if {truth}: {other}, refitted, misses {name} by {worst['value']:.3g} {worst['unit']} RMS in free run "
+        f"(noise {worst['noise']:.2g}) and falls behind by {gain:.3g} in log-likelihood"
+    )
+
+
+def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, score: float) -> str:
+    """What the experiment is expected to decide, in one or two sentences."""
+    names = " and ".join(rival.label for rival in rivals) if len(rivals) == 2 else f"{len(rivals)} rivals"
+    if score >= DECISIVE:
+        return f"expected to tell {names} apart: the right one leads by about {score:.3g} in log-likelihood"
+    model = rivals[0].model
+    bounds = []
+    if limits.command is not None:
+        bounds.append(f"command up to {limits.command:.3g} {model.input.unit}")
+    unit = model.units.position
+    if limits.position is not None:
+        bounds.append(f"position {limits.position[0]:.3g} .. {limits.position[1]:.3g} {unit}")
+    if limits.velocity is not None:
+        bounds.append(f"velocity up to {limits.velocity:.3g} {unit}/s")
+    return (
+        f"no experiment of {experiment.duration:.3g} s within these limits ({', '.join(bounds) or 'none'}) is expected "
+        f"to tell {names} apart (at best {score:.2g} in log-likelihood): widen them"
+    )
+
+
+def describe_signal(signal: Mapping[str, Any], adds_to: str) -> str:
+    """One line with the kind, the size and the length of a signal."""
+    own = {
+        key: value
+        for key, value in signal.items()
+        if key not in {"name", "sample_time", "duration", "amplitude", "offset", "seed", "ramp_in"}
+    }
+    parts = [f"{signal['name']} on the {adds_to}", f"{signal['duration']:g} s", f"amplitude {signal['amplitude']:g}"]
+    if signal.get("offset"):
+        parts.append(f"offset {signal['offset']:g}")
+    parts += [f"{key} {_short(value)}" for key, value in own.items()]
+    return ", ".join(parts)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "[" + " ".join(_short(item) for item in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
