@@ -11,8 +11,9 @@ import numpy as np
 from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.choice import choose_kind
+from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, promising
-from idloop.diagnose.evidence import explained, rank, statistic, tied
+from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.proposals import proposals
@@ -152,6 +153,7 @@ def diagnose(
     tell(0.0, "fitting the model as it is")
     kind = choose_kind(model, records, criterion)
     setting = prepare_setting(model, records, kind)
+    setting = with_common_whitening(setting, model)
     parent = refit(setting, model)
     return diagnose_fitted(setting, parent, level=level, effects=effects, seed=seed, progress=progress)
 
@@ -164,6 +166,8 @@ def diagnose_fitted(
     effects: Sequence[str] | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    rungs: bool = False,
+    held_out: Setting | None = None,
 ) -> Diagnosis:
     """As `diagnose`, for a model that is fitted already.
 
@@ -171,6 +175,10 @@ def diagnose_fitted(
     ----------
     setting : Setting
     parent : Refit
+    rungs : bool
+        Name a plain effect before the richer one that contains it, so that each has to earn its place.
+    held_out : Setting, optional
+        Validation records, on which an effect must do no harm.
     level, effects, seed, progress
         As in `diagnose`.
 
@@ -188,8 +196,12 @@ def diagnose_fitted(
     parent, confirmed = _same_footing(setting, parent, confirmed, null.threshold(level))
     ranked = rank(confirmed, null, level)
     gated = gate(parent.model, setting, screened)
-    significant = [c for c in ranked if null.p_value(statistic(c)) < level]
-    best = significant[0] if significant else None
+    significant = [c for c in ranked if null.p_value(statistic(c)) < level and consistent(parent, c, setting.kind)]
+    if held_out is not None:
+        significant = [c for c in significant if holds(held_out, parent, c)]
+    best = _plainest(significant) if rungs else (significant[0] if significant else None)
+    significant.sort(key=lambda c: c is not best)
+    ranked.sort(key=lambda c: c is not best)
     rivals = tied(best, significant[1:]) if best is not None else []
     unknown = None
     if best is None:
@@ -209,6 +221,19 @@ def diagnose_fitted(
         fit=parent,
         best_fit=best.fit if best else None,
     )
+
+
+def _plainest(significant: list[Confirmed]) -> Confirmed | None:
+    """The best effect, or a significant plainer one that it contains."""
+    if not significant:
+        return None
+    best = significant[0]
+    rich = best.proposal.effect
+    for c in significant[1:]:
+        name = c.proposal.effect.name
+        if (name in rich.contains and c.proposal.at == best.proposal.at) or name in rich.degenerates_to:
+            return c
+    return best
 
 
 def _same_footing(
@@ -249,7 +274,7 @@ def _candidates(
     precise = {id(c) for c in ([best, *rivals] if best else ranked[:1])}
     for c in ranked:
         name = c.proposal.name
-        model = with_stderr(c.fit) if id(c) in precise else c.fit.model
+        model = with_stderr(c.fit, setting.records) if id(c) in precise else c.fit.model
         found.append(
             Candidate(
                 effect=c.proposal.effect.name,

@@ -9,21 +9,62 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.calibrate import Null
 from idloop.diagnose.confirm import Confirmed
-from idloop.diagnose.refit import Refit
+from idloop.diagnose.refit import Refit, transfer
+from idloop.diagnose.setting import Setting
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
 
 Array = NDArray[np.float64]
 
 # A rival is excluded when its log-likelihood is lower by more than this and by more than twice
 # the standard deviation of the difference (Vuong, Econometrica 57, 1989).
 LEAST_DIFFERENCE, DEVIATIONS = 4.6, 2.0
+# Standard deviations that the gain of an effect must stand above zero where model error, not noise,
+# is what is left.
+STEADY = 2.33
 # Differences of the log-likelihood within which the simpler effect goes first.
 _EQUAL = 0.5
 _BLOCKS = 50
+# Of equals, what sits nearer to the command goes first.
+_SITES = (INPUT, BODY, COUPLING, OUTPUT)
 
 
 def statistic(confirmed: Confirmed) -> float:
     """Twice the log-likelihood ratio, less for a variance that is uneven along the trace."""
     return 2.0 * confirmed.gain / confirmed.uneven
+
+
+def consistent(parent: Refit, confirmed: Confirmed, kind: str) -> bool:
+    """Whether a gain stands above what it varies by from one stretch of the data to the next.
+
+    The prediction criterion models its noise, and the calibrated test is enough. A force balance or
+    a free run is limited by what the model still lacks, which no white noise stands for: there a
+    gain must also be steady.
+    """
+    if kind == "prediction":
+        return True
+    return confirmed.gain > STEADY * difference_deviation(confirmed.fit, parent)
+
+
+def holds(held_out: Setting, parent: Refit, confirmed: Confirmed) -> bool:
+    """Whether an effect does no harm on records that the fits did not see.
+
+    Parameters
+    ----------
+    held_out : Setting
+        Validation records.
+    parent : Refit
+    confirmed : Confirmed
+
+    Returns
+    -------
+    bool
+        False when the log-likelihood there falls by more than chance.
+    """
+    before, after = transfer(held_out, parent), transfer(held_out, confirmed.fit)
+    if before is None or after is None:
+        return after is not None
+    loss = before.log_likelihood - after.log_likelihood
+    return loss < LEAST_DIFFERENCE or loss < DEVIATIONS * difference_deviation(before, after)
 
 
 def rank(confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confirmed]:
@@ -50,7 +91,7 @@ def rank(confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confi
         return []
     best = merit(ranked[0])
     equal = [c for c in ranked if merit(c) > best - _EQUAL]
-    equal.sort(key=lambda c: c.fit.parameters)
+    equal.sort(key=lambda c: (c.fit.parameters, _SITES.index(c.proposal.effect.site)))
     return equal + [c for c in ranked if c not in equal]
 
 

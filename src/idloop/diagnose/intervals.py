@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from idloop.diagnose.refit import Refit
+from idloop.estimate import fit as fit_model
 from idloop.estimate.covariance import sandwich, white_covariance, widest
+from idloop.estimate.force import ForceCriterion
 from idloop.estimate.levenberg import difference_jacobian
 from idloop.physics.model import Model
+from idloop.records import Record
 
 
-def with_stderr(fit: Refit) -> Model:
-    """The fitted model with the standard errors of its free parameters.
+def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
+    """The fitted model with the standard errors of its free parameters, for the reader.
 
     Parameters
     ----------
     fit : Refit
+    records : sequence of Record
+        What it was fitted to.
 
     Returns
     -------
     Model
     """
+    if isinstance(fit.criterion, ForceCriterion):
+        # Instruments make the force balance consistent in the closed loop; the ranking does not need them.
+        return fit_model(fit.model, records, criterion="force").model
     problem, point, k = fit.problem, fit.point, fit.parameters
     lower, upper = fit.model.bounds
     _, low, high, size = fit.criterion.nuisance()

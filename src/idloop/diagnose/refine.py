@@ -9,6 +9,7 @@ import numpy as np
 
 from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.choice import choose_kind
+from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.diagnosis import MISSING, Diagnosis, diagnose_fitted
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.intervals import with_stderr
@@ -74,14 +75,17 @@ def refine(
         raise InputError(f"level = {level} is no error rate; choose something such as 0.01")
     start = model if ladder is None else ladder.model
     kind = choose_kind(start, records, criterion if ladder is None or criterion != "auto" else ladder.criterion)
-    setting = prepare_setting(start, records, kind)
+    setting = with_common_whitening(prepare_setting(start, records, kind), start)
     parent = refit(setting, start)
     if ladder is None:
-        fitted = with_stderr(parent)
+        fitted = with_stderr(parent, setting.records)
         first = Step(None, fitted, train=model_errors(fitted, records), validation=model_errors(fitted, validation))
         ladder = Ladder((first,), criterion=kind, level=level)
     ladder = replace(ladder, criterion=kind, level=level)
     tell = progress or (lambda share, text: None)
+    held_out = None
+    if validation:
+        held_out = replace(prepare_setting(start, validation, kind), whiteners=setting.whiteners)
     diagnosis: Diagnosis | None = None
     while True:
         count = len(ladder.added)
@@ -90,7 +94,9 @@ def refine(
         def report(part: float, text: str, low: float = share, width: float = 1.0 / (count + 3.0)) -> None:
             tell(low + width * part, text)
 
-        diagnosis = diagnose_fitted(setting, parent, level=level, effects=effects, seed=seed, progress=report)
+        diagnosis = diagnose_fitted(
+            setting, parent, level=level, effects=effects, seed=seed, progress=report, rungs=True, held_out=held_out
+        )
         if diagnosis.best is None or diagnosis.best_fit is None or count >= most:
             break
         ladder = _with_step(ladder, diagnosis, setting, records, validation)
@@ -115,7 +121,8 @@ def _with_step(
     best = diagnosis.best
     if best is None or best.model is None:
         return ladder
-    steps = list(ladder.steps)
+    # What a richer effect takes the place of is no rung of its own any more.
+    steps = [s for s in ladder.steps if s.added is None or s.added.name != best.replaces or s.chosen_by == "user"]
     step = Step(
         added=best,
         model=best.model,
@@ -140,7 +147,7 @@ def _without_needless(
         except IdloopError:
             continue
         if parent.log_likelihood - without.log_likelihood < _NEEDLESS:
-            fitted = with_stderr(without)
+            fitted = with_stderr(without, setting.records)
             kept = [s for s in ladder.steps if s is not step]
             last = kept[-1]
             if last.added is not None:
@@ -194,7 +201,7 @@ def add_effect(
     tell = progress or (lambda share, text: None)
     tell(0.0, f"refitting with {name}@{at}")
     kind = choose_kind(model, records, criterion or ladder.criterion)
-    setting = prepare_setting(model, records, kind)
+    setting = with_common_whitening(prepare_setting(model, records, kind), model)
     parent = refit(setting, model)
     trial = model.with_effect(name, at, **values)
     fit: Refit | None = None
@@ -206,7 +213,7 @@ def add_effect(
             if found.model is not None:
                 return _chosen(ladder, found, found.model, records, validation)
     fit = refit(setting, trial, None, parent)
-    fitted = with_stderr(fit)
+    fitted = with_stderr(fit, setting.records)
     effect = next(a.effect for a in fitted.effects if a.name == f"{name}@{at}")
     candidate = Candidate(
         effect=name,

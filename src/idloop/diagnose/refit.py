@@ -147,7 +147,7 @@ def refit(
     k = len(choices[0])
     size = np.abs(choices[0]) if scale is None else np.maximum(np.abs(scale), 1e-12)
     size = np.where(size > 0.0, size, 1.0)
-    problem = Problem(criterion, k)
+    problem = Problem(criterion, k, None if setting.whiteners is None else list(setting.whiteners))
     if beside is not None and len(beside.nuisance) == len(criterion.nuisance()[0]):
         criterion.keep(beside.nuisance)
         if isinstance(criterion, SimulationCriterion):
@@ -201,6 +201,43 @@ def refit(
     value = _weigh(problem, point)
     values = dict(zip(model.free, (float(v) for v in theta), strict=True))
     return Refit(model.with_values(values), criterion, problem, point, value, step)
+
+
+def transfer(setting: Setting, fit: Refit) -> Refit | None:
+    """A fitted model on other records, its parameters and its noise as they are.
+
+    Parameters
+    ----------
+    setting : Setting
+        The other records.
+    fit : Refit
+
+    Returns
+    -------
+    Refit or None
+        None where the model cannot be simulated on them.
+    """
+    try:
+        criterion = setting.criterion(fit.model)
+        theta = fit.model.theta
+        if isinstance(criterion, InnovationCriterion):
+            criterion.keep(fit.nuisance)
+        criterion.retune(theta)
+        start, low, high, size = criterion.nuisance()
+        problem = Problem(criterion, len(theta), None if setting.whiteners is None else list(setting.whiteners))
+        point = np.concatenate([theta, start])
+        if _weigh(problem, point, fit.problem.orders) == -np.inf:
+            return None
+        if len(start) and not isinstance(criterion, InnovationCriterion):
+            # Initial states and timing belong to the records, not to the model.
+            found = minimise(
+                lambda at: _residual(problem, np.concatenate([theta, at])), start, low, high, size, max_iterations=5
+            )
+            point = np.concatenate([theta, found.point])
+        value = _weigh(problem, point, fit.problem.orders)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+    return Refit(fit.model, criterion, problem, point, value, fit.step)
 
 
 def _start(

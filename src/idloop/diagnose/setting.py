@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.criterion import Criterion
+from idloop.estimate.criterion import Criterion, Errors
 from idloop.estimate.dataset import Data, output_noise, prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.force import Balance, ForceCriterion, balance_of
 from idloop.estimate.greybox import force_scale
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.simulation import SimulationCriterion
+from idloop.estimate.whitening import Whitener
 from idloop.physics import kernel
+from idloop.physics.effect import INPUT
 from idloop.physics.layout import Layout
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -26,6 +28,9 @@ Array = NDArray[np.float64]
 # Integration steps per sample, and per second, that a model may take in a diagnosis: what is
 # faster than this lies beyond what the samples can show and would only cost time.
 _STEPS_PER_SAMPLE, _STEPS_PER_SECOND = 25.0, 5000.0
+
+# Part of the commanded force that the drive must still apply.
+LEAST_DRIVE = 0.02
 
 KINDS = ("prediction", "simulation", "force")
 
@@ -56,10 +61,42 @@ class FrugalEngine(RememberingEngine):
             These values ask for too small steps.
         """
         layout = super().layout(theta)
+        values = dict(self.model.values)
+        if theta is not None:
+            values.update(zip(self.free, (float(v) for v in theta), strict=True))
+        for active in self.model.effects:
+            prefix = f"{active.name}."
+            own = {name[len(prefix) :]: value for name, value in values.items() if name.startswith(prefix)}
+            if not active.effect.valid(own):
+                raise IdloopError(f"these values make no {active.effect.name}")
         rate = float(layout.axis.constants[kernel.RATE]) + self._speed * float(np.max(layout.axis.spatial_rate))
         if rate > self._most:
             raise IdloopError("these values make the model faster than the samples can show")
         return layout
+
+
+class DriveForceCriterion(ForceCriterion):
+    """Unexplained force in units of the drive force that is left of the command.
+
+    An effect that takes the drive's force away would otherwise make all errors small.
+    """
+
+    def errors(self, theta: Array, nuisance: Array) -> Errors:
+        """Unexplained force by record, times the commanded over the applied force."""
+        rows = super().errors(theta, nuisance)[0]
+        if not any(active.effect.site == INPUT for active in self.engine.model.effects):
+            return [rows]
+        gain = self.engine.layout(theta).axis.constants[kernel.GAIN]
+        scaled = []
+        for b, error in zip(self.balances, rows, strict=True):
+            m, command = b.motion, b.command(0.0)
+            applied, _ = self.engine.drive_force(theta, m.position, m.velocity, m.acceleration, m.time, command, m.time)
+            # An offset adds to the force without making it follow the command any better.
+            left = min(float(np.std(applied) / max(float(np.std(gain * command)), 1e-300)), 1.0)
+            if left < LEAST_DRIVE:
+                raise IdloopError("these values leave nothing of the command")
+            scaled.append(error / left)
+        return [scaled]
 
 
 @dataclass(frozen=True)
@@ -81,6 +118,8 @@ class Setting:
         Largest speed seen.
     balances : tuple of Balance
         Measured motion of each record, for the force criterion.
+    whiteners : tuple of Whitener or None
+        One whitening for all models, by group of outputs; each model's own when None.
     """
 
     kind: str
@@ -90,6 +129,7 @@ class Setting:
     force: float
     speed: float
     balances: tuple[Balance, ...] = ()
+    whiteners: tuple[Whitener, ...] | None = None
 
     def criterion(self, model: Model) -> Criterion:
         """The criterion for one model.
@@ -106,7 +146,7 @@ class Setting:
             return InnovationCriterion(engine, list(self.data), self.noise, self.force)
         if engine.layout(None).bodies != len(model.bodies):
             raise InputError("the force criterion needs every body measured")
-        return ForceCriterion(engine, self.balances)
+        return DriveForceCriterion(engine, self.balances)
 
 
 def prepare_setting(model: Model, records: Sequence[Record], kind: str) -> Setting:

@@ -19,6 +19,8 @@ class Problem:
     criterion : Criterion
     parameters : int
         Number of model parameters; what follows them in a point is nuisance.
+    whiteners : list of Whitener, optional
+        Whitening to use as it is, one for each group of outputs.
 
     Notes
     -----
@@ -27,8 +29,8 @@ class Problem:
     model could explain as well, and the covariance counts it as unknown.
     """
 
-    def __init__(self, criterion: Criterion, parameters: int) -> None:
-        self.criterion, self.parameters = criterion, parameters
+    def __init__(self, criterion: Criterion, parameters: int, whiteners: list[Whitener] | None = None) -> None:
+        self.criterion, self.parameters, self.given = criterion, parameters, whiteners
         self.orders: list[int] = []
         self.weights: list[Array] = []
         self.objective = np.inf
@@ -44,6 +46,8 @@ class Problem:
         errors = self.errors(point)
         if not self.orders:
             return errors
+        if self.given is not None:
+            return [[w.apply(e) for e in group] for group, w in zip(errors, self.given, strict=True)]
         return [self._whitener(group, order)[1] for group, order in zip(errors, self.orders, strict=True)]
 
     @staticmethod
@@ -56,11 +60,16 @@ class Problem:
     def reweigh(self, point: Array, whiten: bool, orders: list[int] | None = None) -> None:
         """Set orders and weights from the errors at a point; orders that are given are kept."""
         errors = self.errors(point)
+        if self.given is not None:
+            orders = [w.order for w in self.given]
         self.orders = orders or [choose_order(group) if whiten else 0 for group in errors]
         self.weights, self._whiteners = [], []
         self.objective, self.length = 0.0, 0
-        for raw, order in zip(errors, self.orders, strict=True):
+        for place, (raw, order) in enumerate(zip(errors, self.orders, strict=True)):
             whitener, group = self._whitener(raw, order)
+            if self.given is not None:
+                whitener = self.given[place]
+                group = [whitener.apply(e) for e in raw]
             self._whiteners.append(whitener)
             stacked = np.concatenate(group)
             self.length += stacked.size

@@ -77,6 +77,10 @@ class ParameterSpec:
     held: bool = False
 
 
+def _always(values: Mapping[str, float]) -> bool:
+    return True
+
+
 def _no_rate(values: Mapping[str, float], inertia: float, stiffness: float) -> float:
     return 0.0
 
@@ -130,6 +134,8 @@ class Effect:
         Effects that this one imitates at the edge of its parameters.
     needs_angle : bool
         Makes sense only where positions are angles.
+    valid : callable
+        Whether values together make sense, beyond each parameter's own bounds.
     """
 
     name: str
@@ -157,6 +163,7 @@ class Effect:
     separable: bool = False
     degenerates_to: tuple[str, ...] = ()
     needs_angle: bool = False
+    valid: Callable[[Mapping[str, float]], bool] = field(default=_always)
 
     @property
     def strength(self) -> str:

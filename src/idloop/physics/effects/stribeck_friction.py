@@ -35,4 +35,5 @@ EFFECT = Effect(
     ],
     contains={"coulomb_friction": {"level": "coulomb"}},
     separable=True,
+    valid=lambda values: values["static"] >= values["coulomb"],
 )
