@@ -1,0 +1,151 @@
+"""The machines of the suite: presets as they stand, and how each is usually run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class MachineKind:
+    """A preset and how it is run.
+
+    Attributes
+    ----------
+    preset : str
+        Its linear part is the start model; it is the truth but for the hidden effects.
+    outputs : tuple of str
+        Sites of the sensors that are kept; all when empty.
+    free : tuple of str
+        Parameters to be estimated; those of the preset when empty.
+    rates : tuple of float
+        Sample rates to choose from [Hz].
+    command : float
+        Usual peak of the command in open loop.
+    tempo : float
+        Time in which the machine follows a command [s]; lengths of steps go with it.
+    band : tuple of float
+        Band of broad excitation [Hz].
+    reference, speed, acceleration : float
+        Usual reference in closed loop: peak, and limits of smooth moves.
+    controller : mapping
+        Controller of the closed loop; its sample time is that of the case.
+    """
+
+    preset: str
+    rates: tuple[float, ...]
+    command: float
+    tempo: float
+    band: tuple[float, float]
+    reference: float
+    speed: float
+    acceleration: float
+    controller: Mapping[str, Any]
+    outputs: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()
+
+
+MACHINES: dict[str, MachineKind] = {
+    "axis": MachineKind(
+        preset="axis",
+        rates=(250.0, 500.0, 1000.0),
+        command=1.0,
+        tempo=0.2,
+        band=(0.1, 20.0),
+        reference=6.0,
+        speed=12.0,
+        acceleration=80.0,
+        controller={"type": "pd", "output": "axis.position", "kp": 4.0, "kd": 0.3, "derivative_filter": 0.004},
+    ),
+    "dc_motor": MachineKind(
+        preset="dc_motor",
+        rates=(100.0, 200.0),
+        command=4.0,
+        tempo=0.45,
+        band=(0.05, 5.0),
+        reference=8.0,
+        speed=8.0,
+        acceleration=25.0,
+        controller={"type": "pd", "output": "motor.position", "kp": 2.0, "kd": 0.2, "derivative_filter": 0.05},
+    ),
+    "torsion": MachineKind(
+        preset="torsion",
+        rates=(200.0, 250.0),
+        command=1.0,
+        tempo=0.5,
+        band=(0.1, 15.0),
+        reference=3.0,
+        speed=8.0,
+        acceleration=40.0,
+        controller={
+            "type": "pid",
+            "output": "motor.position",
+            "kp": 2.0,
+            "ki": 0.3,
+            "kd": 0.15,
+            "derivative_filter": 0.01,
+        },
+    ),
+    "torsion_fast": MachineKind(
+        preset="torsion",
+        rates=(1000.0,),
+        command=1.0,
+        tempo=0.5,
+        band=(0.1, 15.0),
+        reference=3.0,
+        speed=8.0,
+        acceleration=40.0,
+        controller={"type": "pid", "output": "motor.position", "kp": 8.3867, "ki": 0.3255, "kd": 0.8, "limit": 2.95},
+    ),
+    "lead_screw": MachineKind(
+        preset="lead_screw",
+        rates=(500.0, 1000.0),
+        command=10.0,
+        tempo=0.15,
+        band=(0.2, 40.0),
+        reference=30.0,
+        speed=80.0,
+        acceleration=600.0,
+        controller={"type": "pd", "output": "screw.position", "kp": 2.0, "kd": 0.1, "derivative_filter": 0.004},
+        free=("rotor.inertia", "rotor.viscous_friction"),
+    ),
+}
+MACHINES["axis_position"] = replace(MACHINES["axis"], outputs=("position[axis]",))
+MACHINES["dc_position"] = replace(MACHINES["dc_motor"], outputs=("position[motor]",))
+
+
+def base_model(kind: str, rate: float, loop: str) -> Any:
+    """The machine's true linear model, with its controller in closed loop.
+
+    Parameters
+    ----------
+    kind : str
+        A key of `MACHINES`.
+    rate : float
+        Samples per second.
+    loop : str
+        ``open`` or ``closed``.
+    """
+    from idloop.physics import load_model
+
+    machine = MACHINES[kind]
+    model = load_model(machine.preset)
+    if machine.outputs:
+        model = replace(model, outputs=tuple(o for o in model.outputs if o.site in machine.outputs))
+    if machine.free:
+        model = model.with_free(machine.free)
+    controller = {**machine.controller, "sample_time": 1.0 / rate} if loop == "closed" else None
+    return replace(model, controller=controller)
+
+
+def perturbed(model: Any, seed: int) -> Any:
+    """Free parameters moved by 20 to 40 % up or down, so that the start model tells nothing."""
+    random = np.random.default_rng(seed)
+    values = {}
+    for name in model.free:
+        share = random.uniform(0.2, 0.4) * random.choice([-1.0, 1.0])
+        values[name] = model.values[name] * (1.0 + share)
+    return model.with_values(values)

@@ -1,0 +1,71 @@
+"""The suite holds what it promises, and one seed gives one suite."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from cases import all_cases
+from experiment import experiment, start_model, true_model
+from machines import base_model
+from plan import SINGLES
+
+from idloop.physics import catalogue
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return all_cases()
+
+
+def test_at_least_five_hundred_cases_with_two_hundred_clean_ones(cases):
+    count = Counter(case.category for case in cases)
+    assert len(cases) >= 500
+    assert count["clean"] >= 200
+    assert min(count.values()) >= 30
+
+
+def test_half_of_the_clean_cases_are_disturbed_by_coloured_noise(cases):
+    clean = [case for case in cases if case.category == "clean"]
+    assert sum("ar" in (case.disturbance.kind, case.noise.kind) for case in clean) >= 100
+    assert all(case.duration <= 20.0 for case in clean)
+
+
+def test_a_third_is_simulated_by_code_that_shares_nothing_with_ours(cases):
+    for category in {case.category for case in cases}:
+        own = [case for case in cases if case.category == category]
+        assert sum(case.simulator != "idloop" for case in own) >= len(own) / 3
+
+
+def test_every_effect_of_the_catalogue_is_hidden_somewhere():
+    assert {row.effect for row in SINGLES} == set(catalogue())
+
+
+def test_no_case_is_too_long(cases):
+    assert all(case.rate * case.duration * len(case.training) <= 30_000 for case in cases)
+
+
+def test_every_true_model_can_be_built_and_the_start_model_knows_nothing_of_it(cases):
+    for case in cases:
+        truth, start = true_model(case), start_model(case, 1)
+        base = base_model(case.machine, case.rate, case.loop)
+        assert set(case.truth) <= set(truth.effect_names)
+        assert start.effect_names == ()
+        for name in start.free:
+            assert 0.19 < abs(start.values[name] / base.values[name] - 1.0) < 0.41
+
+
+@pytest.mark.parametrize("simulator", ["idloop", "equations", "mujoco"])
+def test_one_seed_gives_one_experiment(cases, simulator):
+    if simulator == "mujoco":
+        pytest.importorskip("mujoco", reason="mujoco is not installed (optional extra 'benchmark')")
+    case = min(
+        (c for c in cases if c.simulator == simulator and c.loop == "closed" and c.category == "single"),
+        key=lambda c: c.rate * c.duration * len(c.training),
+    )
+    first, again, other = experiment(case), experiment(case), experiment(case, suite=2)
+    assert np.array_equal(first.training[0].output, again.training[0].output)
+    assert not np.array_equal(first.training[0].output, other.training[0].output)
+    assert np.all(np.isfinite(first.training[0].output))
+    assert first.training[0].reference is not None
