@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.diagnose.experiment import COMMAND, REFERENCE, Experiment
+from idloop.diagnose.suggest_field import prepare_rivals
 from idloop.diagnose.suggest_limits import Limits, follows_reference, motion
-from idloop.diagnose.suggest_rivals import Rival, prepare_rivals
+from idloop.diagnose.suggest_rivals import Rival
 from idloop.diagnose.suggest_search import Choice, Search, Setup
 from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, outcomes_of
 from idloop.errors import IdloopError, InputError

@@ -8,17 +8,15 @@ data so far, because those data have to be explained as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.experiment import Experiment
 from idloop.diagnose.suggest_noise import Noise, Observers, common_noise
-from idloop.errors import InputError
-from idloop.estimate.dataset import Data, prepare
+from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import MOST_EXPONENT, InnovationCriterion
 from idloop.estimate.levenberg import difference_jacobian, minimise
@@ -37,8 +35,6 @@ _STRONGER = (2.0, 4.0, 6.0, 8.0)
 _PLAIN = 10.0
 # Lags of a noise model of its own, by which a rival may explain what it misses.
 _MOST_LAGS = 8
-# Samples that the noise model is read from.
-_MOST_SAMPLES = 60_000
 
 
 @dataclass(frozen=True)
@@ -254,57 +250,6 @@ def _coloured_loss(left: Array, own: Array) -> float:
     return max(min(losses), 0.0)
 
 
-def prepare_rivals(models: Sequence[Model], records: Sequence[Record]) -> list[Rival]:
-    """Put rival models on one scale.
-
-    Parameters
-    ----------
-    models : sequence of Model
-        Each fitted to the records.
-    records : sequence of Record
-        The data so far.
-
-    Returns
-    -------
-    list of Rival
-
-    Raises
-    ------
-    InputError
-        Models with different signals, or records that do not suit them.
-    """
-    first = models[0]
-    for model in models[1:]:
-        if model.output_names != first.output_names or model.input != first.input:
-            raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
-    data = _shortened(prepare(first, records))
-    noise = common_noise(models, data)
-    return [Rival(label, model, data, noise) for label, model in zip(labels(models), models, strict=True)]
-
-
-def labels(models: Sequence[Model]) -> list[str]:
-    """What sets each model apart from the others: its effects that not all have, else its name."""
-    common = set(models[0].effect_names).intersection(*(model.effect_names for model in models[1:]))
-    own = [" + ".join(name for name in model.effect_names if name not in common) for model in models]
-    own = [text or "no further effect" for text in own]
-    return own if len(set(own)) == len(own) else _unique([model.name for model in models])
-
-
-def _unique(names: list[str]) -> list[str]:
-    return [name if names.count(name) == 1 else f"{name} ({index + 1})" for index, name in enumerate(names)]
-
-
-def _shortened(data: list[Data]) -> list[Data]:
-    """The first samples of every record, so that long recordings cost no more."""
-    from dataclasses import replace
-
-    most = max(_MOST_SAMPLES // len(data), 1000)
-    return [
-        replace(d, time=d.time[:most], output=d.output[:most], gaps=d.gaps[d.gaps < most]) if len(d.time) > most else d
-        for d in data
-    ]
-
-
 def _widened_root(jacobian: Array, stated: Array) -> Array:
     """Root R of the information RᵀR that the data so far give, no sharper than the fit's own standard errors."""
     information = jacobian.T @ jacobian
@@ -317,28 +262,3 @@ def _widened_root(jacobian: Array, stated: Array) -> Array:
     own = np.sqrt(np.sum(vectors**2 * inverse, axis=1)) / size
     wider = np.where(np.isfinite(stated) & (stated > own), stated / own, 1.0)
     return np.asarray(root / wider)
-
-
-def experiment_gains(rivals: Sequence[Rival], experiment: Experiment, *, searched: bool = False) -> tuple[Array, Array]:
-    """Expected log-likelihood by which each rival, were it the truth, would lead each other one.
-
-    Parameters
-    ----------
-    rivals : sequence of Rival
-    experiment : Experiment
-    searched : bool
-        See `Rival.missed`.
-
-    Returns
-    -------
-    gains, alone : ndarray (m, m)
-        Row: the truth; column: the rival refitted; 0 on the diagonal. With and without the data so far.
-    """
-    gains, alone = np.zeros((2, len(rivals), len(rivals)))
-    for i, truth in enumerate(rivals):
-        record = experiment.run(truth.model, engine=truth.engine)
-        for j, other in enumerate(rivals):
-            if i != j:
-                missed = other.missed(record, experiment.start, searched=searched)
-                gains[i, j], alone[i, j] = missed.gain, missed.alone
-    return gains, alone

@@ -18,13 +18,14 @@ from idloop.diagnose.suggest_designs import (
     reference_designs,
     representatives,
 )
+from idloop.diagnose.suggest_field import contained, experiment_gains
 from idloop.diagnose.suggest_limits import Limits
-from idloop.diagnose.suggest_rivals import Rival, experiment_gains
+from idloop.diagnose.suggest_rivals import Rival
 from idloop.errors import IdloopError
 from idloop.physics.kernel import RATE
 
 if TYPE_CHECKING:
-    from idloop.physics import Model
+    pass
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -133,7 +134,7 @@ class Search:
 
     def __init__(self, rivals: Sequence[Rival], setup: Setup, duration: float | None, report: Progress) -> None:
         self.rivals, self.setup, self.report = list(rivals), setup, report
-        self.contained = _contained([rival.model for rival in rivals])
+        self.contained = contained([rival.model for rival in rivals])
         scale = machine_scale(rivals[0].engine, setup.signal_time, duration)
         usual = float(np.ceil(np.clip(25.0 * scale.settling, 6.0, 20.0)))
         self.durations = [duration] if duration is not None else [usual, 0.5 * usual]
@@ -302,16 +303,3 @@ def _distinct(found: list[Choice], count: int) -> list[Choice]:
         if len(kept) < count and all(choice.design != other.design for other in kept):
             kept.append(choice)
     return kept
-
-
-def _contained(models: Sequence[Model]) -> NDArray[np.bool_]:
-    """Entry (i, j): model i is a case of model j, which can therefore explain whatever i does."""
-    m = len(models)
-    return np.array([[i != j and _is_case_of(models[i], models[j]) for j in range(m)] for i in range(m)])
-
-
-def _is_case_of(small: Model, large: Model) -> bool:
-    covered = set(large.effect_names)
-    for active in large.effects:
-        covered.update(f"{name}@{active.at}" for name in active.effect.contains)
-    return set(small.effect_names) < covered and set(small.effect_names) != set(large.effect_names)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop.diagnose.suggest_field import contained
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -32,8 +34,8 @@ class Outcome:
     closest : str
         That other one.
     errors : dict
-        For every other rival, refitted to this experiment too, and every output the root mean square by which
-        its motion differs: ``{rival: {output: {"value": 0.1, "unit": "rad", "noise": 0.001}}}``.
+        For every other rival that does not contain this one, refitted to this experiment too, the root mean
+        square by which its outputs differ: ``{rival: {output: {"value": 0.1, "unit": "rad", "noise": 0.001}}}``.
     text : str
         One sentence.
     """
@@ -70,11 +72,12 @@ def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[
     tuple of Outcome
     """
     found = []
+    inside = contained([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
         record = experiment.run(truth.model, engine=truth.engine)
         errors = {}
         for j, other in enumerate(rivals):
-            if i == j:
+            if i == j or inside[i, j]:
                 continue
             theta = other.missed(record, experiment.start, searched=True).theta
             rival = experiment.run(other.model, engine=other.engine, theta=theta)
@@ -83,24 +86,28 @@ def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[
                 output.name: {"value": float(value), "unit": output.unit, "noise": float(noise)}
                 for output, value, noise in zip(truth.model.outputs, left, truth.noise.sensors, strict=True)
             }
-        closest = min((j for j in range(len(rivals)) if j != i), key=lambda j: float(gains[i, j]))
+        others = [j for j in range(len(rivals)) if j != i]
+        open_ = [j for j in others if not inside[i, j]]
+        closest = min(open_ or others, key=lambda j: float(gains[i, j]))
         label = rivals[closest].label
         found.append(
             Outcome(
                 truth.label, float(gains[i, closest]), label, errors,
-                _sentence(truth.label, label, float(gains[i, closest]), errors[label]),
+                _sentence(truth.label, label, float(gains[i, closest]), errors.get(label)),
             )
         )  # fmt: skip
     return tuple(found)
 
 
-def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[str, Any]]) -> str:
+def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[str, Any]] | None) -> str:
+    if errors is None:
+        return f"if {truth}: {other} contains it and gains nothing by what it has more"
     name, worst = max(errors.items(), key=lambda item: item[1]["value"] / max(item[1]["noise"], 1e-300))
     if gain < 1.0:
         return f"if {truth}: {other} explains it just as well"
     return (
         f"if {truth}: {other}, refitted, misses {name} by {worst['value']:.3g} {worst['unit']} RMS in free run "
-        f"(noise {worst['noise']:.2g}) and falls behind by {gain:.3g} in log-likelihood"
+        f"(noise {worst['noise']:.2g}) and falls behind by {_units(gain)} in log-likelihood"
     )
 
 
@@ -108,7 +115,7 @@ def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, sc
     """What the experiment is expected to decide, in one or two sentences."""
     names = " and ".join(rival.label for rival in rivals) if len(rivals) == 2 else f"{len(rivals)} rivals"
     if score >= DECISIVE:
-        return f"expected to tell {names} apart: the right one leads by about {score:.3g} in log-likelihood"
+        return f"expected to tell {names} apart: the right one leads by about {_units(score)} in log-likelihood"
     model = rivals[0].model
     bounds = []
     if limits.command is not None:
@@ -120,7 +127,7 @@ def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, sc
         bounds.append(f"velocity up to {limits.velocity:.3g} {unit}/s")
     return (
         f"no experiment of {experiment.duration:.3g} s within these limits ({', '.join(bounds) or 'none'}) is expected "
-        f"to tell {names} apart (at best {score:.2g} in log-likelihood): widen them"
+        f"to tell {names} apart (at best {_units(score)} in log-likelihood): widen them"
     )
 
 
@@ -142,3 +149,8 @@ def _short(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "[" + " ".join(_short(item) for item in value) + "]"
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _units(gain: float) -> str:
+    """A log-likelihood for the reader: no digits that mean nothing."""
+    return f"{gain:.1f}" if gain < DECISIVE else f"{float(f'{gain:.2g}'):.0f}"
