@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 # Effects that are refitted: the best few, and no more that promise less than this part of the best.
 MOST_REFITS, LEAST_SHARE, FEWEST_REFITS = 8, 0.05, 3
+# After a first round of search, effects that gained less than this part of the best and are worse
+# by this much log-likelihood are not searched further.
+WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
 # Phases from which a search for a wave starts.
 _PHASES = (0.0, 1.5707963267948966, 3.141592653589793, -1.5707963267948966)
 
@@ -92,14 +95,28 @@ def confirm(
         except (IdloopError, np.linalg.LinAlgError):
             return None
 
+    def finish(first: Confirmed) -> Confirmed:
+        try:
+            fit = refit(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS)
+        except (IdloopError, np.linalg.LinAlgError):
+            return first
+        if fit.log_likelihood <= first.fit.log_likelihood:
+            return first
+        return replace(first, fit=fit, gain=max(fit.log_likelihood - parent.log_likelihood, 0.0))
+
     found = []
     with ThreadPoolExecutor(workers()) as pool:
         for i, result in enumerate(pool.map(one, chosen)):
             if result is not None:
                 found.append(result)
             if report is not None:
-                report((i + 1) / len(chosen), chosen[i].proposal.name)
-    return sorted(found, key=lambda c: -c.gain)
+                report(0.5 * (i + 1) / len(chosen), chosen[i].proposal.name)
+        found.sort(key=lambda c: -c.gain)
+        if found:
+            bar = min(WORTH_FINISHING * found[0].gain, found[0].gain - CLEARLY_WORSE)
+            front = [c for c in found if c.gain >= bar]
+            found = sorted(pool.map(finish, front), key=lambda c: -c.gain) + found[len(front) :]
+    return found
 
 
 def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
@@ -110,11 +127,14 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
         model, starts = group
         own = {n: v for n, v in zip(parent.model.free, parent.point, strict=False)}
         thetas = []
-        for values in starts:
+        for values, shift in starts:
             start = proposal.model(values)
             thetas.append(np.array([own.get(name, start.values[name]) for name in start.free]))
+            moved = {n: own[n] + d for n, d in zip(parent.model.free, shift, strict=True)} if shift is not None else {}
+            if moved:
+                thetas.append(np.array([moved.get(name, start.values[name]) for name in start.free]))
         scale = np.max(np.abs(np.array(thetas)), axis=0)
-        found = refit(setting, model, thetas, parent, scale)
+        found = refit(setting, model, thetas, parent, scale, rounds=1)
         if best is None or found.log_likelihood > best.log_likelihood:
             best = found
         # A second shape is only worth its time while the first explains nothing.
@@ -127,14 +147,14 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
     )
 
 
-def _by_structure(proposal: Proposal, traces: list[Trace]) -> list[tuple[Model, list[Trial]]]:
+def _by_structure(proposal: Proposal, traces: list[Trace]) -> list[tuple[Model, list[tuple[Trial, Array | None]]]]:
     """Start values by what a search cannot move: whole numbers such as harmonics."""
-    found: dict[tuple[tuple[str, float], ...], list[Trial]] = {}
+    found: dict[tuple[tuple[str, float], ...], list[tuple[Trial, Array | None]]] = {}
     integers = [spec.name for spec in proposal.effect.parameters if spec.integer]
     for trace in traces:
         key = tuple((name, trace.trials[0].get(name, 0.0)) for name in integers)
-        found.setdefault(key, []).extend(starts(proposal, trace))
-    return [(proposal.model(values[0]), values) for values in found.values()]
+        found.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace))
+    return [(proposal.model(values[0][0]), values) for values in found.values()]
 
 
 def starts(proposal: Proposal, trace: Trace) -> list[Trial]:

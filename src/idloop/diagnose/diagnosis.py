@@ -205,7 +205,7 @@ def diagnose_fitted(
     rivals = tied(best, significant[1:]) if best is not None else []
     unknown = None
     if best is None:
-        unknown = unknown_structure(screen, level, seed)
+        unknown = unknown_structure(screen, level)
     candidates = _candidates(setting, parent, ranked, best, rivals, screened, null, gated)
     verdict = MISSING if best else UNKNOWN if unknown else NOT_EXCITED if gated.poor else ADEQUATE
     tell(1.0, "done")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idloop.diagnose.refit import Refit
+from idloop.diagnose.refit import Refit, residual_or_infinite
 from idloop.estimate import fit as fit_model
 from idloop.estimate.covariance import sandwich, white_covariance, widest
 from idloop.estimate.force import ForceCriterion
@@ -37,7 +37,7 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
     residual = fit.residual()
     scale = np.concatenate([np.maximum(np.abs(point[:k]), 1e-12), size])
     jacobian, _ = difference_jacobian(
-        problem.frozen_residual, point, residual, np.concatenate([lower, low]), np.concatenate([upper, high]),
+        lambda at: residual_or_infinite(problem, at), point, residual, np.concatenate([lower, low]), np.concatenate([upper, high]),
         fit.step, scale,
     )  # fmt: skip
     scores = problem.scores(point, residual, jacobian)

@@ -95,7 +95,7 @@ def log_likelihood(problem: Problem, point: Array) -> float:
     return value if np.isfinite(value) else -np.inf
 
 
-def _residual(problem: Problem, point: Array) -> Array:
+def residual_or_infinite(problem: Problem, point: Array) -> Array:
     """Residual, infinite where the model cannot be simulated."""
     try:
         return problem.frozen_residual(point)
@@ -118,6 +118,7 @@ def refit(
     starts: Sequence[Array] | None = None,
     beside: Refit | None = None,
     scale: Array | None = None,
+    rounds: int = _MOST_ROUNDS,
 ) -> Refit:
     """Maximise the likelihood of a model's free parameters and its noise.
 
@@ -131,6 +132,8 @@ def refit(
         A neighbouring model that is fitted already: its noise is where the search begins.
     scale : array, shape (k,), optional
         Typical sizes of the parameters.
+    rounds : int
+        Most rounds of the search; one tells promising models from others.
 
     Returns
     -------
@@ -164,7 +167,7 @@ def refit(
         criterion.exponent = start_exponent
     step: Array | None = None
     best, kept = -np.inf, None
-    for round_ in range(_MOST_ROUNDS):
+    for round_ in range(rounds):
         criterion.retune(theta)
         nuisance, low, high, nuisance_size = criterion.nuisance()
         point = np.concatenate([theta, nuisance])
@@ -172,7 +175,7 @@ def refit(
         if value == -np.inf:
             break
         found = minimise(
-            lambda at: _residual(problem, at),
+            lambda at: residual_or_infinite(problem, at),
             point,
             np.concatenate([lower, low]),
             np.concatenate([upper, high]),
@@ -231,7 +234,12 @@ def transfer(setting: Setting, fit: Refit) -> Refit | None:
         if len(start) and not isinstance(criterion, InnovationCriterion):
             # Initial states and timing belong to the records, not to the model.
             found = minimise(
-                lambda at: _residual(problem, np.concatenate([theta, at])), start, low, high, size, max_iterations=5
+                lambda at: residual_or_infinite(problem, np.concatenate([theta, at])),
+                start,
+                low,
+                high,
+                size,
+                max_iterations=5,
             )
             point = np.concatenate([theta, found.point])
         value = _weigh(problem, point, fit.problem.orders)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import Refit
+from idloop.diagnose.refit import Refit, residual_or_infinite
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
@@ -58,6 +58,8 @@ class Trace:
         How much more the errors vary along the trace than elsewhere, at least 1.
     worth : float
         As `detectable`, at the strength that was asked for before it was made weaker.
+    shift : array, shape (k,), or None
+        How the free parameters would move when the effect takes its size.
     """
 
     trials: list[Trial]
@@ -69,6 +71,7 @@ class Trace:
     sketch: Array
     uneven: float = 1.0
     worth: float = 0.0
+    shift: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -121,9 +124,10 @@ class Screen:
         k = parent.parameters
         scale = np.concatenate([np.maximum(np.abs(point[:k]), 1e-12), size])
         slopes, _ = difference_jacobian(
-            problem.frozen_residual, point, self.errors, np.concatenate([lower, low]), np.concatenate([upper, high]),
+            lambda at: residual_or_infinite(problem, at), point, self.errors, np.concatenate([lower, low]), np.concatenate([upper, high]),
             parent.step, scale,
         )  # fmt: skip
+        self._back = np.linalg.pinv(slopes[:, :k], rcond=1e-6)
         norms = np.linalg.norm(slopes, axis=0)
         slopes = slopes[:, np.isfinite(norms) & (norms > 1e-6)]
         left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
@@ -219,8 +223,9 @@ class Screen:
         statistic = float(scores @ scores) / uneven
         if one_sided and size[0] < 0.0:
             statistic = 0.0
+        shift = -self._back @ (raw @ size)
         sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)
-        return Trace(trials, statistic, size, detectable, left, one_sided, sketch, uneven, detectable)
+        return Trace(trials, statistic, size, detectable, left, one_sided, sketch, uneven, detectable, shift)
 
 
 def _weakest(proposal: Proposal, scales: Scales) -> list[list[Trial]]:

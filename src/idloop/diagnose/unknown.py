@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.curves import CURVES, KNOTS, Curve
+from idloop.physics.effect import INPUT
+
 if TYPE_CHECKING:
     from idloop.diagnose.screen import Screen
 
@@ -55,8 +58,12 @@ class UnknownStructure:
         }
 
 
-def unknown_structure(screen: Screen, level: float, seed: int) -> UnknownStructure | None:
+def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
     """Look for structure in the errors that no effect of the catalogue explains.
+
+    A force over velocity, over position and a correction of the command are learnt as piecewise
+    linear curves, linearised at the model as it is; what white errors would give by chance is known
+    from the F distribution, shared between the three.
 
     Parameters
     ----------
@@ -64,10 +71,104 @@ def unknown_structure(screen: Screen, level: float, seed: int) -> UnknownStructu
         Errors of the model.
     level : float
         Probability of seeing structure where there is none.
-    seed : int
 
     Returns
     -------
     UnknownStructure or None
     """
-    return None
+    from scipy.stats import f as f_distribution
+    from scipy.stats import norm
+
+    fits = [fit for curve in _curves(screen) if (fit := _learn(screen, curve)) is not None]
+    if not fits:
+        return None
+    best = max(fits, key=lambda fit: fit.share)
+    p_value = float(f_distribution.sf(best.ratio, best.directions, best.freedom)) * len(fits)
+    if p_value >= level:
+        return None
+    curve, name = best.curve, screen.parent.model.bodies[0]
+    units = screen.parent.model.units
+    command = curve.effect.site == INPUT
+    variable = "command" if command else f"{name}.{curve.effect.name.removeprefix('curve_over_')}"
+    unit = units.input if command else units.position + ("/s" if "velocity" in variable else "")
+    force_unit = units.input if command else units.force
+    return UnknownStructure(
+        variable=variable,
+        unit=unit,
+        force_unit=force_unit,
+        at=curve.knots[best.known],
+        force=best.value[best.known],
+        band=float(norm.ppf(0.975)) * best.spread[best.known],
+        share=best.share,
+        text=(
+            f"the errors still follow the {variable.rsplit('.', maxsplit=1)[-1]} (p = {max(p_value, 1e-300):.1g}) in a way that no "
+            f"effect of the catalogue explains: a learnt {'command' if command else 'force'} of up to "
+            f"{float(np.max(np.abs(best.value[best.known]))):.3g} {force_unit} remains"
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class _Fit:
+    curve: Curve
+    value: Array
+    spread: Array
+    known: NDArray[np.bool_]
+    share: float
+    ratio: float
+    directions: int
+    freedom: int
+
+
+def _curves(screen: Screen) -> list[Curve]:
+    model, sizes = screen.parent.model, screen.sizes
+    body = model.bodies[0]
+    _, fastest, middle, span = sizes.bodies[0]
+    force, command = screen.setting.force, sizes.command_most
+    ranges = {
+        "velocity": (body, -fastest, 2.0 * fastest, 0.01 * force),
+        "position": (body, middle - 0.5 * span, span, 0.01 * force),
+        "command": ("input", -command, 2.0 * command, 0.01 * sizes.command),
+    }
+    return [
+        Curve(CURVES[name], at, model, low=low, width=reach / (KNOTS - 1), step=step)
+        for name, (at, low, reach, step) in ranges.items()
+    ]
+
+
+def _learn(screen: Screen, curve: Curve) -> _Fit | None:
+    """Least squares of a curve's knots on the errors, with what the free parameters do projected out."""
+    columns = [screen.moved(curve, trial) for trial in curve.trials()]
+    if any(column is None for column in columns):
+        return None
+    raw = np.column_stack([column for column in columns if column is not None])
+    own = raw - screen.basis @ (screen.basis.T @ raw)
+    size = np.linalg.norm(own, axis=0)
+    known = size > 1e-3 * max(float(np.max(size)), 1e-300)
+    if not np.any(known):
+        return None
+    left, weight, right = np.linalg.svd(own[:, known] / size[known], full_matrices=False)
+    kept = weight > 1e-2 * weight[0]
+    left, weight, right = left[:, kept], weight[kept], right[kept]
+    scores = -(left.T @ screen.errors)
+    rest = screen.errors + left @ scores
+    directions, freedom = len(scores), max(len(rest) - len(scores) - screen.basis.shape[1], 1)
+    variance = float(rest @ rest) / freedom
+    # Uneven variance along the curve makes it look surer than it is.
+    meat = (left * rest[:, None] ** 2).T @ left
+    uneven = max(1.0, float(np.max(np.linalg.eigvalsh(meat))) / variance)
+    solve = (right.T / weight) / size[known][:, None] * curve.step
+    value, spread = np.zeros(KNOTS), np.zeros(KNOTS)
+    value[known] = solve @ scores
+    spread[known] = np.sqrt(np.sum(solve**2, axis=1) * variance * uneven)
+    power = float(scores @ scores)
+    return _Fit(
+        curve,
+        value,
+        spread,
+        known,
+        share=power / max(float(screen.errors @ screen.errors), 1e-300),
+        ratio=power / directions / (variance * uneven),
+        directions=directions,
+        freedom=freedom,
+    )
