@@ -35,6 +35,9 @@ VERBS: dict[str, Verb] = {
     "inspect": Verb("idloop.cli.inspect", "Say what is in a recording and what it can and cannot show."),
     "fit": Verb("idloop.cli.fit", "Estimate a model's free parameters from bags, with intervals."),
     "compare": Verb("idloop.cli.compare", "Compare what was measured with what models say."),
+    "diagnose": Verb("idloop.cli.diagnose", "Name the physical effects that a model lacks."),
+    "refine": Verb("idloop.cli.refine", "Add what is missing, step by step: the ladder."),
+    "suggest": Verb("idloop.cli.suggest", "Choose the next experiment, within limits."),
     "replay": Verb("idloop.cli.replay", "Play a recording into a live estimator."),
     "recover": Verb("idloop.cli.recover", "Save what can be read of a recording cut off by a crash."),
 }

@@ -201,7 +201,7 @@ def _setup(
             signal_time = period
     return Setup(
         target, dict(controller) if controller is not None else None, start, _tidy(signal_time),
-        _tidy(noise.sample_time), complete, seed,
+        _tidy(noise.sample_time), complete, limits.velocity if target == REFERENCE else None, seed,
     )  # fmt: skip
 
 

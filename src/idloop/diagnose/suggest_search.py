@@ -59,6 +59,9 @@ class Setup:
         Sample times of the signal and of the measurements [s].
     limits : Limits
         Completed.
+    pace : float or None
+        Largest rate of change of a reference, where the user has limited the velocity: what is followed must
+        not ask for more.
     seed : int
     """
 
@@ -68,6 +71,7 @@ class Setup:
     signal_time: float
     sample_time: float
     limits: Limits
+    pace: float | None
     seed: int
 
     @property
@@ -268,7 +272,11 @@ class Search:
         return worst
 
     def _excess(self, experiment: Experiment) -> float:
-        limits = self.setup.limits
+        limits, pace = self.setup.limits, self.setup.pace
+        if pace is not None:
+            steepest = float(np.max(np.abs(np.diff(experiment.built.value)))) / experiment.built.sample_time
+            if steepest > pace:
+                return steepest / pace
         return max(limits.excess(r.model, experiment.run(r.model, engine=r.engine)) for r in self.rivals)
 
     def _largest_level(self, design: Design, duration: float) -> float | None:

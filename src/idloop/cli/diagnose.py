@@ -1,0 +1,88 @@
+"""`idloop diagnose`: which physical effects a model lacks, ranked by calibrated evidence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from idloop.cli._common import BAG, MODEL, apply_options, json_option, model_options, print_json, progress, read_records
+from idloop.cli._diagnosis import VERDICTS, DiagnosisCommand, diagnosis_options, print_candidates, tie_text
+
+if TYPE_CHECKING:
+    from idloop.diagnose import Diagnosis
+    from idloop.physics import Model
+
+EXAMPLE = """\b
+Examples:
+  idloop diagnose dc_motor bags/train
+  idloop diagnose fitted.yaml bags/slow bags/fast --level 0.05
+  idloop diagnose emps bags/train --effects coulomb_friction stribeck_friction --json
+"""
+
+
+@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
+@click.argument("model", type=MODEL)
+@click.argument("bags", type=BAG, nargs=-1, required=True, metavar="BAG...")
+@diagnosis_options
+@model_options
+@click.option("--all", "everything", is_flag=True, help="List every effect of the catalogue, also what shows nothing.")
+@json_option
+def command(
+    model: Model,
+    bags: tuple[Path, ...],
+    *,
+    level: float,
+    only: tuple[str, ...],
+    criterion: str,
+    seed: int,
+    settings: tuple[str, ...],
+    effects: tuple[str, ...],
+    everything: bool,
+    as_json: bool,
+) -> None:
+    """Name the physical effects that MODEL lacks to explain every BAG.
+
+    First what this data can show at all; then the effects, ranked by evidence that is calibrated over the whole
+    catalogue, with the share of the error that each explains. Effects that the data cannot tell apart are one set.
+    """
+    model = apply_options(model, settings, effects)
+    records = read_records(bags, model)
+
+    from idloop.diagnose import diagnose
+
+    with progress(f"diagnosing {model.name}") as update:
+        found = diagnose(
+            model, records, level=level, criterion=criterion, effects=only or None, seed=seed, progress=update
+        )
+    if as_json:
+        print_json(found.to_dict())
+        return
+    print_diagnosis(found, everything=everything)
+
+
+def print_diagnosis(found: Diagnosis, *, everything: bool = False) -> None:
+    """Print gate, ranked table, tie, verdict with its physics, and what the data cannot show."""
+    for line in found.gate.findings:
+        click.echo(line)
+    click.echo()
+    print_candidates(found.candidates, found.set, everything=everything)
+    click.echo()
+    best = found.best
+    if best is not None:
+        click.echo(f"{VERDICTS[found.verdict]}: {best.name}. {best.text}")
+        if best.replaces:
+            click.echo(f"it takes the place of {best.replaces}, which it contains")
+        tie = tie_text(found.set)
+        if tie:
+            click.echo(f"{tie}: idloop suggest chooses the experiment that can")
+    else:
+        click.echo(VERDICTS.get(found.verdict, found.verdict))
+        if found.unknown is not None:
+            click.echo(found.unknown.text)
+    if found.untestable:
+        click.echo()
+        click.echo("this data cannot show:")
+        for name in found.untestable:
+            click.echo(f"  {name}: {found.gate.why.get(name, 'not excited')}")

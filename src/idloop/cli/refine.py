@@ -1,0 +1,391 @@
+"""`idloop refine`: diagnose, add, refit, until nothing significant is left; the ladder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from idloop.cli._common import (
+    BAG,
+    ModelArgument,
+    apply_options,
+    format_table,
+    json_option,
+    log,
+    model_options,
+    number,
+    print_json,
+    progress,
+    read_records,
+    to_json,
+)
+from idloop.cli._diagnosis import (
+    DiagnosisCommand,
+    diagnosis_options,
+    experiment_text,
+    limit_options,
+    p_text,
+    parameters_text,
+    read_limits,
+    write_text,
+)
+from idloop.errors import IdloopError, InputError
+
+if TYPE_CHECKING:
+    from idloop.diagnose import Ladder
+    from idloop.diagnose.suggest import Limits
+    from idloop.physics import Model
+    from idloop.records import Record
+
+FILES = ("model.yaml", "ladder.json", "ladder.png", "compare.png", "next.yaml")
+EXAMPLE = """\b
+Examples:
+  idloop refine dc_motor bags/train --validate bags/unseen --output runs/refined
+  idloop refine --resume runs/refined --undo
+  idloop refine --resume runs/refined --undo --add coulomb_friction@motor
+  idloop refine emps bags/train --most 2 --json
+"""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A ladder as it lies in its folder.
+
+    Attributes
+    ----------
+    ladder : Ladder
+    bags, validate : tuple of Path
+        What it was climbed on.
+    folder : Path or None
+        Of the model file, where effects of the user's own lie.
+    """
+
+    ladder: Ladder
+    bags: tuple[Path, ...] = ()
+    validate: tuple[Path, ...] = ()
+    folder: Path | None = field(default=None)
+
+
+@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
+@click.argument("sources", nargs=-1, metavar="[MODEL] BAG...")
+@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see.")
+@diagnosis_options
+@model_options
+@click.option("--most", type=click.IntRange(min=0), default=8, show_default=True, help="Most effects in the ladder.")
+@click.option(
+    "--resume",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Go on with the ladder in DIR; MODEL and BAG are those of then when left out.",
+)
+@click.option("--undo", is_flag=True, help="Take the last step of the resumed ladder back, and stop there.")
+@click.option("--add", metavar="EFFECT@SITE", help="Add this effect, the user's own choice, and go on from there.")
+@limit_options
+@click.option("--no-suggest", is_flag=True, help="Do not work out the next experiment for what stays open.")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help=f"Write {', '.join(FILES)} (default with --resume: that folder).",
+)
+@click.option("--force", is_flag=True, help="Overwrite the files in the folder of --output.")
+@json_option
+def command(
+    sources: tuple[str, ...],
+    *,
+    validate: tuple[Path, ...],
+    level: float,
+    only: tuple[str, ...],
+    criterion: str,
+    seed: int,
+    settings: tuple[str, ...],
+    effects: tuple[str, ...],
+    most: int,
+    resume: Path | None,
+    undo: bool,
+    add: str | None,
+    max_command: float | None,
+    position_range: tuple[float, float] | None,
+    max_velocity: float | None,
+    duration: float | None,
+    no_suggest: bool,
+    output: Path | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Add the effects that MODEL lacks one by one, until nothing significant is left in the BAGs.
+
+    Every step is fitted to the BAGs and judged on those of --validate. The ladder ends at an adequate model, at a
+    residual that no effect explains, or where the data cannot tell; effects that tie are reported together, and
+    the experiment that would separate them is worked out, within the limits given or seen in the data.
+    """
+    if undo and resume is None:
+        raise InputError("--undo takes back the last step of a ladder: add --resume DIR")
+    target = output if output is not None else resume
+    if target is not None and target != resume:
+        check_target(target, overwrite=force)
+    limits = read_limits(max_command, position_range, max_velocity)
+    kept = read_ladder(resume) if resume is not None else None
+    model, bags = _sources(sources, kept)
+    model = apply_options(model, settings, effects) if kept is None else model
+    unseen = validate or (kept.validate if kept is not None else ())
+    records, validation = read_records(bags, model), read_records(unseen, model)
+    folder = kept.folder if kept is not None else model.folder
+
+    def keep(ladder: Ladder) -> None:
+        """Leave every step on the disk as soon as it is made."""
+        if target is not None:
+            _write_ladder(target, Kept(ladder, tuple(bags), tuple(unseen), folder))
+
+    with progress(f"refining {model.name}") as update:
+        climb = _Climb(records, validation, level, criterion, only, seed, most, update, keep)
+        ladder = climb(model, kept.ladder if kept is not None else None, undo=undo, add=add)
+        if not no_suggest and not (undo and add is None):
+            ladder = _with_suggestion(ladder, records, limits, duration, seed, update)
+    if target is not None:
+        _write_all(target, Kept(ladder, tuple(bags), tuple(unseen), folder), records, validation)
+    if as_json:
+        print_json({**ladder.to_dict(), "output": target})
+        return
+    print_ladder(ladder)
+    if target is not None:
+        log(f"written: {target}")
+
+
+@dataclass(frozen=True)
+class _Climb:
+    """The work itself, with everything that all its parts need."""
+
+    records: Sequence[Record]
+    validation: Sequence[Record]
+    level: float
+    criterion: str
+    only: tuple[str, ...]
+    seed: int
+    most: int
+    update: Callable[..., None]
+    keep: Callable[[Ladder], None]
+
+    def __call__(self, model: Model, ladder: Ladder | None, *, undo: bool, add: str | None) -> Ladder:
+        from idloop.diagnose import add_effect, refine
+
+        if undo and ladder is not None:
+            ladder = ladder.undo()
+            if add is None:
+                return ladder
+        common: dict[str, Any] = {"seed": self.seed, "progress": self.update}
+        if add is not None:
+            if ladder is None:
+                ladder = refine(
+                    model, self.records, self.validation, level=self.level, criterion=self.criterion, most=0, **common
+                )
+            ladder = add_effect(ladder, add, self.records, self.validation, **common)
+            self.keep(ladder)
+        return refine(
+            model,
+            self.records,
+            self.validation,
+            level=self.level,
+            criterion=self.criterion,
+            effects=self.only or None,
+            most=self.most,
+            ladder=ladder,
+            on_step=self.keep,
+            **common,
+        )
+
+
+def _sources(sources: Sequence[str], kept: Kept | None) -> tuple[Model, Sequence[Path]]:
+    """Model and bags of the command line, or those of the resumed ladder."""
+    if kept is None:
+        if len(sources) < 2:
+            missing = "MODEL and BAG are" if not sources else "BAG is"
+            raise InputError(f"{missing} missing: write idloop refine MODEL BAG..., or --resume DIR")
+        return ModelArgument().convert(sources[0], None, None), [BAG.convert(s, None, None) for s in sources[1:]]
+    words = list(sources)
+    if words and (not Path(words[0]).exists() or Path(words[0]).suffix in {".yaml", ".yml"}):
+        # The model of a ladder is its own; naming it again does no harm.
+        ModelArgument().convert(words.pop(0), None, None)
+    bags = [BAG.convert(word, None, None) for word in words] or list(kept.bags)
+    if not bags:
+        raise InputError("BAG is missing: the ladder does not know what it was climbed on")
+    for bag in bags:
+        BAG.convert(bag, None, None)
+    return kept.ladder.model, bags
+
+
+# ---------------------------------------------------------------- the folder of a ladder
+
+
+def check_target(folder: Path, *, overwrite: bool) -> None:
+    """Refuse a folder that cannot be written or holds a ladder already, before the work is done.
+
+    Raises
+    ------
+    InputError
+        A file of that name, no folder above it, or files that would be overwritten.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--output {folder}: this is a file, name a folder")
+    if not folder.parent.is_dir():
+        raise InputError(f"--output {folder}: there is no folder {folder.parent}, make it first")
+    there = [name for name in FILES if (folder / name).exists()]
+    if there and not overwrite:
+        raise InputError(f"--output {folder}: {', '.join(there)} are there already, name another folder or add --force")
+
+
+def read_ladder(folder: Path) -> Kept:
+    """Read what `idloop refine --output` has written.
+
+    Raises
+    ------
+    InputError
+        There is no ladder in the folder.
+    """
+    from idloop.cli.suggest import read_document
+    from idloop.diagnose import Ladder
+
+    path = folder / "ladder.json"
+    if not path.is_file():
+        raise InputError(f"{folder}: no ladder.json in it; write one with idloop refine --output {folder}")
+    document = read_document(path)
+    own = document.get("model_folder")
+    effects = Path(own) if own else None
+    try:
+        ladder = Ladder.from_dict(document, effects)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}: not a whole ladder ({type(error).__name__}: {error})") from error
+    bags, validate = (tuple(Path(p) for p in document.get(key, ())) for key in ("bags", "validate"))
+    return Kept(ladder, bags, validate, effects)
+
+
+def _write_ladder(folder: Path, kept: Kept) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise IdloopError(f"cannot make {folder}: {error.strerror or error}") from error
+    document = {
+        **kept.ladder.to_dict(),
+        "bags": [path.resolve() for path in kept.bags],
+        "validate": [path.resolve() for path in kept.validate],
+        "model_folder": kept.folder.resolve() if kept.folder is not None else None,
+    }
+    write_text(folder / "model.yaml", kept.ladder.model.to_yaml())
+    write_text(folder / "ladder.json", json.dumps(to_json(document), indent=2, ensure_ascii=False) + "\n")
+
+
+def _write_all(folder: Path, kept: Kept, records: Sequence[Record], validation: Sequence[Record]) -> None:
+    from idloop.cli._assessment import make_panel, save_figure
+    from idloop.report.ladder import plot_ladder
+    from idloop.report.style import save
+    from idloop.validate import compare
+
+    ladder = kept.ladder
+    _write_ladder(folder, kept)
+    save(plot_ladder(ladder, noise_floor(ladder.model, validation or records)), folder / "ladder.png")
+    following = folder / "next.yaml"
+    if ladder.suggested_experiment is not None:
+        write_text(following, experiment_text(ladder.suggested_experiment))
+    else:
+        following.unlink(missing_ok=True)
+    labelled = [("start", ladder.steps[0].model)]
+    if len(ladder.steps) > 1:
+        labelled.append((f"{len(ladder.steps) - 1} effects" if len(ladder.steps) > 2 else "1 effect", ladder.model))
+    panels, last = [], None
+    for kind, several in (("train", records), ("validation", validation)):
+        for record in several:
+            rows = [(label, compare(model, record)) for label, model in labelled]
+            panels.append(make_panel(f"{kind}: {record.name}", rows))
+            last = rows[-1][1]
+    if last is not None:
+        save_figure(panels, last, folder / "compare.png")
+
+
+def noise_floor(model: Model, records: Sequence[Record]) -> dict[str, float]:
+    """NRMSE that the measurement noise alone leaves, by output; only where the model states the noise."""
+    import numpy as np
+
+    floor = {}
+    for column, output in enumerate(model.outputs):
+        spread = float(np.nanstd(np.concatenate([record.output[:, column] for record in records])))
+        if output.noise is not None and spread > 0.0:
+            floor[output.name] = output.noise / spread
+    return floor
+
+
+# ---------------------------------------------------------------- the next experiment
+
+
+def _with_suggestion(
+    ladder: Ladder,
+    records: Sequence[Record],
+    limits: Limits,
+    duration: float | None,
+    seed: int,
+    update: Callable[..., None],
+) -> Ladder:
+    """The ladder with the experiment that would settle its ties; as it is when there are none."""
+    from idloop.diagnose.suggest_next import suggest_next
+
+    tied = any(len(step.set) > 1 for step in ladder.steps)
+    if not tied and ladder.verdict != "not_excited":
+        return ladder
+    try:
+        found = suggest_next(ladder, records, limits, duration=duration, seed=seed, progress=update)
+    except IdloopError as error:
+        log(f"no experiment can be suggested: {error}")
+        return ladder
+    return ladder if found is None else replace(ladder, suggested_experiment=found.to_dict())
+
+
+# ---------------------------------------------------------------- the table
+
+
+def print_ladder(ladder: Ladder) -> None:
+    """Print one line a step, the verdict with its physics, and what would be next."""
+    from idloop.report.ladder import VERDICTS
+
+    for line in ladder.findings:
+        click.echo(line)
+    kind = "validation" if any(step.validation for step in ladder.steps) else "train"
+    names = list(ladder.steps[0].model.output_names)
+    rows = []
+    for step in ladder.steps:
+        measures: Mapping[str, Any] = getattr(step, kind)
+        added = step.added
+        force = measures.get("force")
+        rows.append(
+            (
+                "start" if added is None else f"+ {added.name}",
+                "-" if added is None else "own choice" if step.chosen_by == "user" else p_text(step.p_value),
+                *(number(measures.get("fit", {}).get(name)) for name in names),
+                "-" if force is None else number(100.0 * force, 3),
+                "" if added is None else parameters_text(added.parameters),
+            )
+        )
+    fits = [f"FIT % {name}" for name in names]
+    click.echo(format_table(("step", "p", *fits, "force error %", "parameters (95 %)"), rows))
+    click.echo(f"(errors of the {kind} data)")
+    for step in ladder.steps:
+        others = [name for name in step.set if step.added is not None and name != step.added.name]
+        if step.added is not None:
+            click.echo(f"{step.added.name}: {step.added.text}")
+            if step.added.replaces:
+                click.echo(f"  in place of {step.added.replaces}, which it contains")
+        if others:
+            click.echo(f"  this data cannot tell it from {', '.join(others)}")
+    click.echo(f"verdict: {VERDICTS.get(ladder.verdict, ladder.verdict)}")
+    if ladder.unknown is not None:
+        click.echo(ladder.unknown.text)
+    if ladder.untestable:
+        click.echo(f"this data cannot show: {', '.join(ladder.untestable)}")
+    suggested = ladder.suggested_experiment
+    if suggested is not None:
+        click.echo(f"next experiment: {suggested['text']}")
+        for outcome in suggested["outcomes"]:
+            click.echo(f"  {outcome['text']}")

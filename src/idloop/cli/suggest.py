@@ -1,0 +1,206 @@
+"""`idloop suggest`: the next experiment, the one that best separates what the data so far leave open."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from idloop.cli._common import (
+    BAG,
+    ModelArgument,
+    check_folder,
+    json_option,
+    log,
+    print_json,
+    progress,
+    read_records,
+)
+from idloop.cli._diagnosis import (
+    DiagnosisCommand,
+    criterion_option,
+    experiment_text,
+    limit_options,
+    read_limits,
+    seed_option,
+    write_text,
+)
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.diagnose.suggest import Limits, Suggestion
+    from idloop.physics import Model
+    from idloop.records import Record
+
+    Update = Callable[..., None]
+
+SCHEMA = "idloop/suggest/1"
+EXAMPLE = """\b
+Examples:
+  idloop suggest dc_motor bags/train --max-command 3 --output next.yaml
+  idloop suggest --between dead_zone.yaml friction.yaml bags/train
+  idloop suggest --ladder runs/refined --position-range -3 3
+  idloop suggest fitted.yaml bags/train --show imbalance@motor --position-range -7 7
+\b
+Run it: the excitation node takes the file as its parameter `experiment`, then call its service
+~/run_experiment.
+"""
+
+
+@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
+@click.argument("sources", nargs=-1, metavar="[MODEL...] BAG")
+@click.option("--between", nargs=2, metavar="MODEL MODEL", help="Two rival models; the same as naming two MODELs.")
+@click.option(
+    "--ladder",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Settle what a ladder of idloop refine left open; BAG may be left out.",
+)
+@click.option("--show", metavar="EFFECT@SITE", help="Make this effect visible, which the data so far do not show.")
+@click.option("--also", type=BAG, multiple=True, metavar="BAG...", help="More of the data so far.")
+@limit_options
+@click.option("--start", type=float, metavar="POSITION", help="Where the axis will rest before.")
+@click.option("--no-fit", is_flag=True, help="Take rival models as they are instead of fitting them first.")
+@criterion_option
+@seed_option
+@click.option("--output", type=click.Path(path_type=Path), metavar="NEXT.yaml", help="Write the experiment.")
+@click.option("--force", is_flag=True, help="Overwrite the file of --output.")
+@json_option
+def command(
+    sources: tuple[str, ...],
+    *,
+    between: tuple[str, str] | None,
+    ladder: Path | None,
+    show: str | None,
+    also: tuple[Path, ...],
+    max_command: float | None,
+    position_range: tuple[float, float] | None,
+    max_velocity: float | None,
+    duration: float | None,
+    start: float | None,
+    no_fit: bool,
+    criterion: str,
+    seed: int,
+    output: Path | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Choose the experiment that best separates rival models of the data in BAG, within limits.
+
+    With several MODELs these are the rivals, each fitted to BAG first. With one, it is diagnosed, and the effects
+    that tie are the rivals; where none tie, effects that the data cannot show are asked for. Limits that are not
+    given are the largest command and motion in the data.
+    """
+    if output is not None and check_folder(output, "--output").exists() and not force:
+        raise InputError(f"--output {output}: the file is there already, name another or add --force")
+    names, bags = _split(sources, between, ladder)
+    limits = read_limits(max_command, position_range, max_velocity)
+    options: dict[str, Any] = {"duration": duration, "seed": seed, "start": start}
+    with progress("choosing an experiment") as update:
+        options["progress"] = update
+        if ladder is not None:
+            found = _of_ladder(ladder, bags, also, limits, options)
+        else:
+            models = [ModelArgument().convert(name, None, None) for name in names]
+            records = read_records([*bags, *also], models[0])
+            found = _of_models(models, records, limits, options, show=show, criterion=criterion, fitted=no_fit)
+    if found is not None and output is not None:
+        write_text(output, experiment_text(found.to_dict()))
+        log(f"written: {output}")
+    if as_json:
+        document = {"experiment": None} if found is None else found.to_dict()
+        print_json({"schema": SCHEMA, **document, "output": output if found is not None else None})
+        return
+    click.echo(found.summary() if found is not None else "nothing is open: no effects tie, and the data show them all")
+
+
+def _split(
+    sources: Sequence[str], between: tuple[str, str] | None, ladder: Path | None
+) -> tuple[list[str], list[Path]]:
+    """Models and bags of the command line; the last word is the bag."""
+    if ladder is not None and between:
+        raise InputError("--ladder has its own rivals: leave --between out")
+    if ladder is not None:
+        return [], [BAG.convert(source, None, None) for source in sources]
+    if not sources:
+        raise InputError("BAG is missing: name the recording that the models are to explain")
+    names = [*(between or ()), *sources[:-1]]
+    if not names:
+        raise InputError(f"MODEL is missing: write idloop suggest MODEL {sources[-1]}, or --between two models")
+    return names, [BAG.convert(sources[-1], None, None)]
+
+
+def _of_ladder(
+    folder: Path, bags: Sequence[Path], also: Sequence[Path], limits: Limits, options: dict[str, Any]
+) -> Suggestion | None:
+    from idloop.cli.refine import read_ladder
+    from idloop.diagnose.suggest_next import suggest_next
+
+    kept = read_ladder(folder)
+    chosen = [*(bags or kept.bags), *also]
+    if not chosen:
+        raise InputError(f"{folder}: its bags are not known any more; name BAG")
+    return suggest_next(kept.ladder, read_records(chosen, kept.ladder.model), limits, **options)
+
+
+def _of_models(
+    models: Sequence[Model],
+    records: Sequence[Record],
+    limits: Limits,
+    options: dict[str, Any],
+    *,
+    show: str | None,
+    criterion: str,
+    fitted: bool,
+) -> Suggestion | None:
+    from idloop.diagnose import diagnose
+    from idloop.diagnose.suggest import suggest
+    from idloop.diagnose.suggest_effect import suggest_effect
+    from idloop.diagnose.suggest_next import suggest_next
+    from idloop.estimate import fit
+
+    if len(models) > 1 and show is not None:
+        raise InputError("--show takes one MODEL: the rivals are that model with and without the effect")
+    update: Update = options.pop("progress")
+    if len(models) == 1 and show is None:
+        first = diagnose(
+            models[0], records, criterion=criterion, seed=options["seed"], progress=_part(update, 0.0, 0.4)
+        )
+        return suggest_next(first, records, limits, progress=_part(update, 0.4, 1.0), **options)
+    if not fitted:
+        models = [
+            fit(
+                model,
+                records,
+                criterion=criterion,
+                progress=_part(update, 0.3 * i / len(models), 0.3 * (i + 1) / len(models)),
+            ).model
+            if model.free
+            else model
+            for i, model in enumerate(models)
+        ]
+    rest = _part(update, 0.3, 1.0)
+    if show is not None:
+        return suggest_effect(models[0], show, records, limits, progress=rest, **options)
+    return suggest(models, records, limits, progress=rest, **options)
+
+
+def _part(update: Update, low: float, high: float) -> Callable[[float, str], None]:
+    """Progress of one part of the work, on the bar of the whole."""
+    return lambda share, text: update(low + (high - low) * share, text)
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """Read a JSON document; InputError when there is none."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: no JSON document ({error})") from error
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: no JSON document of ours")
+    return document

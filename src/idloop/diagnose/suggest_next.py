@@ -1,0 +1,186 @@
+"""The next experiment for what a diagnosis or a ladder has left open: effects that tie, effects that cannot show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from idloop.diagnose.suggest import Suggestion, suggest
+from idloop.diagnose.suggest_effect import effect_rivals
+from idloop.diagnose.suggest_limits import Limits
+from idloop.diagnose.suggest_words import DECISIVE
+from idloop.errors import IdloopError, InputError
+
+if TYPE_CHECKING:
+    from idloop.diagnose.diagnosis import Diagnosis
+    from idloop.diagnose.ladder import Ladder
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Progress = Callable[[float, str], None]
+
+# Rivals at most: each pair costs, and the last ones of a long set hardly differ from the others.
+_MOST_RIVALS = 4
+# What any servo axis may have, the likeliest first; asked for before the rest of the catalogue.
+_EVERYDAY = (
+    "dead_zone",
+    "coulomb_friction",
+    "saturation",
+    "input_offset",
+    "backlash",
+    "imbalance",
+    "gain_asymmetry",
+    "stribeck_friction",
+    "input_delay",
+    "compliance",
+)
+_MOST_UNSEEN = 3
+
+
+@dataclass(frozen=True)
+class Question:
+    """What an experiment is to settle.
+
+    Attributes
+    ----------
+    rivals : tuple of Model
+        Fitted to the data so far.
+    text : str
+        In words.
+    """
+
+    rivals: tuple[Model, ...]
+    text: str
+
+
+def suggest_next(
+    found: Diagnosis | Ladder,
+    records: Sequence[Record],
+    limits: Limits | None = None,
+    *,
+    duration: float | None = None,
+    seed: int = 0,
+    start: float | None = None,
+    progress: Progress | None = None,
+) -> Suggestion | None:
+    """Choose the experiment that settles what a diagnosis or a ladder has left open.
+
+    Effects that tie come first. Where none do, the everyday effects that the data cannot show are asked for,
+    all in one experiment where one can show them all.
+
+    Parameters
+    ----------
+    found : Diagnosis or Ladder
+    records : sequence of Record
+        The data that it came from.
+    limits, duration, seed, start, progress
+        As in `suggest`.
+
+    Returns
+    -------
+    Suggestion or None
+        None when nothing is open.
+
+    Raises
+    ------
+    InputError
+        As `suggest`.
+    """
+    tell = progress or (lambda share, text: None)
+    asked = open_question(found, records, seed=seed, progress=lambda share, text: tell(0.3 * share, text))
+    options = {"duration": duration, "seed": seed, "start": start}
+
+    def later(share: float, text: str) -> None:
+        tell(0.3 + 0.7 * share, text)
+
+    if asked is not None:
+        answer = suggest(asked.rivals, records, limits, progress=later, **options)  # type: ignore[arg-type]
+        return replace(answer, text=f"{asked.text}; {answer.text}")
+    return _for_the_unseen(found, records, limits or Limits(), options, later)
+
+
+def open_question(
+    found: Diagnosis | Ladder, records: Sequence[Record], *, seed: int = 0, progress: Progress | None = None
+) -> Question | None:
+    """The latest tie as models, each with one of the tied effects fitted; None without a tie.
+
+    Parameters
+    ----------
+    found : Diagnosis or Ladder
+    records : sequence of Record
+    seed : int
+    progress : callable, optional
+    """
+    from idloop.diagnose.diagnosis import Diagnosis, diagnose
+
+    if isinstance(found, Diagnosis):
+        return _question(found, found.set)
+    model = found.model
+    for step in reversed(found.steps):
+        if step.added is None or len(step.set) < 2 or step.added.name not in model.effect_names:
+            continue
+        bare = model.without_effect(step.added.name)
+        again = diagnose(
+            bare, records, level=found.level, criterion=found.criterion, effects=step.set, seed=seed, progress=progress
+        )
+        # More may be known by now than when the step was taken.
+        return _question(again, again.set)
+    return None
+
+
+def _question(found: Diagnosis, names: Sequence[str]) -> Question | None:
+    models = [c.model for c in found.candidates if c.name in names and c.model is not None][:_MOST_RIVALS]
+    if len(models) < 2:
+        return None
+    return Question(tuple(models), f"this data cannot tell {_listed(list(names))} apart")
+
+
+def _for_the_unseen(
+    found: Diagnosis | Ladder,
+    records: Sequence[Record],
+    limits: Limits,
+    options: dict[str, float | int | None],
+    progress: Progress,
+) -> Suggestion | None:
+    """The experiment for effects that the data cannot show, together or else the first one that can be shown."""
+    plain = found.model
+    rank = {name: place for place, name in enumerate(_EVERYDAY)}
+    unseen = [name for name in found.untestable if name.partition("@")[0] in rank]
+    models: dict[str, Model] = {}
+    for name in sorted(unseen, key=lambda name: rank[name.partition("@")[0]]):
+        if len(models) == _MOST_UNSEEN:
+            break
+        try:
+            base, model = effect_rivals(plain, name, records, limits)
+        except (InputError, IdloopError):
+            continue
+        if base.effect_names == plain.effect_names:  # else it would take the place of an effect that is known
+            models[name] = model
+    best: tuple[list[str], Suggestion] | None = None
+    group = list(models)
+    while group:
+
+        def part(share: float, text: str, left: int = len(group)) -> None:
+            progress(1.0 - (left - share) / (len(models) + 1.0), text)
+
+        try:
+            answer = suggest([plain, *(models[name] for name in group)], records, limits, progress=part, **options)  # type: ignore[arg-type]
+        except InputError:
+            return None if best is None else _answer_of(*best)
+        if best is None or answer.discrimination > best[1].discrimination:
+            best = (group, answer)
+        if answer.discrimination >= DECISIVE or len(group) == 1:
+            break
+        # What the limits do not let show must not keep the others from showing.
+        seen = [name for name, o in zip(group, answer.outcomes[1:], strict=True) if o.in_favour >= DECISIVE]
+        group = seen if seen and len(seen) < len(group) else group[:-1]
+    return None if best is None else _answer_of(*best)
+
+
+def _answer_of(group: list[str], answer: Suggestion) -> Suggestion:
+    return replace(answer, text=f"this data cannot show {_listed(group)}; {answer.text}")
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

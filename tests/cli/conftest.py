@@ -1,0 +1,36 @@
+"""Bags of a motor with a hidden dead zone, for the verbs that look for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def hidden(tmp_path_factory) -> SimpleNamespace:
+    """Model file without the effect, and bags with it: many levels, unseen ones, and two levels that hide it."""
+    from idloop.diagnose.experiment import Experiment
+    from idloop.physics import load_model
+    from idloop.records import write_bag
+
+    folder = tmp_path_factory.mktemp("hidden")
+    model = load_model("dc_motor")
+    outputs = tuple(replace(o, noise=n) for o, n in zip(model.outputs, (0.002, 0.01), strict=True))
+    model = replace(model, outputs=outputs, controller=None)
+    model.save(folder / "bare.yaml")
+    truth = model.with_effects(["dead_zone@input(width=0.4)"])
+
+    def record(folder_name: str, seconds: float, **signal: object) -> Path:
+        given = {"sample_time": 0.01, "duration": seconds, "amplitude": 2.0, **signal}
+        run = Experiment(given).run(truth, noise=True, disturbance=0.02, seed=len(folder_name), name=folder_name)
+        return write_bag(folder / folder_name, run)
+
+    return SimpleNamespace(
+        model=folder / "bare.yaml",
+        levels=record("levels", 10.0, name="multilevel", seed=2),
+        unseen=record("unseen", 6.0, name="multilevel", seed=5),
+        two=record("two", 10.0, name="prbs", band_hz=1.0, seed=1),
+    )

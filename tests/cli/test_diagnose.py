@@ -1,0 +1,88 @@
+"""`idloop diagnose`: the table of evidence, the verdict in words, one JSON document."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from idloop.cli import main
+from idloop.cli._diagnosis import p_text, parameter_text
+
+
+def words(*arguments: object) -> list[str]:
+    return [str(argument) for argument in arguments]
+
+
+def test_it_names_the_hidden_effect_in_one_document(hidden, capsys):
+    assert main.run(words("diagnose", hidden.model, hidden.levels, "--json")) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "idloop/diagnose/1"
+    assert document["verdict"] == "missing"
+    assert document["set"] == ["dead_zone@input"]
+    best = document["candidates"][0]
+    assert (best["effect"], best["at"], best["testable"]) == ("dead_zone", "input", "yes")
+    assert best["p_value"] < 0.01
+    assert best["explains"] > 0.3
+    width = best["parameters"]["width"]
+    assert abs(width["value"] - 0.4) < 4 * width["stderr"] < 0.04
+    assert width["unit"] == "V"
+
+
+def test_it_says_so_in_words(hidden, capsys):
+    assert main.run(words("diagnose", hidden.model, hidden.levels)) == 0
+    out = capsys.readouterr().out
+    for word in ("reversals", "explains %", "* ", "dead_zone@input", "< 0.001", "width 0.", " ± ", "show nothing"):
+        assert word in out
+    assert "an effect is missing: dead_zone@input. Small commands do nothing" in out
+
+
+def test_what_the_data_cannot_show_is_listed_with_the_reason(hidden, capsys):
+    assert main.run(words("diagnose", hidden.model, hidden.two)) == 0
+    out = capsys.readouterr().out
+    assert "this data cannot tell everything" in out
+    assert "dead_zone@input: " in out.partition("this data cannot show:")[2]
+
+
+def test_only_the_effects_asked_for_are_weighed(hidden, capsys):
+    arguments = ("--effects", "quadratic_drag", "coulomb_friction@motor", "--json", "--level", "0.05", "--seed", 3)
+    assert main.run(words("diagnose", hidden.model, hidden.levels, *arguments)) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert {c["effect"] for c in document["candidates"]} == {"quadratic_drag", "coulomb_friction"}
+    assert document["level"] == 0.05
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    (
+        (["MODEL"], "BAG"),
+        (["MODEL", "nowhere"], "nowhere"),
+        (["MODEL", "BAG", "--effects", "dead_zon"], "dead_zone"),
+        (["MODEL", "BAG", "--level", "0.9"], "0.9"),
+        (["MODEL", "BAG", "--criterion", "luck"], "prediction"),
+    ),
+)
+def test_wrong_use_is_one_line(arguments, word, hidden, capsys):
+    places = {"MODEL": hidden.model, "BAG": hidden.levels}
+    assert main.run(["diagnose", *(str(places.get(a, a)) for a in arguments)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert word in err
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    (
+        ({"value": 0.12342, "stderr": 0.001, "unit": "V"}, "width 0.1234 ± 0.002 V"),
+        ({"value": 0.12342, "stderr": None, "unit": "V"}, "width 0.1234 V"),
+        ({"value": 0.0, "stderr": 0.1, "unit": "-"}, "width 0 ± 0.2 -"),
+        ({"value": None, "stderr": None, "unit": "V"}, "width -"),
+    ),
+)
+def test_a_parameter_has_the_digits_that_its_interval_bears(entry, text):
+    assert parameter_text("width", entry) == text
+
+
+def test_a_tiny_p_value_is_not_spelled_out():
+    assert [p_text(p) for p in (None, 1e-5, 0.0123)] == ["-", "< 0.001", "0.012"]

@@ -1,0 +1,141 @@
+"""`idloop refine`: the ladder, its folder, going on, taking back, the user's own choice."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from idloop.cli import main
+from idloop.physics import load_model
+from idloop.signals import build_signal
+
+
+def words(*arguments: object) -> list[str]:
+    return [str(argument) for argument in arguments]
+
+
+@pytest.fixture(scope="module")
+def climbed(hidden, tmp_path_factory):
+    """Folder of a ladder."""
+    folder = tmp_path_factory.mktemp("ladders") / "refined"
+    arguments = words("refine", hidden.model, hidden.levels, "--validate", hidden.unseen, "--output", folder)
+    assert main.run(arguments) == 0
+    return folder
+
+
+@pytest.fixture
+def ladder(climbed, tmp_path):
+    """Copy of it to work on."""
+    return shutil.copytree(climbed, tmp_path / "ladder")
+
+
+def document(folder):
+    return json.loads((folder / "ladder.json").read_text(encoding="utf-8"))
+
+
+def added(folder) -> list[str]:
+    return [f"{s['added']['effect']}@{s['added']['at']}" for s in document(folder)["ladder"][1:]]
+
+
+def test_the_folder_holds_model_ladder_and_figures(climbed):
+    found = document(climbed)
+    assert found["schema"] == "idloop/refine/1"
+    assert added(climbed) == ["dead_zone@input"]
+    first, last = found["ladder"]
+    for kind in ("train", "validation"):
+        assert last[kind]["nrmse"]["motor.velocity"] < 0.3 * first[kind]["nrmse"]["motor.velocity"]
+    assert last["p_value"] < 0.01
+    assert last["set"] == ["dead_zone@input"]
+    model = load_model(climbed / "model.yaml")
+    assert model.values["dead_zone@input.width"] == pytest.approx(0.4, abs=0.02)
+    for name in ("ladder.png", "compare.png"):
+        assert (climbed / name).stat().st_size > 10_000
+
+
+def test_nothing_is_overwritten_unasked(climbed, hidden, capsys):
+    before = (climbed / "ladder.json").read_bytes()
+    assert main.run(words("refine", hidden.model, hidden.levels, "--output", climbed)) == 2
+    assert "--force" in capsys.readouterr().err
+    assert (climbed / "ladder.json").read_bytes() == before
+
+
+def test_a_step_is_taken_back(ladder, capsys):
+    assert main.run(words("refine", "--resume", ladder, "--undo")) == 0
+    assert added(ladder) == []
+    assert load_model(ladder / "model.yaml").effect_names == ()
+    assert "stopped before the end" in capsys.readouterr().out
+    assert main.run(words("refine", "--resume", ladder, "--undo")) == 2
+    assert "nothing to undo" in capsys.readouterr().err
+
+
+def test_the_user_may_take_another_effect(ladder, capsys):
+    arguments = ("--undo", "--add", "coulomb_friction@motor", "--most", 1, "--no-suggest", "--json")
+    assert main.run(words("refine", "--resume", ladder, *arguments)) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [s["chosen_by"] for s in found["ladder"][1:]] == ["user"]
+    assert added(ladder) == ["coulomb_friction@motor"]
+
+
+def test_a_ladder_is_gone_on_with_from_where_it_was_left(hidden, tmp_path, capsys):
+    folder = tmp_path / "begun"
+    begin = words("refine", hidden.model, hidden.levels, "--most", 0, "--no-suggest", "--output", folder)
+    assert main.run(begin) == 0
+    assert added(folder) == []
+    assert document(folder)["bags"] == [str(hidden.levels)]
+    assert main.run(words("refine", "--resume", folder)) == 0
+    assert added(folder) == ["dead_zone@input"]
+    out = capsys.readouterr().out
+    for word in ("start", "+ dead_zone@input", "FIT % motor.velocity", "± ", "nothing significant is left"):
+        assert word in out
+
+
+def test_what_stays_open_gets_an_experiment(hidden, tmp_path, capsys):
+    folder = tmp_path / "open"
+    limits = ("--max-command", 1.5, "--duration", 4)
+    assert main.run(words("refine", hidden.model, hidden.two, "--output", folder, *limits)) == 0
+    found = document(folder)
+    assert found["verdict"] == "not_excited"
+    suggested = found["suggested_experiment"]
+    assert suggested["discrimination"] > 10.0
+    assert abs(build_signal(**suggested["signal"]).value).max() <= 1.5 + 1e-9
+    assert "next experiment: this data cannot show dead_zone@input" in capsys.readouterr().out
+    assert "adds_to: command" in (folder / "next.yaml").read_text(encoding="utf-8")
+
+
+def test_no_experiment_is_worked_out_when_none_is_wanted(hidden, capsys):
+    assert main.run(words("refine", hidden.model, hidden.two, "--no-suggest", "--json")) == 0
+    assert json.loads(capsys.readouterr().out)["suggested_experiment"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    (
+        ([], "MODEL"),
+        (["MODEL"], "BAG"),
+        (["MODEL", "nowhere"], "nowhere"),
+        (["MODEL", "BAG", "--undo"], "--resume"),
+        (["--resume", "nowhere"], "ladder.json"),
+        (["MODEL", "BAG", "--add", "dead_zone", "--no-suggest"], "NAME@SITE"),
+        (["MODEL", "BAG", "--output", "nowhere/deep"], "nowhere"),
+        (["MODEL", "BAG", "--max-command", "-1"], "command"),
+        (["MODEL", "BAG", "--position-range", "2", "1"], "lower end"),
+    ),
+)
+def test_wrong_use_is_one_line(arguments, word, hidden, capsys):
+    places = {"MODEL": hidden.model, "BAG": hidden.levels}
+    assert main.run(["refine", *(str(places.get(a, a)) for a in arguments)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert word in err
+
+
+def test_a_broken_ladder_is_said(ladder, capsys):
+    (ladder / "ladder.json").write_text('{"schema": "idloop/refine/1"}', encoding="utf-8")
+    assert main.run(words("refine", "--resume", ladder)) == 2
+    assert "not a whole ladder" in capsys.readouterr().err
+    (ladder / "ladder.json").write_text("{", encoding="utf-8")
+    assert main.run(words("refine", "--resume", ladder)) == 2
+    assert "no JSON" in capsys.readouterr().err

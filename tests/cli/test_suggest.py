@@ -1,0 +1,101 @@
+"""`idloop suggest`: rivals from models, a ladder, a diagnosis or an effect; limits; the file for the excitation."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from idloop.cli import main
+from idloop.physics import load_model
+from idloop.signals import build_signal
+
+
+def words(*arguments: object) -> list[str]:
+    return [str(argument) for argument in arguments]
+
+
+@pytest.fixture(scope="module")
+def rivals(hidden, tmp_path_factory):
+    """Two model files that a two-level command cannot tell apart."""
+    folder = tmp_path_factory.mktemp("rivals")
+    for effect in ("dead_zone@input(width=0.3)", "saturation@input(limit=1.7)"):
+        load_model(hidden.model).with_effects([effect]).save(folder / f"{effect.partition('@')[0]}.yaml")
+    return folder / "dead_zone.yaml", folder / "saturation.yaml"
+
+
+def test_the_experiment_is_a_file_that_builds_a_signal(hidden, rivals, tmp_path, capsys):
+    file = tmp_path / "next.yaml"
+    limits = ("--max-command", 1.8, "--position-range", -2, 2, "--duration", 4)
+    arguments = words("suggest", *rivals, hidden.two, *limits, "--output", file, "--json")
+    assert main.run(arguments) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "idloop/suggest/1"
+    assert document["discrimination"] > 10.0
+    assert [outcome["rival"] for outcome in document["outcomes"]] == ["dead_zone@input", "saturation@input"]
+    text = file.read_text(encoding="utf-8")
+    assert "# if dead_zone@input:" in text
+    written = YAML(typ="safe").load(text)
+    assert set(written) == {"signal", "adds_to"}
+    signal = build_signal(**written["signal"])
+    np.testing.assert_array_equal(signal.value, build_signal(**document["signal"]).value)
+    assert np.max(np.abs(signal.value)) <= 1.8 + 1e-9
+    assert signal.duration == pytest.approx(4.0)
+    assert main.run(arguments) == 2
+    assert "--force" in capsys.readouterr().err
+
+
+def test_rivals_may_be_named_as_a_pair_and_taken_as_they_are(hidden, rivals, capsys):
+    pair = words("suggest", "--between", *rivals, hidden.two, "--no-fit", "--duration", 3)
+    assert main.run(pair) == 0
+    out = capsys.readouterr().out
+    assert "expected to tell dead_zone@input and saturation@input apart" in out
+    assert out.count("  if ") == 2
+
+
+def test_one_model_is_diagnosed_first(hidden, capsys):
+    assert main.run(words("suggest", hidden.model, hidden.two, "--duration", 4, "--json")) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["text"].startswith("this data cannot show dead_zone@input")
+    assert document["discrimination"] > 10.0
+
+
+def test_an_effect_is_made_visible(hidden, capsys):
+    shown = ("--show", "backlash@position[motor]", "--duration", 3)
+    assert main.run(words("suggest", hidden.model, hidden.two, *shown)) == 0
+    assert "if backlash@position[motor]:" in capsys.readouterr().out
+
+
+def test_where_nothing_is_open_nothing_is_suggested(hidden, tmp_path, capsys):
+    folder, file = tmp_path / "ladder", tmp_path / "next.yaml"
+    refined = words("refine", hidden.model, hidden.levels, "--output", folder)
+    assert main.run(refined) == 0
+    capsys.readouterr()
+    assert main.run(words("suggest", "--ladder", folder, "--output", file, "--json")) == 0
+    assert json.loads(capsys.readouterr().out)["experiment"] is None
+    assert not file.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    (
+        ([], "BAG"),
+        (["BAG"], "MODEL"),
+        (["MODEL", "nowhere"], "nowhere"),
+        (["MODEL", "emps", "BAG", "--no-fit"], "different signals"),
+        (["MODEL", "BAG", "--show", "dead_zon@input"], "dead_zone"),
+        (["MODEL", "BAG", "--show", "dead_zone@input", "--max-velocity", "0"], "velocity"),
+        (["--ladder", "nowhere"], "ladder.json"),
+        (["--ladder", "nowhere", "--between", "MODEL", "MODEL"], "--between"),
+        (["MODEL", "BAG", "--output", "nowhere/a.yaml"], "nowhere"),
+    ),
+)
+def test_wrong_use_is_one_line(arguments, word, hidden, capsys):
+    places = {"MODEL": hidden.model, "BAG": hidden.two}
+    assert main.run(["suggest", *(str(places.get(a, a)) for a in arguments)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert word in err
