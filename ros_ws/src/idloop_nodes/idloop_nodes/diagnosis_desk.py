@@ -72,6 +72,7 @@ class Desk:
     span: tuple[int, int] | None = None
     _queued_effects: tuple[str, ...] | None = None
     _alone: int = 0  # experiments ordered by the autopilot since the last added effect
+    _asked: tuple[str, ...] | None = None  # what the last of them was to settle
 
     @property
     def busy(self) -> bool:
@@ -124,7 +125,7 @@ class Desk:
         """Forget what was found: another model, or a new run of the clock. An order under way is in vain."""
         self.notebook, self.missing, self.ladder, self.span = b"", None, None, None
         self._queued_effects = None
-        self._alone = 0
+        self._alone, self._asked = 0, None
         if self.ordered:
             self.ordered = "an order for the model before"
 
@@ -165,7 +166,7 @@ class Desk:
         elif answer.error:
             return
         elif answer.verb == ADD_BEST:
-            self._alone = 0
+            self._alone, self._asked = 0, None
             if pilot.add:
                 self._try(DIAGNOSE)
         elif answer.verb == DIAGNOSE:
@@ -176,8 +177,10 @@ class Desk:
         if missing is None:
             return
         undecided = missing.verdict == "not_excited" or (missing.verdict == "missing" and len(missing.set) > 1)
-        if undecided and pilot.experiment and self._alone < MOST_EXPERIMENTS:
+        # What an experiment could not settle, another one will not settle either.
+        if undecided and pilot.experiment and self._alone < MOST_EXPERIMENTS and missing.set != self._asked:
             self._alone += 1
+            self._asked = missing.set
             self._try(SUGGEST)
         elif missing.verdict == "missing" and pilot.add:
             self._try(ADD_BEST)

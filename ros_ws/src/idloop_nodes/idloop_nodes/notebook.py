@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from idloop.diagnose import Ladder, Step, add_effect, diagnose, refine
@@ -17,7 +17,7 @@ from idloop_nodes.summaries import summarise_diagnosis, summarise_ladder
 from idloop_nodes.worker import Report
 
 if TYPE_CHECKING:
-    from idloop.diagnose import Candidate
+    from idloop.diagnose import Candidate, Diagnosis
     from idloop.physics import Model
 
 
@@ -29,14 +29,14 @@ class Notebook:
     ----------
     ladder : Ladder or None
         None before the first order.
-    findings : dict of str to Candidate
-        Effects that the newest diagnosis cannot tell apart, the best first.
+    diagnosis : Diagnosis or None
+        The newest one, without its fits; None when the model has changed since.
     suggested : dict or None
         The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation is told.
     """
 
     ladder: Ladder | None = None
-    findings: dict[str, Candidate] = field(default_factory=dict)
+    diagnosis: Diagnosis | None = None
     suggested: dict[str, Any] | None = None
 
     def diagnose(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
@@ -50,7 +50,8 @@ class Notebook:
             seed=job.seed,
             progress=report,
         )
-        self.findings = {one.name: one for one in found.candidates if one.name in found.set}
+        # The fits are large and not needed any more; the models of the candidates are.
+        self.diagnosis = replace(found, fit=None, best_fit=None)  # type: ignore[arg-type]
         self.suggested = None
         if self.ladder is None:
             self.ladder = Ladder((_step(found.model, job),), criterion=found.criterion, level=job.level)
@@ -69,9 +70,9 @@ class Notebook:
 
     def add_best_effect(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
         """Add what the newest diagnosis names first."""
-        if self.ladder is None or not self.findings:
+        best = None if self.diagnosis is None else self.diagnosis.best
+        if self.ladder is None or self.diagnosis is None or best is None:
             raise InputError("no effect is known to be missing: diagnose first")
-        best = next(iter(self.findings.values()))
         climbed = refine(
             self.ladder.model,
             job.records,
@@ -90,7 +91,7 @@ class Notebook:
         last = climbed.steps[-1]
         if last.added is not None:
             added = replace(last.added, p_value=best.p_value, explains=best.explains, why=best.why)
-            last = replace(last, added=added, set=tuple(self.findings), p_value=best.p_value)
+            last = replace(last, added=added, set=self.diagnosis.set, p_value=best.p_value)
         return self._climb(job, replace(climbed, steps=(*climbed.steps[:-1], last)))
 
     def undo(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
@@ -128,25 +129,27 @@ class Notebook:
         return self._climb(job, ladder)
 
     def suggest(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
-        """Work out the experiment that best separates what ties."""
-        from idloop.diagnose.suggest import Limits, suggest
+        """Work out the experiment that settles what the newest diagnosis has left open."""
+        from idloop.diagnose.suggest import Limits
+        from idloop.diagnose.suggest_next import suggest_next
 
-        if self.ladder is None:
+        if self.diagnosis is None:
             raise InputError("nothing is undecided: diagnose first")
         limits = job.limits
         position = None
         if limits.position_min is not None and limits.position_max is not None:
             position = limits.position_min, limits.position_max
         command = limits.amplitude if limits.adds_to == "command" else None
-        found = suggest(
-            [one.model for one in self.findings.values() if one.model is not None],
+        found = suggest_next(
+            self.diagnosis,
             job.records,
             Limits(command=command, position=position, velocity=limits.velocity),
             seed=job.seed,
             start=_newest_position(job),
-            adds_to=limits.adds_to,
             progress=report,
         )
+        if found is None:
+            raise InputError("nothing is undecided that an experiment could settle")
         self.suggested = found.to_dict()
         shift = found.start if limits.absolute else 0.0
         self.suggested["experiment"] = {"signal": _for_excitation(found.signal, shift), "adds_to": found.adds_to}
@@ -156,7 +159,7 @@ class Notebook:
 
     def _climb(self, job: DiagnosisJob, ladder: Ladder) -> DiagnosisAnswer:
         self.ladder = replace(ladder, candidates=(), suggested_experiment=None)
-        self.findings, self.suggested = {}, None
+        self.diagnosis = self.suggested = None
         return self._answer(job, model=ladder.model)
 
     def _answer(self, job: DiagnosisJob, **more: Any) -> DiagnosisAnswer:

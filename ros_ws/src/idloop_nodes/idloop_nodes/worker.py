@@ -124,6 +124,9 @@ class Worker:
     def close(self) -> None:
         """End the worker."""
         self._closing = True
+        self._end()
+
+    def _end(self) -> None:
         process = self._process
         if process is None:
             return
@@ -143,6 +146,7 @@ class Worker:
             result.append(self._running.failed("the worker process ended in the middle of it"))
             self._running = None
             self.note = None
+        self._end()
         self._start()
 
     def _start(self) -> None:

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 import warnings
 from pathlib import Path
 from typing import IO, Any
@@ -27,6 +28,8 @@ def work(job: Job, report: Report) -> Any:
     except IdloopError as error:
         text = str(error)
     except Exception as error:  # noqa: BLE001  (a job must never end the live estimator)
+        if os.environ.get("IDLOOP_DEBUG"):
+            traceback.print_exc()
         text = f"{type(error).__name__}: {error}"
     return job.failed(" ".join(text.split()))
 
