@@ -11,7 +11,7 @@ import pytest
 from idloop.diagnose.experiment import Experiment
 from idloop.diagnose.suggest import Limits, suggest
 from idloop.diagnose.suggest_effect import effect_rivals, suggest_effect
-from idloop.diagnose.suggest_field import labels
+from idloop.diagnose.suggest_field import experiment_gains, labels, prepare_rivals
 from idloop.diagnose.suggest_limits import motion
 from idloop.diagnose.suggest_transfer import transfer
 from idloop.errors import InputError
@@ -216,3 +216,28 @@ def test_what_cannot_be_asked_is_said(motor, tie):
         suggest([rivals[0], load_model("emps")], [record])
     with pytest.raises(InputError, match="widen"):
         suggest(rivals, [record], Limits(velocity=1e-9))
+
+
+def test_where_model_error_is_all_that_is_left_forces_are_compared():
+    """A machine measured almost without noise: no disturbance may explain away what its model misses."""
+    model = load_model("emps")
+    controller = model.controller
+    moves = {"points": (1.0, -1.0, 0.3), "velocity_limit": 0.1, "acceleration_limit": 1.0, "dwell": 0.2}
+    signal = {"name": "smooth", "sample_time": 0.001, "duration": 8.0, "amplitude": 0.08, **moves}
+    truth = model.with_effects(["stribeck_friction@axis(coulomb=18,static=24,velocity=0.01)"])
+    record = Experiment(signal, "reference", controller).run(truth, seed=1)
+    quiet = np.random.default_rng(0).normal(scale=1e-8, size=record.output.shape)
+    record = replace(record, output=record.output + quiet)
+    rivals = [
+        fit(model.with_effects([effect]), [record], criterion="force").model
+        for effect in ("coulomb_friction@axis(level=20)", "asymmetric_friction@axis(level=20)")
+    ]
+    prepared = prepare_rivals(rivals, [record], "force")
+    experiment = Experiment({**signal, "points": (1.0, -1.0)}, "reference", controller, sample_time=0.001)
+    by_force, _ = experiment_gains(prepared, experiment)
+    assert by_force[0, 1] == 0.0
+    shifted = [rivals[0], rivals[1].with_values({"asymmetric_friction@axis.ratio": 0.2})]
+    strong, _ = experiment_gains(prepare_rivals(shifted, [record], "force"), experiment)
+    assert strong[1, 0] > max(10.0, by_force[1, 0])
+    found = suggest(shifted, [record], criterion="force", duration=4.0)
+    assert found.outcomes[1].errors["coulomb_friction@axis"]["force[axis]"]["unit"] == "N"

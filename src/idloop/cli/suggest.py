@@ -185,7 +185,7 @@ def _of_models(
     rest = _part(update, 0.3, 1.0)
     if show is not None:
         return suggest_effect(models[0], show, records, limits, progress=rest, **options)
-    return suggest(models, records, limits, progress=rest, **options)
+    return suggest(models, records, limits, criterion=criterion, progress=rest, **options)
 
 
 def _part(update: Update, low: float, high: float) -> Callable[[float, str], None]:

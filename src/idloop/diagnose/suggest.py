@@ -100,6 +100,7 @@ def suggest(
     limits: Limits | None = None,
     *,
     duration: float | None = None,
+    criterion: str = "auto",
     seed: int = 0,
     start: float | None = None,
     adds_to: str | None = None,
@@ -117,6 +118,8 @@ def suggest(
         What the experiment may do; what is not given is the largest seen in the records.
     duration : float, optional
         Length [s]; chosen when left out.
+    criterion : str
+        What rivals are told apart by, as in `idloop.diagnose.diagnose`.
     seed : int
         Equal seeds give equal suggestions.
     start : float, optional
@@ -140,7 +143,7 @@ def suggest(
         raise InputError("a suggestion needs at least two rival models to tell apart")
     tell = progress or (lambda share, text: None)
     tell(0.0, "what the data so far say")
-    prepared = prepare_rivals(rivals, records)
+    prepared = prepare_rivals(rivals, records, criterion)
     setup = _setup(prepared, records, limits or Limits(), start, adds_to, seed)
     search = Search(prepared, setup, duration, lambda share, text: tell(0.05 + 0.9 * share, text))
     choice = search.best()
@@ -184,24 +187,24 @@ def _setup(
             f"model {model.name}: the records follow a reference, but the model file has no controller section; "
             "add it, so that the closed loop can be simulated"
         )
-    noise = rivals[0].noise
+    step = float(np.median([record.sample_time for record in records]))
     complete = limits.completed(model, records)
     if start is None:
         place, _ = motion(model, records[-1])
         start = float(np.mean(place[:3])) if place.size and _measures_position(model) else 0.0
     if complete.position is not None:
         start = float(np.clip(start, *complete.position))
-    signal_time = noise.sample_time
+    signal_time = step
     if controller is not None:
         signal_time = float(controller["sample_time"])
     else:
         periods = np.concatenate([np.diff(record.input_time) for record in records])
-        period = float(np.median(periods)) if len(periods) else noise.sample_time
-        if 0.05 * noise.sample_time <= period <= 20.0 * noise.sample_time:
+        period = float(np.median(periods)) if len(periods) else step
+        if 0.05 * step <= period <= 20.0 * step:
             signal_time = period
     return Setup(
         target, dict(controller) if controller is not None else None, start, _tidy(signal_time),
-        _tidy(noise.sample_time), complete, limits.velocity if target == REFERENCE else None, seed,
+        _tidy(step), complete, limits.velocity if target == REFERENCE else None, seed,
     )  # fmt: skip
 
 

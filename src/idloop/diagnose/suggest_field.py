@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.choice import choose_kind
 from idloop.diagnose.experiment import Experiment
-from idloop.diagnose.suggest_noise import common_noise
+from idloop.diagnose.suggest_force import force_views
+from idloop.diagnose.suggest_noise import PredictionView, common_noise
 from idloop.diagnose.suggest_rivals import Rival
+from idloop.diagnose.suggest_view import View
 from idloop.errors import InputError
 from idloop.estimate.dataset import Data, prepare
 from idloop.estimate.engine import RememberingEngine
@@ -29,7 +32,7 @@ Array = NDArray[np.float64]
 _MOST_SAMPLES = 60_000
 
 
-def prepare_rivals(models: Sequence[Model], records: Sequence[Record]) -> list[Rival]:
+def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion: str = "auto") -> list[Rival]:
     """Put rival models on one scale.
 
     Parameters
@@ -38,6 +41,8 @@ def prepare_rivals(models: Sequence[Model], records: Sequence[Record]) -> list[R
         Each fitted to the records.
     records : sequence of Record
         The data so far.
+    criterion : str
+        As in `idloop.diagnose.diagnose`; anything but the force is judged by innovations.
 
     Returns
     -------
@@ -53,8 +58,13 @@ def prepare_rivals(models: Sequence[Model], records: Sequence[Record]) -> list[R
         if model.output_names != first.output_names or model.input != first.input:
             raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
     data = _shortened(prepare(first, records))
-    noise = common_noise(models, data)
-    return [Rival(label, model, data, noise) for label, model in zip(labels(models), models, strict=True)]
+    views: Sequence[View] | None = None
+    if choose_kind(first, records, criterion) == "force":
+        views = force_views(models, data)
+    if views is None:
+        noise = common_noise(models, data)
+        views = [PredictionView(model, data, noise) for model in models]
+    return [Rival(*own) for own in zip(labels(models), models, views, strict=True)]
 
 
 def labels(models: Sequence[Model]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from idloop.diagnose.suggest import Suggestion, suggest
 from idloop.diagnose.suggest_effect import effect_rivals
@@ -89,13 +89,15 @@ def suggest_next(
     """
     tell = progress or (lambda share, text: None)
     asked = open_question(found, records, seed=seed, progress=lambda share, text: tell(0.3 * share, text))
-    options = {"duration": duration, "seed": seed, "start": start}
+    options: dict[str, Any] = {
+        "duration": duration, "seed": seed, "start": start, "criterion": found.criterion,
+    }  # fmt: skip
 
     def later(share: float, text: str) -> None:
         tell(0.3 + 0.7 * share, text)
 
     if asked is not None:
-        answer = suggest(asked.rivals, records, limits, progress=later, **options)  # type: ignore[arg-type]
+        answer = suggest(asked.rivals, records, limits, progress=later, **options)
         return replace(answer, text=f"{asked.text}; {answer.text}")
     return _for_the_unseen(found, records, limits or Limits(), options, later)
 
@@ -140,7 +142,7 @@ def _for_the_unseen(
     found: Diagnosis | Ladder,
     records: Sequence[Record],
     limits: Limits,
-    options: dict[str, float | int | None],
+    options: dict[str, Any],
     progress: Progress,
 ) -> Suggestion | None:
     """The experiment for effects that the data cannot show, together or else the first one that can be shown."""
@@ -165,7 +167,7 @@ def _for_the_unseen(
             progress(1.0 - (left - share) / (len(models) + 1.0), text)
 
         try:
-            answer = suggest([plain, *(models[name] for name in group)], records, limits, progress=part, **options)  # type: ignore[arg-type]
+            answer = suggest([plain, *(models[name] for name in group)], records, limits, progress=part, **options)
         except InputError:
             return None if best is None else _answer_of(*best)
         if best is None or answer.discrimination > best[1].discrimination:

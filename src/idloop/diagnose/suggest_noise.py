@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.suggest_transfer import transfer
+from idloop.diagnose.suggest_view import Difference
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data, output_groups, output_noise
 from idloop.estimate.engine import RememberingEngine
@@ -21,12 +22,16 @@ from idloop.estimate.settling import SettlingObserver, settling_observer
 from idloop.estimate.whitening import Whitener, choose_order, fit_whitener
 
 if TYPE_CHECKING:
-    from idloop.physics import Engine, Model
+    from idloop.diagnose.experiment import Experiment
+    from idloop.physics import Model
+    from idloop.records import Record
 
 Array = NDArray[np.float64]
 
 # Lags of the common noise model at most; more only cost time.
 _MOST_LAGS = 8
+# Decades by which a rival may take the disturbance for stronger, to explain with it what it misses.
+_STRONGER = (2.0, 4.0, 6.0, 8.0)
 # Decades of the disturbance's intensity that are tried where no model states it.
 _EXPONENTS = (-12.0, -10.0, -8.0, -6.0, -4.0, -2.0, 0.0, 2.0)
 
@@ -78,20 +83,27 @@ class Noise:
         return [(max(count, 0), len(group)) for count, group in zip(counts, self.groups, strict=True)]
 
 
-class Observers:
-    """Observers of one rival for experiments of any length.
+class PredictionView:
+    """One rival seen through its observer, for experiments of any length.
 
     Parameters
     ----------
-    engine : Engine
-        At the values of its model.
+    model : Model
+    data : list of Data
+        The data so far.
     noise : Noise
-    criterion : InnovationCriterion
-        On the data so far: it knows the sizes of unknown starts.
+        Common to all rivals.
     """
 
-    def __init__(self, engine: Engine, noise: Noise, criterion: InnovationCriterion) -> None:
-        self.noise, self._measured = noise, criterion.measured
+    def __init__(self, model: Model, data: list[Data], noise: Noise) -> None:
+        self.noise, self.model = noise, model
+        self.engine = engine = RememberingEngine(model)
+        criterion = InnovationCriterion(engine, data, noise.sensors, noise.force, noise.exponent)
+        self._measured = criterion.measured
+        # A rival that fits worse has taken more for noise, and knows its parameters less well.
+        self._own = common_noise([model], data)
+        self._criterion = criterion
+        self._criterion.keep(np.array([self._own.exponent]))
         self._linear = engine.linearise(None)
         chain = engine.layout(None).body_of
         own = 3.0 * np.max(criterion.initial.scale.reshape(-1, criterion.initial.width), axis=0)
@@ -107,6 +119,58 @@ class Observers:
         self._process[m, m] = noise.intensity
         self._transition, self._process = discretise(augmented, self._process, noise.sample_time)
         self._output = np.hstack([self._linear.C, np.zeros((len(self._linear.C), 1))])
+
+    @property
+    def stronger(self) -> list[float]:
+        """Decades by which the disturbance may be taken for stronger than it is."""
+        return [decades for decades in _STRONGER if self.noise.exponent + decades <= MOST_EXPONENT]
+
+    @property
+    def period(self) -> int:
+        """Every so many-th instant all outputs are measured."""
+        return int(np.lcm.reduce(self.noise.every))
+
+    def seen(self, theta: Array) -> Array:
+        """Innovations on the data so far, white and of unit variance by this rival's own noise."""
+        return self._own.scaled(self._criterion.errors(theta, np.array([self._own.exponent])))
+
+    def innovations(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
+        """Innovations of the observer on an experiment, shape (n, p), NaN where nothing is measured.
+
+        Parameters
+        ----------
+        record : Record
+        start : float
+            Where the axis rested before [position unit].
+        theta : array, shape (k,)
+        decades : float
+            By which the observer takes the disturbance for stronger than it is.
+        """
+        noise, n = self.noise, len(self.model.bodies)
+        output = record.output
+        if any(step > 1 for step in noise.every):
+            output = output.copy()
+            for group, step in zip(noise.groups, noise.every, strict=True):
+                skipped = np.arange(len(output)) % step != 0
+                output[np.ix_(skipped, group)] = np.nan
+        state = self.engine.initial_state(np.full(n, start), np.zeros(n), theta)
+        gain = self.of(len(record.time), decades).gain
+        return self.engine.predict(
+            theta, record.input_time, record.input, record.time, output, gain, initial_state=state
+        )
+
+    def shapes(self, samples: int) -> list[tuple[int, int]]:
+        """Samples and outputs of each group in what `scaled` returns."""
+        return self.noise.lengths(samples)
+
+    def differences(self, truth: Record, start: float, theta: Array, experiment: Experiment) -> list[Difference]:
+        """How far this rival's outputs are from those of the truth in a free run of the experiment."""
+        rival = experiment.run(self.model, engine=self.engine, theta=theta)
+        left = np.sqrt(np.mean((rival.output - truth.output) ** 2, axis=0))
+        return [
+            Difference(output.name, float(value), output.unit, float(noise))
+            for output, value, noise in zip(self.model.outputs, left, self.noise.sensors, strict=True)
+        ]
 
     def of(self, samples: int, decades: float = 0.0) -> SettlingObserver:
         """Observer for an experiment.

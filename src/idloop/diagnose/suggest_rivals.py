@@ -1,24 +1,20 @@
 """Rival models on one scale: one noise model, what each has learnt so far, and what each would miss.
 
 What an experiment would show is expected, not observed: with one rival as the truth its outputs are known,
-and the innovations of another rival's observer on them are what that rival cannot explain. Part of it a
+and another rival's errors on them (innovations, or unexplained force) are what that rival cannot explain. Part of it a
 refit would explain after all. The refit is linearised, and holds the parameters with the information of the
 data so far, because those data have to be explained as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.suggest_noise import Noise, Observers, common_noise
-from idloop.estimate.dataset import Data
-from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.innovations import MOST_EXPONENT, InnovationCriterion
+from idloop.diagnose.suggest_view import View
 from idloop.estimate.levenberg import difference_jacobian, minimise
 from idloop.estimate.solve import typical_size
 from idloop.estimate.whitening import _covariances, _levinson
@@ -29,9 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Decades by which a rival may take the disturbance for stronger, to explain with it what it misses ...
-_STRONGER = (2.0, 4.0, 6.0, 8.0)
-# ... where it misses so much that this can pay.
+# Where a rival misses this much, taking it for a stronger disturbance can pay.
 _PLAIN = 10.0
 # Lags of a noise model of its own, by which a rival may explain what it misses.
 _MOST_LAGS = 8
@@ -65,65 +59,28 @@ class Rival:
         What sets it apart from the others.
     model : Model
         Fitted to the data so far.
-    data : list of Data
-    noise : Noise
+    view : View
     """
 
-    def __init__(self, label: str, model: Model, data: list[Data], noise: Noise) -> None:
-        self.label, self.model, self.noise = label, model, noise
-        self.engine = RememberingEngine(model)
+    def __init__(self, label: str, model: Model, view: View) -> None:
+        self.label, self.model, self.view, self.engine = label, model, view, view.engine
         self.theta = model.theta
         self.lower, self.upper = model.bounds
         self.scale = typical_size(self.theta, self.lower, self.upper)
-        criterion = InnovationCriterion(self.engine, data, noise.sensors, noise.force, noise.exponent)
-        self.observers = Observers(self.engine, noise, criterion)
         k = len(self.theta)
         self.root = np.zeros((k, k))
         self.step = 1e-4 * self.scale
         if k:
-            # A rival that fits worse has taken more for noise, and knows its parameters less well.
-            own = common_noise([model], data)
-            exponent = np.array([own.exponent])
-            criterion.keep(exponent)
-
-            def residual(theta: Array) -> Array:
-                return own.scaled(criterion.errors(theta, exponent))
-
-            jacobian, self.step = self._slope(residual, self.theta, residual(self.theta))
+            base = view.seen(self.theta)
+            jacobian, self.step = difference_jacobian(
+                view.seen, self.theta, base, self.lower, self.upper, self.step, self.scale, central=False
+            )
             self.root = _widened_root(jacobian, self._stated_errors())
 
     def _stated_errors(self) -> Array:
         """Standard errors that the fit has stated; NaN where none."""
         known = [self.model.parameter(name).stderr for name in self.model.free]
         return np.array([np.nan if value is None else value for value in known])
-
-    def _slope(self, residual: Callable[[Array], Array], theta: Array, base: Array) -> tuple[Array, Array]:
-        return difference_jacobian(residual, theta, base, self.lower, self.upper, self.step, self.scale, central=False)
-
-    def innovations(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
-        """Innovations of the observer on an experiment, shape (n, p), NaN where nothing is measured.
-
-        Parameters
-        ----------
-        record : Record
-        start : float
-            Where the axis rested before [position unit].
-        theta : array, shape (k,)
-        decades : float
-            By which the observer takes the disturbance for stronger than it is.
-        """
-        noise, n = self.noise, len(self.model.bodies)
-        output = record.output
-        if any(step > 1 for step in noise.every):
-            output = output.copy()
-            for group, step in zip(noise.groups, noise.every, strict=True):
-                skipped = np.arange(len(output)) % step != 0
-                output[np.ix_(skipped, group)] = np.nan
-        state = self.engine.initial_state(np.full(n, start), np.zeros(n), theta)
-        gain = self.observers.of(len(record.time), decades).gain
-        return self.engine.predict(
-            theta, record.input_time, record.input, record.time, output, gain, initial_state=state
-        )
 
     def missed(self, record: Record, start: float, *, searched: bool = False) -> Missed:
         """What this rival misses of a record without noise, refitted to it and to the data so far.
@@ -144,41 +101,36 @@ class Rival:
         Missed
         """
         raw = self._with_slopes(record, start)
-        if not np.all(np.isfinite(raw[:: self._slowest])):
+        if not np.all(np.isfinite(raw[:: self.view.period])):
             return Missed(np.inf, np.inf, self.theta)  # runs away where the truth does not: plainly told apart
         best, at = self._linear(raw, 0.0), 0.0
-        for decades in _STRONGER:
-            if min(best.gain, best.alone) < _PLAIN or self.noise.exponent + decades > MOST_EXPONENT:
+        for decades in self.view.stronger:
+            if min(best.gain, best.alone) < _PLAIN:
                 break
-            other = self._linear(self.observers.transferred(raw, decades), decades)
+            other = self._linear(self.view.transferred(raw, decades), decades)
             if other.gain >= best.gain and other.alone >= best.alone:
                 break
             if other.gain < best.gain:
                 at = decades
             theta = other.theta if other.gain < best.gain else best.theta
             best = Missed(min(best.gain, other.gain), min(best.alone, other.alone), theta)
-        return self._search(record, start, best, at) if searched and len(self.theta) else best
-
-    @property
-    def _slowest(self) -> int:
-        """Every so many-th instant all outputs are measured."""
-        return int(np.lcm.reduce(self.noise.every))
+        return self._search(record, start, best, at, len(raw)) if searched and len(self.theta) else best
 
     def _with_slopes(self, record: Record, start: float) -> Array:
         """Innovations, and their derivative by each parameter in units of its step, shape (n, p, 1 + k)."""
-        base = self.innovations(record, start, self.theta)
+        base = self.view.innovations(record, start, self.theta)
         raw = np.empty((*base.shape, 1 + len(self.theta)))
         raw[:, :, 0] = base
         for i, step in enumerate(self.step):
             moved = self.theta.copy()
             sign = 1.0 if moved[i] + step <= self.upper[i] else -1.0
             moved[i] += sign * step
-            raw[:, :, 1 + i] = sign * (self.innovations(record, start, moved) - base)
+            raw[:, :, 1 + i] = sign * (self.view.innovations(record, start, moved) - base)
         return raw
 
     def _linear(self, raw: Array, decades: float) -> Missed:
         """Refit by one linear step, with the data so far and without them."""
-        white = self.observers.scaled(raw, decades)
+        white = self.view.scaled(raw, decades)
         base, jacobian = white[:, 0], white[:, 1:] / self.step
         theta, free = self._refitted(jacobian, base, 1.0), self._refitted(jacobian, base, 1e-6)
         gain = self._lost(base + jacobian @ (theta - self.theta), len(raw), decades)
@@ -189,10 +141,10 @@ class Rival:
         """Log-likelihood of the data so far that a move of the parameters costs."""
         return 0.5 * float(np.sum((self.root @ (theta - self.theta)) ** 2))
 
-    def _search(self, record: Record, start: float, linear: Missed, decades: float) -> Missed:
+    def _search(self, record: Record, start: float, linear: Missed, decades: float, samples: int) -> Missed:
         def residual(theta: Array) -> Array:
-            raw = self.innovations(record, start, theta, decades)[:, :, None]
-            return np.append(self.observers.scaled(raw, decades)[:, 0], self.root @ (theta - self.theta))
+            raw = self.view.innovations(record, start, theta, decades)[:, :, None]
+            return np.append(self.view.scaled(raw, decades)[:, 0], self.root @ (theta - self.theta))
 
         costs = [float(np.sum(residual(theta) ** 2)) for theta in (self.theta, linear.theta)]
         found = minimise(
@@ -200,7 +152,7 @@ class Rival:
             self.step.copy(), max_iterations=6, tolerance=1e-2, central=False,
         )  # fmt: skip
         left = found.residual[: len(found.residual) - len(self.theta)]
-        gain = self._lost(left, len(record.time), decades) + self._held(found.point)
+        gain = self._lost(left, samples, decades) + self._held(found.point)
         return Missed(gain, linear.alone, found.point)
 
     def _refitted(self, jacobian: Array, base: Array, held: float) -> Array:
@@ -230,7 +182,7 @@ class Rival:
     def _lost(self, left: Array, samples: int, decades: float) -> float:
         """Log-likelihood lost by what is left, the noise's covariance and colour being refitted as well."""
         lost, place = 0.0, 0
-        for (count, outputs), own in zip(self.noise.lengths(samples), self.observers.noise_at(decades), strict=True):
+        for (count, outputs), own in zip(self.view.shapes(samples), self.view.noise_at(decades), strict=True):
             part = left[place : place + count * outputs].reshape(count, outputs)
             place += count * outputs
             if count > 20 * _MOST_LAGS:
@@ -247,7 +199,7 @@ def _coloured_loss(left: Array, own: Array) -> float:
         0.5 * count * float(np.linalg.slogdet(innovation)[1]) + len(coefficients) * outputs**2
         for coefficients, innovation in _levinson(covariance)
     ]
-    return max(min(losses), 0.0)
+    return float(max(min(losses), 0.0))
 
 
 def _widened_root(jacobian: Array, stated: Array) -> Array:

@@ -71,7 +71,7 @@ def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[
     -------
     tuple of Outcome
     """
-    found = []
+    outcomes = []
     inside = contained([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
         record = experiment.run(truth.model, engine=truth.engine)
@@ -80,23 +80,21 @@ def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[
             if i == j or inside[i, j]:
                 continue
             theta = other.missed(record, experiment.start, searched=True).theta
-            rival = experiment.run(other.model, engine=other.engine, theta=theta)
-            left = np.sqrt(np.mean((rival.output - record.output) ** 2, axis=0))
             errors[other.label] = {
-                output.name: {"value": float(value), "unit": output.unit, "noise": float(noise)}
-                for output, value, noise in zip(truth.model.outputs, left, truth.noise.sensors, strict=True)
+                found.name: {"value": found.value, "unit": found.unit, "noise": found.noise}
+                for found in other.view.differences(record, experiment.start, theta, experiment)
             }
         others = [j for j in range(len(rivals)) if j != i]
         open_ = [j for j in others if not inside[i, j]]
         closest = min(open_ or others, key=lambda j: float(gains[i, j]))
         label = rivals[closest].label
-        found.append(
+        outcomes.append(
             Outcome(
                 truth.label, float(gains[i, closest]), label, errors,
                 _sentence(truth.label, label, float(gains[i, closest]), errors.get(label)),
             )
         )  # fmt: skip
-    return tuple(found)
+    return tuple(outcomes)
 
 
 def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[str, Any]] | None) -> str:
@@ -106,7 +104,7 @@ def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[
     if gain < 1.0:
         return f"if {truth}: {other} explains it just as well"
     return (
-        f"if {truth}: {other}, refitted, misses {name} by {worst['value']:.3g} {worst['unit']} RMS in free run "
+        f"if {truth}: {other}, refitted, misses {name} by {worst['value']:.3g} {worst['unit']} RMS "
         f"(noise {worst['noise']:.2g}) and falls behind by {_units(gain)} in log-likelihood"
     )
 
