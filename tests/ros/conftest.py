@@ -50,8 +50,8 @@ class Bench:
 
         return self.other.create_publisher(topic_type(topic), topic, topic_qos(topic))
 
-    def until(self, condition):
-        end = time.monotonic() + WAIT
+    def until(self, condition, wait=WAIT):
+        end = time.monotonic() + wait
         while not condition():
             assert time.monotonic() < end, "condition not met in time"
             self.executor.spin_once(timeout_sec=0.01)
