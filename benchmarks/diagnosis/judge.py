@@ -48,9 +48,13 @@ def judged(case: Case, data: Experiment, model: Any) -> dict[str, Any]:
     steps = max(round(REACH * MACHINES[case.machine].tempo * case.rate), 1)
     ours = validation_error(model, data, steps)
     best = validation_error(oracle.best, data, steps)
+    measure = f"{steps} steps ahead"
+    if not np.all(np.isfinite([*ours.values(), *best.values()])):
+        measure = "free run"
+        ours, best = free_run_error(model, data), free_run_error(oracle.best, data)
     return {
         "gains": {name: round(value, 2) for name, value in gains.items()},
-        "validation": {"ladder": ours, "truth": best, "ratio": ratio(ours, best)},
+        "validation": {"measure": measure, "ladder": ours, "truth": best, "ratio": ratio(ours, best)},
     }
 
 
@@ -84,16 +88,32 @@ def without_rounding(model: Any) -> Any:
 
 
 def validation_error(model: Any, data: Experiment, steps: int) -> dict[str, float]:
-    """Root mean square error of the prediction some steps ahead on data that no fit saw, by output."""
+    """Root mean square error of the prediction some steps ahead on data that no fit saw, by output.
+
+    NaN where no linear observer follows the model.
+    """
+    compared = _compared(model, data, steps)
+    error = compared.measured - compared.ahead
+    # the observer settles first
+    return _rms(compared.names, error[len(error) // 10 :])
+
+
+def free_run_error(model: Any, data: Experiment) -> dict[str, float]:
+    """Root mean square error of the free run on data that no fit saw, by output."""
+    compared = _compared(model, data, 1)
+    return _rms(compared.names, compared.measured - compared.simulated)
+
+
+def _compared(model: Any, data: Experiment, steps: int) -> Any:
     from idloop.validate.compare import Comparison
 
     told = tuple(replace(o, noise=t.noise) for o, t in zip(model.outputs, data.truth.outputs, strict=True))
-    compared = Comparison(replace(without_rounding(model), outputs=told), data.validation[0], steps)
-    error = compared.measured - compared.ahead
-    # the observer settles first
-    error = error[len(error) // 10 :]
-    values = np.sqrt(np.nanmean(error**2, axis=0))
-    return {name: float(value) for name, value in zip(compared.names, values, strict=True)}
+    return Comparison(replace(without_rounding(model), outputs=told), data.validation[0], steps)
+
+
+def _rms(names: tuple[str, ...], error: Any) -> dict[str, float]:
+    values = np.sqrt(np.mean(error**2, axis=0))
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
 
 
 def ratio(ours: dict[str, float], best: dict[str, float]) -> float:
