@@ -94,7 +94,7 @@ def test_the_way_between_two_values_is_smooth():
 def test_an_experiment_goes_between_the_samples_of_the_signal():
     one = sequence(1.0, 2.0, 3.0, 4.0)
     assert play(one, 0, 2) == [1.0, 2.0]
-    assert one.begin(experiment(7.0, 8.0), 0.0, 2 * STEP) == (2 * STEP, 4 * STEP)
+    assert one.begin(experiment(7.0, 8.0), 0.0, 0.0, 2 * STEP) == (2 * STEP, 4 * STEP)
     assert one.playing
     assert play(one, 2 * STEP, 2) == [7.0, 8.0]
     assert not one.playing
@@ -104,18 +104,26 @@ def test_an_experiment_goes_between_the_samples_of_the_signal():
 def test_an_experiment_leads_in_and_out_smoothly():
     one = sequence(*([1.0] * 50))
     play(one, 0, 10)
-    start, end = one.begin(experiment(*([3.0] * 10)), 0.2, 10 * STEP)
-    assert end - start == 30 * STEP
-    values = play(one, start, 60)
+    start, end = one.begin(experiment(*([3.0] * 10)), 0.2, 0.1, 10 * STEP)
+    assert (start, end) == (40 * STEP, 50 * STEP)
+    values = play(one, 10 * STEP, 70)
     assert max(abs(np.diff([1.0, *values]))) < 2.0 * 2.0 / 0.2 * 0.01
-    assert values[20:30] == [3.0] * 10
+    assert values[20:40] == [3.0] * 20
     assert values[-1] == 1.0
+
+
+def test_an_effort_rests_at_zero_before_an_experiment():
+    one = sequence(*([1.0] * 50), keeps=False)
+    play(one, 0, 10)
+    start, _ = one.begin(experiment(3.0, 2.0), 0.0, 0.05, 10 * STEP)
+    assert start == 15 * STEP
+    assert play(one, 10 * STEP, 8) == [0.0] * 5 + [3.0, 2.0, 1.0]
 
 
 def test_a_stopped_experiment_goes_back_from_where_it_is():
     one = sequence(1.0, 2.0, 3.0, 4.0)
     play(one, 0, 1)
-    one.begin(experiment(5.0, 6.0, 7.0, 8.0), 0.0, STEP)
+    one.begin(experiment(5.0, 6.0, 7.0, 8.0), 0.0, 0.0, STEP)
     play(one, STEP, 4)
     assert one.cut(2 * STEP, 0.0) == 3 * STEP
     assert one.span == (STEP, 3 * STEP)
@@ -126,10 +134,14 @@ def test_a_stopped_experiment_goes_back_from_where_it_is():
 def test_an_experiment_ends_later_when_samples_were_left_out():
     one = sequence(1.0, 1.0, 1.0)
     play(one, 0, 1)
-    one.begin(experiment(5.0, 6.0, 7.0), 0.0, STEP)
+    one.begin(experiment(5.0, 6.0, 7.0), 0.0, 0.0, STEP)
     play(one, STEP, 1)
     assert play(one, 9 * STEP, 2) == [6.0, 7.0]
     assert one.span == (STEP, 11 * STEP)
+    one.begin(experiment(5.0, 6.0), 0.0, 0.02, 20 * STEP)
+    play(one, 20 * STEP, 1)
+    play(one, 30 * STEP, 3)
+    assert one.span == (31 * STEP, 33 * STEP)
 
 
 def test_a_stop_holds_the_reference_that_is_in_force():
@@ -155,7 +167,7 @@ class ExcitationBench:
         self.bench = bench(
             "excitation",
             **{"signal": "constant", "target": "effort", "duration": 100.0, "sample_time": 0.01, "ahead": 20}
-            | {"handover_time": 0.0}
+            | {"handover_time": 0.0, "rest_time": 0.0}
             | parameters,
         )
         self.topic = "reference" if self.bench.node._reference else "excitation"

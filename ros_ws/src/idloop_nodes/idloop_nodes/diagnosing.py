@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from idloop_nodes.progress import Progress
     from idloop_nodes.worker import Worker
 
+MOST_LINES = 4  # of where the model fails, in the log; the message has all of them
+
 Publish = Callable[[bytes], None]
 
 
@@ -214,6 +216,8 @@ class Diagnosing:
         if taken.missing is not None:
             statuses = missing_to_statuses(self._name, taken.missing)
             self._publish_missing(encode_diagnostics(taken.stamp, statuses))
+            for line in taken.missing.where[:MOST_LINES]:
+                self._log(f"where: {line.strip()}")
             self._log(f"diagnosis: {statuses[0].message}")
         if taken.model is not None:
             adopt(taken.model)

@@ -52,7 +52,7 @@ class ExcitationSequence:
     index : int
         Samples of the normal signal that are out.
     span : tuple of int, or None
-        Stamps of the newest experiment's first sample and after its last one, ways in and back left out of the end.
+        Stamps of the newest experiment's first sample and after its last one; the ways in and back are outside.
     """
 
     def __init__(self, position: Array, velocity: Array, period_ns: int, *, keeps: bool, ahead: int) -> None:
@@ -71,7 +71,8 @@ class ExcitationSequence:
         """Begin anew with the normal signal."""
         self.index = 0
         self._between: deque[tuple[float, float]] = deque()
-        self._left = 0  # samples of an experiment that are not out yet
+        self._left = 0  # samples up to the end of an experiment that are not out yet
+        self._own = 0  # samples of the experiment itself
 
     def forget(self) -> None:
         """Begin anew in a new run of the clock."""
@@ -100,8 +101,10 @@ class ExcitationSequence:
         self._announced.append((stamp, value))
         if self._left and self.span is not None:
             self._left -= 1
-            # A node that was held up leaves samples out: the experiment then ends later.
-            self.span = self.span[0], stamp + (self._left + 1) * self._period_ns
+            # A node that was held up leaves samples out: the experiment then comes later.
+            end = stamp + (self._left + 1) * self._period_ns
+            begun = self._left < self._own
+            self.span = self.span[0] if begun else end - self._own * self._period_ns, end
         return value, rate
 
     def _next(self, active: bool) -> tuple[float, float]:
@@ -127,21 +130,31 @@ class ExcitationSequence:
             return float(self._position[self.index])
         return float(self._position[-1]) if self._keeps else 0.0
 
-    def begin(self, experiment: Experiment, handover: float, stamp: int) -> tuple[int, int]:
+    def begin(self, experiment: Experiment, handover: float, rest: float, stamp: int) -> tuple[int, int]:
         """Put an experiment in from `stamp` on, the next to be announced; return its span.
 
         What is announced stays: the experiment begins behind it, where everybody can still follow.
+
+        Parameters
+        ----------
+        experiment : Experiment
+        handover : float
+            Time of the smooth way in and back [s].
+        rest : float
+            Time without excitation before it, so that it begins at rest [s].
+        stamp : int
+            [ns]
         """
-        before, step = self._newest, experiment.sample_time
-        parts = [
-            blend(before, float(experiment.value[0]), handover, step),
-            (experiment.value, experiment.rate),
-            blend(float(experiment.value[-1]), self._resumes_at, handover, step),
-        ]
+        step, first, last = experiment.sample_time, float(experiment.value[0]), float(experiment.value[-1])
+        still = first if self._keeps else 0.0
+        waiting = np.full(round(rest / step), still)
+        before = [blend(self._newest, still, handover, step), (waiting, np.zeros_like(waiting))]
+        parts = [*before, (experiment.value, experiment.rate), blend(last, self._resumes_at, handover, step)]
         for value, rate in parts:
             self._between.extend(zip(value.tolist(), rate.tolist(), strict=True))
-        self._left = len(parts[0][0]) + len(parts[1][0])
-        self.span = stamp, stamp + self._left * self._period_ns
+        start = stamp + sum(len(value) for value, _ in before) * self._period_ns
+        self.span = start, start + len(experiment.value) * self._period_ns
+        self._left, self._own = len(self._between) - len(parts[-1][0]), len(experiment.value)
         return self.span
 
     def take_back(self, now: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,7 @@ def summarise_diagnosis(diagnosis: Diagnosis, where: Sequence[str], windows: Seq
         criterion=diagnosis.criterion,
         level=diagnosis.level,
         windows=tuple(windows),
+        document=as_json(diagnosis.to_dict()),
     )
 
 
@@ -76,6 +78,7 @@ def summarise_ladder(
         untestable=tuple(ladder.untestable),
         suggested_experiment=None if suggested is None else dict(suggested),
         experiments=experiments,
+        document=as_json({**ladder.to_dict(), "suggested_experiment": suggested}),
         error=error,
     )
 
@@ -97,6 +100,21 @@ def summarise_measures(measures: Mapping[str, Any]) -> Measures:
     """Return the errors by output; the single records are left to the file."""
     by_output = {name: dict(measures.get(name) or {}) for name in ("nrmse", "fit", "rmse")}
     return Measures(**by_output, force=_finite(measures.get("force")))
+
+
+def as_json(document: Any) -> str:
+    """Return a document as JSON; what is no finite number becomes null."""
+    return json.dumps(_plain(document), ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # an array, or one of its numbers
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _finite(value: float | None) -> float | None:

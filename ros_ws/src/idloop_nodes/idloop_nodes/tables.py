@@ -189,6 +189,7 @@ def excitation_table() -> Table:
         P("ahead", "int", 200, "Samples published ahead of the clock.", minimum=2, maximum=4000, read_only=True),
         P("experiment", "str", "", "What ~/run_experiment plays, as YAML: {signal: {name: ..., ...}, adds_to: ...}."),
         P("handover_time", "float", 0.5, "Time of the smooth way into an experiment and back.", unit="s", minimum=0.0),
+        P("rest_time", "float", 2.0, "Time without excitation before an experiment.", unit="s", minimum=0.0),
         P(
             "limit.amplitude",
             "float",

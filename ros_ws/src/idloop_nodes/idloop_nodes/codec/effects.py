@@ -71,7 +71,7 @@ class EffectSummary:
     @property
     def line(self) -> str:
         """Evidence and parameters for a person."""
-        parts = [] if self.p_value is None else [f"p {self.p_value:.2g}"]
+        parts = [] if self.p_value is None else [f"p {self.p_value:.2g}" if self.p_value >= 1e-3 else "p < 0.001"]
         parts.append(f"explains {100.0 * self.explains:.0f} %")
         parts += [f"{name} {one.text}" for name, one in self.parameters.items()]
         return ", ".join(parts)
@@ -117,6 +117,8 @@ class MissingSummary:
         Family-wise error rate.
     windows : tuple of (int, int)
         First and last stamp of each stretch of data in nanoseconds.
+    document : str
+        All of it as `idloop diagnose` writes it (JSON, schema idloop/diagnose/1).
     error : str
         Why there is no diagnosis, one line; empty when there is one.
     """
@@ -133,6 +135,7 @@ class MissingSummary:
     criterion: str = ""
     level: float = 0.01
     windows: tuple[tuple[int, int], ...] = ()
+    document: str = ""
     error: str = ""
 
     @property
@@ -167,6 +170,7 @@ def missing_to_statuses(node: str, summary: MissingSummary) -> list[Status]:
         "windows": " ".join(f"{start}-{stop}" for start, stop in summary.windows),
         "findings": lines_to_text(summary.findings),
         "where": lines_to_text(summary.where),
+        "document": summary.document,
         "error": summary.error,
     }
     if summary.unknown is not None:
@@ -201,6 +205,7 @@ def missing_from_statuses(statuses: Sequence[Status]) -> MissingSummary:
             criterion=values["criterion"],
             level=float(values["level"]),
             windows=tuple(_window(one) for one in values["windows"].split()),
+            document=values["document"],
             error=values["error"],
         )
     except (KeyError, ValueError, TypeError) as error:

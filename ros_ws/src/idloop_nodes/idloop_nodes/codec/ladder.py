@@ -37,10 +37,6 @@ class Measures:
         """FIT of every output for a person."""
         return ", ".join(f"{name} {value:.2f} %" for name, value in self.fit.items())
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as in the JSON of `idloop refine`."""
-        return {name: dict(getattr(self, name)) for name in MEASURES} | {"force": self.force}
-
 
 @dataclass(frozen=True)
 class StepSummary:
@@ -87,6 +83,8 @@ class LadderSummary:
         The next experiment, as `idloop suggest` writes it.
     experiments : int
         Experiments whose data are in.
+    document : str
+        All of it as `idloop refine` writes it (JSON, schema idloop/refine/1): the ladder can be climbed on offline.
     error : str
         Why the last order could not be carried out, one line; empty when it was.
     """
@@ -97,6 +95,7 @@ class LadderSummary:
     untestable: tuple[str, ...] = ()
     suggested_experiment: dict[str, Any] | None = None
     experiments: int = 0
+    document: str = ""
     error: str = ""
 
     @property
@@ -111,32 +110,6 @@ class LadderSummary:
         fit = self.steps[-1].validation.line
         return f"{what}: FIT {fit} on data not used in the fit" if fit else what
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the document that `idloop refine` writes (schema idloop/refine/1)."""
-        return {
-            "schema": "idloop/refine/1",
-            "ladder": [_step_to_dict(step) for step in self.steps],
-            "verdict": self.verdict,
-            "untestable": list(self.untestable),
-            "suggested_experiment": self.suggested_experiment,
-        }
-
-
-def _step_to_dict(step: StepSummary) -> dict[str, Any]:
-    document: dict[str, Any] = {"added": None}
-    if step.added is not None:
-        parameters = {
-            name: {"value": one.value, "stderr": one.stderr, "unit": one.unit}
-            for name, one in step.added.parameters.items()
-        }
-        document["added"] = {"effect": step.added.effect, "at": step.added.at, "parameters": parameters}
-        document |= {"p_value": step.p_value, "set": list(step.set), "chosen_by": step.chosen_by}
-    return document | {
-        "train": step.train.to_dict(),
-        "validation": step.validation.to_dict(),
-        "model": step.model,
-    }
-
 
 def ladder_to_statuses(node: str, summary: LadderSummary) -> list[Status]:
     """Return the statuses of ``estimator/ladder``."""
@@ -147,6 +120,7 @@ def ladder_to_statuses(node: str, summary: LadderSummary) -> list[Status]:
         "untestable": " ".join(summary.untestable),
         "suggested_experiment": "" if suggested is None else json.dumps(suggested, ensure_ascii=False),
         "experiments": str(summary.experiments),
+        "document": summary.document,
         "error": summary.error,
     }
     head = Status(f"{node}: ladder", summary.line, Level.WARN if summary.error else Level.OK, values, summary.model)
@@ -193,6 +167,7 @@ def ladder_from_statuses(statuses: Sequence[Status]) -> LadderSummary:
             untestable=tuple(values["untestable"].split()),
             suggested_experiment=_mapping(values["suggested_experiment"]),
             experiments=int(values["experiments"]),
+            document=values["document"],
             error=values["error"],
         )
     except (KeyError, ValueError) as error:

@@ -24,7 +24,7 @@ SECOND = 1_000_000_000
 BURST = 1000  # samples published at most in one go, so that services stay answered
 LIMITS = ("amplitude", "position_min", "position_max", "velocity")
 # May change while the normal signal runs.
-FOR_EXPERIMENTS = frozenset({"experiment", "handover_time", *(f"limit.{name}" for name in LIMITS)})
+FOR_EXPERIMENTS = frozenset({"experiment", "handover_time", "rest_time", *(f"limit.{name}" for name in LIMITS)})
 
 
 class ExcitationNode(ManagedNode):
@@ -47,7 +47,7 @@ class ExcitationNode(ManagedNode):
         self._next: int | None = None
         self._sent = RateCounter()
         self._experiments = 0
-        self._told_end = 0
+        self._told: tuple[int, int] | None = None
         self._breach = ""
         self._sequence = ExcitationSequence(
             *self._build(values.values), self._period_ns, keeps=self._reference, ahead=values["ahead"]
@@ -152,11 +152,10 @@ class ExcitationNode(ManagedNode):
             raise InputError("an experiment needs an active excitation and a running graph: call ~/start first")
         experiment = read_experiment(values["experiment"], self._target, values["sample_time"])
         self._limits(values.values).refuse(experiment)
-        start, end = self._sequence.begin(experiment, values["handover_time"], self._next)
+        start, end = self._sequence.begin(experiment, values["handover_time"], values["rest_time"], self._next)
         self._experiments += 1
         self._breach = ""
-        self.tell_progress(start, EXPERIMENT)
-        self._tell_end(end)  # said again when a stop or a pause moves it
+        self._tell_span()
         text = f"experiment from {start / SECOND:.3f} s to {end / SECOND:.3f} s"
         self.get_logger().info(text)
         return text
@@ -170,9 +169,15 @@ class ExcitationNode(ManagedNode):
         response.success, response.message = True, "stopped: back to the normal signal from the next sample on"
         return response
 
-    def _tell_end(self, stamp: int) -> None:
-        self._told_end = stamp
-        self.tell_progress(stamp, HANDED_BACK)
+    def _tell_span(self) -> None:
+        """Say from when to when an experiment runs, again when a stop or a pause has moved that."""
+        span = self._sequence.span
+        if span is None or span == self._told:
+            return
+        if self._told is None or span[0] != self._told[0]:
+            self.tell_progress(span[0], EXPERIMENT)
+        self.tell_progress(span[1], HANDED_BACK)
+        self._told = span
 
     def _guard(self) -> None:
         """Stop when the axis leaves the limits during an experiment."""
@@ -221,9 +226,7 @@ class ExcitationNode(ManagedNode):
             self._publish(self._sample(self._next))
             self._next += self._period_ns
             self._sent.count += 1
-        span = self._sequence.span
-        if span is not None and span[1] != self._told_end:
-            self._tell_end(span[1])
+        self._tell_span()
 
     def _sample(self, stamp: int) -> bytes:
         position, velocity = self._sequence.next(stamp, self.active)
