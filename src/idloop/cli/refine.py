@@ -329,11 +329,15 @@ def _with_suggestion(
     seed: int,
     update: Callable[..., None],
 ) -> Ladder:
-    """The ladder with the experiment that would settle its ties; as it is when there are none."""
+    """The ladder with the experiment that would settle what is open, if anything is.
+
+    Limits that the user has set ask what lies beyond the data so far.
+    """
     from idloop.diagnose.suggest_next import suggest_next
 
     tied = any(len(step.set) > 1 for step in ladder.steps)
-    if not tied and ladder.verdict != "not_excited":
+    wider = any(limit is not None for limit in limits.to_dict().values())
+    if not tied and not wider and ladder.verdict != "not_excited":
         return ladder
     try:
         found = suggest_next(ladder, records, limits, duration=duration, seed=seed, progress=update)

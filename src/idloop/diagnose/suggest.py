@@ -17,7 +17,7 @@ from idloop.diagnose.suggest_field import prepare_rivals
 from idloop.diagnose.suggest_limits import Limits, follows_reference, motion
 from idloop.diagnose.suggest_rivals import Rival
 from idloop.diagnose.suggest_search import Choice, Search, Setup
-from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, outcomes_of
+from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, describe_visible, outcomes_of
 from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ def suggest(
     seed: int = 0,
     start: float | None = None,
     adds_to: str | None = None,
+    against_first: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> Suggestion:
     """Choose the experiment that best separates rival models.
@@ -126,6 +127,8 @@ def suggest(
         Position at which the axis will rest before [position unit]; where the last record starts by default.
     adds_to : {"command", "reference"}, optional
         By default the reference when one was recorded, else the command.
+    against_first : bool
+        Tell every rival from the first one, not from each other: which of many effects is there at all?
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
@@ -145,24 +148,26 @@ def suggest(
     tell(0.0, "what the data so far say")
     prepared = prepare_rivals(rivals, records, criterion)
     setup = _setup(prepared, records, limits or Limits(), start, adds_to, seed)
-    search = Search(prepared, setup, duration, lambda share, text: tell(0.05 + 0.9 * share, text))
+    search = Search(
+        prepared, setup, duration, lambda share, text: tell(0.05 + 0.9 * share, text), against_first=against_first
+    )
     choice = search.best()
     if choice is None:
         raise InputError("limits: no experiment keeps every rival inside them; widen the position range or velocity")
     tell(0.97, "expected outcomes")
-    return _suggestion(prepared, setup, choice)
+    return _suggestion(prepared, setup, choice, against_first=against_first)
 
 
-def _suggestion(rivals: Sequence[Rival], setup: Setup, choice: Choice) -> Suggestion:
+def _suggestion(rivals: Sequence[Rival], setup: Setup, choice: Choice, *, against_first: bool) -> Suggestion:
     experiment = setup.experiment(choice.design, choice.level, choice.duration)
-    outcomes = outcomes_of(rivals, experiment, choice.gains)
+    outcomes = outcomes_of(rivals, experiment, choice.gains, against_first=against_first)
     return Suggestion(
         dict(experiment.signal),
         setup.adds_to,
         experiment.duration,
         float(choice.score),
         outcomes,
-        describe(rivals, experiment, setup.limits, choice.score),
+        describe_visible(outcomes) if against_first else describe(rivals, experiment, setup.limits, choice.score),
         setup.limits,
         setup.start,
         dict(setup.controller) if setup.controller is not None else None,

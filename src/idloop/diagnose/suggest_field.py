@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.choice import choose_kind
 from idloop.diagnose.experiment import Experiment
-from idloop.diagnose.suggest_force import force_views
+from idloop.diagnose.suggest_force import force_decides, force_views
 from idloop.diagnose.suggest_noise import PredictionView, common_noise
 from idloop.diagnose.suggest_rivals import Rival
 from idloop.diagnose.suggest_view import View
@@ -59,7 +58,7 @@ def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion
             raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
     data = _shortened(prepare(first, records))
     views: Sequence[View] | None = None
-    if choose_kind(first, records, criterion) == "force":
+    if criterion == "force" or (criterion == "auto" and force_decides(first, data, records)):
         views = force_views(models, data)
     if views is None:
         noise = common_noise(models, data)
@@ -101,8 +100,12 @@ def _is_case_of(small: Model, large: Model) -> bool:
     return set(small.effect_names) < covered and set(small.effect_names) != set(large.effect_names)
 
 
-def experiment_gains(rivals: Sequence[Rival], experiment: Experiment, *, searched: bool = False) -> tuple[Array, Array]:
+def experiment_gains(
+    rivals: Sequence[Rival], experiment: Experiment, *, searched: bool = False, against_first: bool = False
+) -> tuple[Array, Array]:
     """Expected log-likelihood by which each rival, were it the truth, would lead each other one.
+
+    A rival that contains the truth explains it as well: there it is 0.
 
     Parameters
     ----------
@@ -110,6 +113,8 @@ def experiment_gains(rivals: Sequence[Rival], experiment: Experiment, *, searche
     experiment : Experiment
     searched : bool
         See `Rival.missed`.
+    against_first : bool
+        Only the first rival is held against the others; the rest is left at 0.
 
     Returns
     -------
@@ -119,10 +124,11 @@ def experiment_gains(rivals: Sequence[Rival], experiment: Experiment, *, searche
     gains, alone = np.zeros((2, len(rivals), len(rivals)))
     inside = contained([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
-        record = experiment.run(truth.model, engine=truth.engine)
-        for j, other in enumerate(rivals):
-            if i != j and not inside[i, j]:
-                missed = other.missed(record, experiment.start, searched=searched)
+        wanted = [j for j in range(len(rivals)) if i != j and not inside[i, j] and (j == 0 or not against_first)]
+        record = experiment.run(truth.model, engine=truth.engine) if wanted else None
+        for j in wanted:
+            if record is not None:
+                missed = rivals[j].missed(record, experiment.start, searched=searched)
                 gains[i, j], alone[i, j] = missed.gain, missed.alone
     return gains, alone
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.suggest_view import Difference
 from idloop.errors import IdloopError
+from idloop.estimate.choose import after_fit, before_fit
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.force import Balance, ForceCriterion, balance_of
@@ -133,6 +134,27 @@ class ForceView:
             Difference(f"force[{body}]", float(value), self.model.units.force, float(noise))
             for body, value, noise in zip(self.model.bodies, left, self.noise.spread, strict=True)
         ]
+
+
+def force_decides(model: Model, data: Sequence[Data], records: Sequence[Record]) -> bool:
+    """Whether model error and not sensor noise limits what can be said, by the rule of `idloop.estimate.choose`.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted to the records.
+    data : sequence of Data
+    records : sequence of Record
+        The same experiments, with their references.
+    """
+    engine = RememberingEngine(model)
+    if engine.layout(None).bodies != len(model.bodies):
+        return False
+    balances = [balance_of(engine, d, r) for d, r in zip(data, records, strict=True)]
+    if before_fit(balances).criterion != "force":
+        return False
+    rule = ForceCriterion(engine, [b for b in balances if b is not None])
+    return after_fit(engine, rule, model.theta, _best_shift(rule, model.theta)).criterion == "force"
 
 
 def force_views(models: Sequence[Model], data: Sequence[Data]) -> list[ForceView] | None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from idloop.diagnose.suggest import Suggestion, suggest
 from idloop.diagnose.suggest_effect import effect_rivals
 from idloop.diagnose.suggest_limits import Limits
-from idloop.diagnose.suggest_words import DECISIVE
-from idloop.errors import IdloopError, InputError
+from idloop.diagnose.suggest_words import listed
+from idloop.errors import IdloopError
 
 if TYPE_CHECKING:
     from idloop.diagnose.diagnosis import Diagnosis
@@ -35,7 +35,12 @@ _EVERYDAY = (
     "input_delay",
     "compliance",
 )
-_MOST_UNSEEN = 3
+_MOST_UNSEEN = 6
+# The command must be allowed to go this much beyond what it was, to look for what is there.
+_WIDER = 1.2
+_TURN = 6.283185307179586
+# What no experiment can ever show, because an unknown start looks the same, or needs none.
+_NEVER = frozenset({"sensor_offset", "sensor_quantisation"})
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,8 @@ def suggest_next(
 ) -> Suggestion | None:
     """Choose the experiment that settles what a diagnosis or a ladder has left open.
 
-    Effects that tie come first. Where none do, the everyday effects that the data cannot show are asked for,
-    all in one experiment where one can show them all.
+    Effects that tie come first. Where none do, effects that the data cannot show are asked for, the everyday ones
+    first, all in one experiment.
 
     Parameters
     ----------
@@ -135,7 +140,7 @@ def _question(found: Diagnosis, names: Sequence[str]) -> Question | None:
     models = [c.model for c in found.candidates if c.name in names and c.model is not None][:_MOST_RIVALS]
     if len(models) < 2:
         return None
-    return Question(tuple(models), f"this data cannot tell {_listed(list(names))} apart")
+    return Question(tuple(models), f"this data cannot tell {listed(list(names))} apart")
 
 
 def _for_the_unseen(
@@ -145,44 +150,35 @@ def _for_the_unseen(
     options: dict[str, Any],
     progress: Progress,
 ) -> Suggestion | None:
-    """The experiment for effects that the data cannot show, together or else the first one that can be shown."""
+    """The experiment that shows most of the effects that the data cannot show."""
     plain = found.model
     rank = {name: place for place, name in enumerate(_EVERYDAY)}
-    unseen = [name for name in found.untestable if name.partition("@")[0] in rank]
+    unseen = [name for name in found.untestable if name.partition("@")[0] not in _NEVER]
+    unseen += [name for name in _beyond(plain, records, limits) if name not in unseen]
     models: dict[str, Model] = {}
-    for name in sorted(unseen, key=lambda name: rank[name.partition("@")[0]]):
+    for name in sorted(unseen, key=lambda name: rank.get(name.partition("@")[0], len(rank))):
         if len(models) == _MOST_UNSEEN:
             break
         try:
             base, model = effect_rivals(plain, name, records, limits)
-        except (InputError, IdloopError):
+        except IdloopError:
             continue
         if base.effect_names == plain.effect_names:  # else it would take the place of an effect that is known
             models[name] = model
-    best: tuple[list[str], Suggestion] | None = None
-    group = list(models)
-    while group:
-
-        def part(share: float, text: str, left: int = len(group)) -> None:
-            progress(1.0 - (left - share) / (len(models) + 1.0), text)
-
-        try:
-            answer = suggest([plain, *(models[name] for name in group)], records, limits, progress=part, **options)
-        except InputError:
-            return None if best is None else _answer_of(*best)
-        if best is None or answer.discrimination > best[1].discrimination:
-            best = (group, answer)
-        if answer.discrimination >= DECISIVE or len(group) == 1:
-            break
-        # What the limits do not let show must not keep the others from showing.
-        seen = [name for name, o in zip(group, answer.outcomes[1:], strict=True) if o.in_favour >= DECISIVE]
-        group = seen if seen and len(seen) < len(group) else group[:-1]
-    return None if best is None else _answer_of(*best)
+    if not models:
+        return None
+    answer = suggest([plain, *models.values()], records, limits, against_first=True, progress=progress, **options)
+    return replace(answer, text=f"this data cannot show {listed(list(models))}; {answer.text}")
 
 
-def _answer_of(group: list[str], answer: Suggestion) -> Suggestion:
-    return replace(answer, text=f"this data cannot show {_listed(group)}; {answer.text}")
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+def _beyond(model: Model, records: Sequence[Record], limits: Limits) -> list[str]:
+    """Effects that begin outside what the data cover, where the limits allow to go there."""
+    seen, allowed = Limits().completed(model, records), limits.completed(model, records)
+    names = []
+    if seen.command is not None and allowed.command is not None and allowed.command > _WIDER * seen.command:
+        names.append("saturation@input")
+    if model.units.position == "rad" and seen.position is not None and allowed.position is not None:
+        covered, free = (high - low for low, high in (seen.position, allowed.position))
+        if covered < _TURN <= free:
+            names += [f"imbalance@{body}" for body in model.bodies[:1]]
+    return [name for name in names if name not in model.effect_names]

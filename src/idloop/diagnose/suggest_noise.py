@@ -107,6 +107,7 @@ class PredictionView:
         self._linear = engine.linearise(None)
         chain = engine.layout(None).body_of
         own = 3.0 * np.max(criterion.initial.scale.reshape(-1, criterion.initial.width), axis=0)
+        self._longest = max(float(d.time[-1] - d.time[0]) for d in data)
         n = len(chain)
         halves = np.diff([*chain, len(self._linear.A) // 2])
         self._spread = np.concatenate([np.repeat(own[:n], halves), np.repeat(own[n : 2 * n], halves), own[2 * n :]])
@@ -183,11 +184,12 @@ class PredictionView:
         """
         key = (samples, decades)
         if key not in self._known:
-            noise = self.noise
+            noise, intensity = self.noise, self.noise.intensity * 10.0**decades
+            # No more of a constant force than the walk makes by itself: an offset is not noise.
+            start = np.append(self._spread[:-1], np.sqrt(intensity * self._longest))
             observer = settling_observer(
-                self._linear, self._measured, noise.sample_time, noise.intensity * 10.0**decades, noise.sensors,
-                self._spread, samples,
-            )  # fmt: skip
+                self._linear, self._measured, noise.sample_time, intensity, noise.sensors, start, samples
+            )
             if not np.all(np.isfinite(observer.gain)):
                 raise IdloopError("no observer could be designed for one of the rivals")
             self._known[key] = observer

@@ -39,6 +39,8 @@ _FINALISTS, _LOCAL = 5, (2, 1)
 _BUDGET = 20.0
 # Candidates of a search without haste; fewer than the least are worth shorter experiments.
 _PLENTY, _LEAST = 100, 12
+# A gain that leaves no doubt.
+_PLAIN = 100.0
 # A gain beyond this is as good as infinite.
 _MOST_GAIN = 1e6
 # Of nearly equally good experiments the gentler and shorter one is taken.
@@ -134,10 +136,20 @@ class Search:
         Fixed length [s].
     report : callable
         Share done and a few words.
+    against_first : bool
+        Tell every rival from the first one, not from each other.
     """
 
-    def __init__(self, rivals: Sequence[Rival], setup: Setup, duration: float | None, report: Progress) -> None:
-        self.rivals, self.setup, self.report = list(rivals), setup, report
+    def __init__(
+        self,
+        rivals: Sequence[Rival],
+        setup: Setup,
+        duration: float | None,
+        report: Progress,
+        *,
+        against_first: bool = False,
+    ) -> None:
+        self.rivals, self.setup, self.report, self.against_first = list(rivals), setup, report, against_first
         self.contained = contained([rival.model for rival in rivals])
         scale = machine_scale(rivals[0].engine, setup.signal_time, duration)
         usual = float(np.ceil(np.clip(25.0 * scale.settling, 6.0, 20.0)))
@@ -162,7 +174,7 @@ class Search:
             run = (samples + steps) * (0.1 + 0.1 * layout.bodies)
             series = 1 + len(rival.theta)
             refits = series * run + 0.2 * samples * len(rival.model.outputs) * series
-            total += 2.0 * run + (m - 1) * refits
+            total += 2.0 * run + (1 if self.against_first else m - 1) * refits
         return 1e-6 * total
 
     def best(self) -> Choice | None:
@@ -246,7 +258,8 @@ class Search:
     def _judged(
         self, design: Design, level: float, duration: float, experiment: Experiment, *, searched: bool
     ) -> Choice:
-        gains, alone = (np.minimum(g, _MOST_GAIN) for g in experiment_gains(self.rivals, experiment, searched=searched))
+        found = experiment_gains(self.rivals, experiment, searched=searched, against_first=self.against_first)
+        gains, alone = (np.minimum(g, _MOST_GAIN) for g in found)
         joint = self.score(gains)
         # An experiment that decides by itself does not hang on how well the old data fix the parameters.
         worth = float(np.sqrt((1.0 + joint) * (1.0 + min(self.score(alone), joint))) - 1.0)
@@ -258,6 +271,9 @@ class Search:
         Which of the two is right is not known, so the geometric mean of both cases counts; of a model and
         one that contains it only the case that can show.
         """
+        if self.against_first:
+            # Each counts up to where it is plain, so that what cannot show does not keep the others from showing.
+            return float(np.expm1(np.mean(np.log1p(np.minimum(gains[1:, 0], _PLAIN)))))
         worst = _MOST_GAIN
         for i in range(len(gains)):
             for j in range(i):

@@ -57,7 +57,9 @@ class Outcome:
         }
 
 
-def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[np.float64]) -> tuple[Outcome, ...]:
+def outcomes_of(
+    rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[np.float64], *, against_first: bool = False
+) -> tuple[Outcome, ...]:
     """Expected outcome for each rival as the truth.
 
     Parameters
@@ -66,6 +68,8 @@ def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[
     experiment : Experiment
     gains : ndarray (m, m)
         From `experiment_gains`.
+    against_first : bool
+        Only the first rival is held against the others.
 
     Returns
     -------
@@ -75,16 +79,14 @@ def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[
     inside = contained([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
         record = experiment.run(truth.model, engine=truth.engine)
+        others = [j for j in range(len(rivals)) if j != i and (j == 0 or i == 0 or not against_first)]
         errors = {}
-        for j, other in enumerate(rivals):
-            if i == j or inside[i, j]:
-                continue
+        for other in (rivals[j] for j in others if not inside[i, j]):
             theta = other.missed(record, experiment.start, searched=True).theta
             errors[other.label] = {
                 found.name: {"value": found.value, "unit": found.unit, "noise": found.noise}
                 for found in other.view.differences(record, experiment.start, theta, experiment)
             }
-        others = [j for j in range(len(rivals)) if j != i]
         open_ = [j for j in others if not inside[i, j]]
         closest = min(open_ or others, key=lambda j: float(gains[i, j]))
         label = rivals[closest].label
@@ -99,7 +101,7 @@ def outcomes_of(rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[
 
 def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[str, Any]] | None) -> str:
     if errors is None:
-        return f"if {truth}: {other} contains it and gains nothing by what it has more"
+        return f"if {truth}: {other} explains it as well, and gains nothing by what it has more"
     name, worst = max(errors.items(), key=lambda item: item[1]["value"] / max(item[1]["noise"], 1e-300))
     if gain < 1.0:
         return f"if {truth}: {other} explains it just as well"
@@ -127,6 +129,21 @@ def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, sc
         f"no experiment of {experiment.duration:.3g} s within these limits ({', '.join(bounds) or 'none'}) is expected "
         f"to tell {names} apart (at best {_units(score)} in log-likelihood): widen them"
     )
+
+
+def describe_visible(outcomes: Sequence[Outcome]) -> str:
+    """Which effects an experiment is expected to show, and which it will not, within the limits."""
+    seen = [outcome.rival for outcome in outcomes[1:] if outcome.in_favour >= DECISIVE]
+    unseen = [outcome.rival for outcome in outcomes[1:] if outcome.in_favour < DECISIVE]
+    if not seen:
+        return f"no experiment within these limits is expected to show {listed(unseen)}: widen them"
+    tail = f"; not {listed(unseen)}, which needs wider limits" if unseen else ""
+    return f"expected to show {listed(seen)} if there{tail}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in one phrase."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def describe_signal(signal: Mapping[str, Any], adds_to: str) -> str:
