@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idloop.diagnose import refine
 from idloop.diagnose.experiment import Experiment
 from idloop.diagnose.suggest import Limits, suggest
 from idloop.diagnose.suggest_effect import effect_rivals, suggest_effect
 from idloop.diagnose.suggest_field import experiment_gains, labels, prepare_rivals
 from idloop.diagnose.suggest_limits import motion
+from idloop.diagnose.suggest_next import suggest_next
 from idloop.diagnose.suggest_transfer import transfer
 from idloop.errors import InputError
 from idloop.estimate import fit
@@ -148,6 +150,36 @@ def test_an_untestable_effect_takes_a_size_that_the_data_so_far_allow(motor):
         effect_rivals(plain, "cogging@motr", [record], Limits())
 
 
+def test_a_command_that_may_not_jump_does_not(tie):
+    record, rivals = tie
+    found = suggest(rivals, [record], Limits(rate=15.0), duration=5.0)
+    value = found.experiment.built.value
+    assert np.max(np.abs(np.diff(value))) <= 15.0 * 0.01 + 1e-9
+    assert found.discrimination > 10.0
+
+
+def test_of_many_effects_those_that_the_limits_let_show_are_shown(motor):
+    record = Experiment(PRBS).run(motor, noise=True, disturbance=0.02, seed=3)
+    plain = fitted(motor, [record])
+    effects = (("dead_zone", "input", {"width": 0.2}), ("saturation", "input", {"limit": 5.0}))
+    rivals = [plain, *(plain.with_effect(name, at, **values) for name, at, values in effects)]
+    found = suggest(rivals, [record], duration=5.0, against_first=True)
+    assert "expected to show dead_zone@input if there; not saturation@input" in found.text
+    assert found.outcomes[1].in_favour > 10.0 > found.outcomes[2].in_favour
+
+
+def test_a_ladder_with_a_tie_gets_the_experiment_that_resolves_it(motor):
+    """Motion one way only: dry friction, an offset and a dead zone are all the same constant force."""
+    one_way = {"name": "multilevel", "sample_time": 0.01, "duration": 10.0, "amplitude": 0.6, "offset": 1.4, "seed": 2}
+    record = Experiment(one_way).run(motor.with_effects(["coulomb_friction@motor(level=3)"]), noise=True, seed=1)
+    ladder = refine(motor, [record], effects=["coulomb_friction", "input_offset"])
+    assert set(ladder.steps[-1].set) == {"coulomb_friction@motor", "input_offset@input"}
+    found = suggest_next(ladder, [record], Limits(position=(-20.0, 20.0)), duration=6.0)
+    assert found.text.startswith("this data cannot tell")
+    assert found.discrimination > 30.0
+    assert np.min(found.experiment.built.value) < 0.0 < np.max(found.experiment.built.value)
+
+
 def test_in_closed_loop_the_reference_is_excited():
     model = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)"])
     wave = {"name": "sine", "sample_time": 0.001, "duration": 4.0, "amplitude": 0.3, "frequency": 0.5}
@@ -162,6 +194,8 @@ def test_in_closed_loop_the_reference_is_excited():
     low, high = found.limits.position
     predicted = found.experiment.run(model)
     assert low - 0.05 < np.min(predicted.output[:, 0]) < np.max(predicted.output[:, 0]) < high + 0.05
+    slow = suggest(rivals, [record], Limits(velocity=0.8), duration=3.0)
+    assert np.max(np.abs(np.diff(slow.experiment.built.value))) <= 0.8 * 0.001 + 1e-12
     without = [replace(rival, controller=None) for rival in rivals]
     with pytest.raises(InputError, match="controller"):
         suggest(without, [record])

@@ -43,7 +43,7 @@ class Suggestion:
         [s]
     discrimination : float
         Expected difference in log-likelihood of the two closest rivals: geometric mean of the cases that the
-        one and that the other is right.
+        one and that the other is right. Against a first rival: geometric mean over the others, each up to 100.
     outcomes : tuple of Outcome
         What to expect if each rival is right.
     text : str
