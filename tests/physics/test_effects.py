@@ -62,6 +62,7 @@ STRONG = {
     "asymmetric_friction": {"level": 0.02, "ratio": 0.5},
     "presliding_friction": {"level": 0.02, "stiffness": 20.0},
     "quadratic_drag": {"coefficient": 1e-4},
+    "asymmetric_viscous_friction": {"coefficient": 1e-3},
     "imbalance": {"amplitude": 0.02},
     "cogging": {"amplitude": 0.02, "harmonic": 4},
     "cable_spring": {"stiffness": 0.05},

@@ -16,6 +16,7 @@ from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import refit
 from idloop.diagnose.screen import Screen
 from idloop.diagnose.setting import Setting
+from idloop.estimate.dataset import output_groups
 from idloop.estimate.whitening import Whitener, choose_order, fit_whitener
 from idloop.physics.model import Model
 
@@ -36,6 +37,11 @@ def with_common_whitening(setting: Setting, model: Model) -> Setting:
     -------
     Setting
     """
+    if setting.kind == "simulation":
+        # Free-run errors are model error through and through: nothing in them is a noise model's
+        # to take, and their serial correlation is reckoned with where evidence is weighed.
+        sizes = [len(group) for group in output_groups(list(setting.data))]
+        return replace(setting, whiteners=tuple(Whitener(np.zeros((0, n, n))) for n in sizes))
     if setting.kind != "force":
         return setting
     outputs = len(model.bodies)

@@ -125,7 +125,7 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
     best: Refit | None = None
     for number, group in enumerate(_by_structure(proposal, traces)):
         model, starts = group
-        own = {n: v for n, v in zip(parent.model.free, parent.point, strict=False)}
+        own = dict(zip(parent.model.free, parent.point, strict=False))
         thetas = []
         for values, shift in starts:
             start = proposal.model(values)

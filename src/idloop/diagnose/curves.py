@@ -22,7 +22,7 @@ def over_velocity(position: float, velocity: float, inertia: float, elapsed: flo
     """Force at the velocity: linear between the knots, constant beyond them."""
     place = min(max((velocity - values[0]) / values[1], 0.0), 15.999999)
     i = int(place)
-    return values[2 + i] + (place - i) * (values[3 + i] - values[2 + i])
+    return float(values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
 
 
 @hook
@@ -30,7 +30,7 @@ def over_position(position: float, velocity: float, inertia: float, elapsed: flo
     """Force at the position: linear between the knots, constant beyond them."""
     place = min(max((position - values[0]) / values[1], 0.0), 15.999999)
     i = int(place)
-    return values[2 + i] + (place - i) * (values[3 + i] - values[2 + i])
+    return float(values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
 
 
 @hook
@@ -38,7 +38,7 @@ def over_command(value: float, velocity: float, sent: float, elapsed: float, sta
     """Command plus what is missing of it at that command."""
     place = min(max((value - values[0]) / values[1], 0.0), 15.999999)
     i = int(place)
-    return value + values[2 + i] + (place - i) * (values[3 + i] - values[2 + i])
+    return float(value + values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
 
 
 _SPECS = (

@@ -10,7 +10,7 @@ import numpy as np
 
 from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, effect_parameters
-from idloop.diagnose.choice import choose_kind
+from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, promising
 from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
@@ -151,11 +151,25 @@ def diagnose(
         raise InputError(f"level = {level} is no error rate; choose something such as 0.01")
     tell = progress or (lambda share, text: None)
     tell(0.0, "fitting the model as it is")
-    kind = choose_kind(model, records, criterion)
-    setting = prepare_setting(model, records, kind)
-    setting = with_common_whitening(setting, model)
-    parent = refit(setting, model)
-    return diagnose_fitted(setting, parent, level=level, effects=effects, seed=seed, progress=progress)
+    kind = first_kind(criterion)
+    diagnosis = _diagnose(model, records, kind, level, effects, seed, progress)
+    reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
+    if criterion == "auto" and balance_disagrees(reached, records, FIRST_DISAGREEMENT):
+        diagnosis = _diagnose(model, records, "force", level, effects, seed, progress)
+    return diagnosis
+
+
+def _diagnose(
+    model: Model,
+    records: Sequence[Record],
+    kind: str,
+    level: float,
+    effects: Sequence[str] | None,
+    seed: int,
+    progress: Progress | None,
+) -> Diagnosis:
+    setting = with_common_whitening(prepare_setting(model, records, kind), model)
+    return diagnose_fitted(setting, refit(setting, model), level=level, effects=effects, seed=seed, progress=progress)
 
 
 def diagnose_fitted(

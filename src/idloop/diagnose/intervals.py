@@ -37,9 +37,15 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
     residual = fit.residual()
     scale = np.concatenate([np.maximum(np.abs(point[:k]), 1e-12), size])
     jacobian, _ = difference_jacobian(
-        lambda at: residual_or_infinite(problem, at), point, residual, np.concatenate([lower, low]), np.concatenate([upper, high]),
-        fit.step, scale,
-    )  # fmt: skip
+        lambda at: residual_or_infinite(problem, at),
+        point,
+        residual,
+        np.concatenate([lower, low]),
+        np.concatenate([upper, high]),
+        fit.step,
+        scale,
+    )
+    jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
     scores = problem.scores(point, residual, jacobian)
     covariance = widest([sandwich(jacobian.T @ jacobian, scores), white_covariance(jacobian)])
     spread = np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))

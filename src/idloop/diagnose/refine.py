@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idloop.diagnose.candidate import Candidate, effect_parameters
-from idloop.diagnose.choice import choose_kind
+from idloop.diagnose.choice import balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.diagnosis import MISSING, Diagnosis, diagnose_fitted
+from idloop.diagnose.diagnosis import MISSING, diagnose_fitted
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
+from idloop.diagnose.lattice import quantised
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.setting import Setting, prepare_setting
@@ -74,93 +76,123 @@ def refine(
     if not 0.0 < level < 0.5:
         raise InputError(f"level = {level} is no error rate; choose something such as 0.01")
     start = model if ladder is None else ladder.model
-    kind = choose_kind(start, records, criterion if ladder is None or criterion != "auto" else ladder.criterion)
-    setting = with_common_whitening(prepare_setting(start, records, kind), start)
-    parent = refit(setting, start)
-    if ladder is None:
-        fitted = with_stderr(parent, setting.records)
-        first = Step(None, fitted, train=model_errors(fitted, records), validation=model_errors(fitted, validation))
-        ladder = Ladder((first,), criterion=kind, level=level)
-    ladder = replace(ladder, criterion=kind, level=level)
-    tell = progress or (lambda share, text: None)
-    held_out = None
-    if validation:
-        held_out = replace(prepare_setting(start, validation, kind), whiteners=setting.whiteners)
-    diagnosis: Diagnosis | None = None
-    while True:
-        count = len(ladder.added)
-        share = count / (count + 2.0)
+    climb = _Climb(records, validation, level, effects, seed, most, progress or (lambda share, text: None), on_step)
+    if criterion == "auto" and ladder is not None:
+        return climb(start, ladder, ladder.criterion)
+    kind = first_kind(criterion)
+    found = climb(start, ladder, kind)
+    if criterion == "auto" and balance_disagrees(found.model, records):
+        found = climb(start, ladder, "force")
+    return found
 
-        def report(part: float, text: str, low: float = share, width: float = 1.0 / (count + 3.0)) -> None:
-            tell(low + width * part, text)
 
-        diagnosis = diagnose_fitted(
-            setting, parent, level=level, effects=effects, seed=seed, progress=report, rungs=True, held_out=held_out
+@dataclass(frozen=True)
+class _Climb:
+    """All that does not change while a ladder grows."""
+
+    records: Sequence[Record]
+    validation: Sequence[Record]
+    level: float
+    effects: Sequence[str] | None
+    seed: int
+    most: int
+    tell: Progress
+    on_step: Callable[[Ladder], None] | None
+
+    def __call__(self, start: Model, ladder: Ladder | None, kind: str) -> Ladder:
+        """Climb by one criterion."""
+        setting = with_common_whitening(prepare_setting(start, self.records, kind), start)
+        parent = refit(setting, start)
+        if ladder is None:
+            fitted = with_stderr(parent, setting.records)
+            ladder = Ladder((self._step(None, fitted),), criterion=kind, level=self.level)
+        ladder = replace(ladder, criterion=kind, level=self.level)
+        held_out = None
+        if self.validation:
+            held_out = replace(prepare_setting(start, self.validation, kind), whiteners=setting.whiteners)
+        while True:
+            count = len(ladder.added)
+
+            def report(part: float, text: str, count: int = count) -> None:
+                self.tell(count / (count + 2.0) + part / (count + 3.0), text)
+
+            diagnosis = diagnose_fitted(
+                setting, parent, level=self.level, effects=self.effects, seed=self.seed, progress=report, rungs=True,
+                held_out=held_out,
+            )  # fmt: skip
+            best, fit = diagnosis.best, diagnosis.best_fit
+            if best is None or best.model is None or fit is None or count >= self.most:
+                break
+            # What a richer effect takes the place of is no rung of its own any more.
+            steps = [
+                s for s in ladder.steps if s.added is None or s.added.name != best.replaces or s.chosen_by == "user"
+            ]
+            step = replace(self._step(best, best.model), set=diagnosis.set, p_value=best.p_value)
+            ladder = replace(ladder, steps=(*steps, step), verdict=MISSING)
+            parent = fit
+            if kind == "prediction":
+                # Where model error is what is left, a step that helped stays for the reader to see.
+                ladder, parent = self._without_needless(ladder, fit, setting)
+            if self.on_step is not None:
+                self.on_step(ladder)
+        for candidate in quantised(ladder.model, setting, self.effects):
+            if len(ladder.added) < self.most:
+                ladder = _with_resolution(ladder, candidate)
+        self.tell(1.0, "done")
+        return replace(
+            ladder,
+            verdict=diagnosis.verdict,
+            candidates=diagnosis.candidates,
+            untestable=diagnosis.untestable,
+            findings=diagnosis.gate.findings,
+            unknown=diagnosis.unknown,
         )
-        if diagnosis.best is None or diagnosis.best_fit is None or count >= most:
-            break
-        ladder = _with_step(ladder, diagnosis, setting, records, validation)
-        parent = diagnosis.best_fit
-        ladder, parent = _without_needless(ladder, parent, setting, records, validation)
-        if on_step is not None:
-            on_step(ladder)
-    tell(1.0, "done")
-    return replace(
-        ladder,
-        verdict=diagnosis.verdict,
-        candidates=diagnosis.candidates,
-        untestable=diagnosis.untestable,
-        findings=diagnosis.gate.findings,
-        unknown=diagnosis.unknown,
-    )
 
+    def _step(self, added: Candidate | None, model: Model) -> Step:
+        return Step(
+            added, model, train=model_errors(model, self.records), validation=model_errors(model, self.validation)
+        )
 
-def _with_step(
-    ladder: Ladder, diagnosis: Diagnosis, setting: Setting, records: Sequence[Record], validation: Sequence[Record]
-) -> Ladder:
-    best = diagnosis.best
-    if best is None or best.model is None:
-        return ladder
-    # What a richer effect takes the place of is no rung of its own any more.
-    steps = [s for s in ladder.steps if s.added is None or s.added.name != best.replaces or s.chosen_by == "user"]
-    step = Step(
-        added=best,
-        model=best.model,
-        set=diagnosis.set,
-        p_value=best.p_value,
-        train=model_errors(best.model, records),
-        validation=model_errors(best.model, validation),
-    )
-    return replace(ladder, steps=(*steps, step), verdict=MISSING)
-
-
-def _without_needless(
-    ladder: Ladder, parent: Refit, setting: Setting, records: Sequence[Record], validation: Sequence[Record]
-) -> tuple[Ladder, Refit]:
-    """Take effects out again that a later one has made superfluous."""
-    for step in ladder.steps[1:-1]:
-        if step.added is None or step.added.name not in parent.model.effect_names or step.chosen_by == "user":
-            continue
-        smaller = parent.model.without_effect(step.added.name)
-        try:
-            without = refit(setting, smaller, None, parent)
-        except IdloopError:
-            continue
-        if parent.log_likelihood - without.log_likelihood < _NEEDLESS:
+    def _without_needless(self, ladder: Ladder, parent: Refit, setting: Setting) -> tuple[Ladder, Refit]:
+        """Take effects out again that a later one has made superfluous."""
+        for step in ladder.steps[1:-1]:
+            if step.added is None or step.added.name not in parent.model.effect_names or step.chosen_by == "user":
+                continue
+            smaller = parent.model.without_effect(step.added.name)
+            tries = []
+            for beside in (parent, None):
+                with suppress(IdloopError, np.linalg.LinAlgError):
+                    tries.append(refit(setting, smaller, None, beside))
+            if not tries:
+                continue
+            without = max(tries, key=lambda fit: fit.log_likelihood)
+            if parent.log_likelihood - without.log_likelihood >= _NEEDLESS:
+                continue
             fitted = with_stderr(without, setting.records)
             kept = [s for s in ladder.steps if s is not step]
             last = kept[-1]
             if last.added is not None:
                 added = replace(last.added, model=fitted, parameters=effect_parameters(fitted, last.added.name))
-                last = replace(
-                    last,
-                    added=added,
-                    model=fitted,
-                    train=model_errors(fitted, records),
-                    validation=model_errors(fitted, validation),
-                )
+                last = replace(self._step(added, fitted), set=last.set, p_value=last.p_value)
             ladder, parent = replace(ladder, steps=(*kept[:-1], last)), without
-    return ladder, parent
+        return ladder, parent
+
+
+def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:
+    """A sensor's resolution explains scatter; it moves no parameter and no free run."""
+    model = ladder.model.with_entry(
+        candidate.effect, candidate.at, {name: entry["value"] for name, entry in candidate.parameters.items()}
+    )
+    last = ladder.steps[-1]
+    step = Step(
+        added=replace(candidate, model=model),
+        model=model,
+        set=(candidate.name,),
+        p_value=candidate.p_value,
+        train=last.train,
+        validation=last.validation,
+    )
+    return replace(ladder, steps=(*ladder.steps, step))
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -200,7 +232,7 @@ def add_effect(
     model = ladder.model
     tell = progress or (lambda share, text: None)
     tell(0.0, f"refitting with {name}@{at}")
-    kind = choose_kind(model, records, criterion or ladder.criterion)
+    kind = first_kind(criterion or ladder.criterion)
     setting = with_common_whitening(prepare_setting(model, records, kind), model)
     parent = refit(setting, model)
     trial = model.with_effect(name, at, **values)

@@ -261,8 +261,8 @@ def _start(
         return _weigh(problem, np.concatenate([theta, nuisance]), orders), 0.0
     here = float(nuisance[0])
     best = (-np.inf, here)
-    for exponent in _COLD_EXPONENTS if cold else (here, here - 2.0):
-        exponent = float(np.clip(exponent, LEAST_EXPONENT, MOST_EXPONENT))
+    for asked in _COLD_EXPONENTS if cold else (here, here - 2.0):
+        exponent = float(np.clip(asked, LEAST_EXPONENT, MOST_EXPONENT))
         best = max(best, (_weigh(problem, np.append(theta, exponent), orders), exponent))
     return best
 

@@ -31,6 +31,10 @@ Array = NDArray[np.float64]
 SKETCH = 4096
 # A trace of which less than this part is left after projection is the free parameters' own.
 LEAST_LEFT = 1e-5
+# Stretches of the errors whose sums say how far their serial correlation reaches.
+_STRETCHES = 60
+# Ratio of variances that sixty stretches of white errors hardly ever show.
+_SERIAL = 1.4
 # Trials worth more than this are made weaker, where an effect has a strength that can be.
 MOST_DETECTABLE = 1e5
 
@@ -124,9 +128,15 @@ class Screen:
         k = parent.parameters
         scale = np.concatenate([np.maximum(np.abs(point[:k]), 1e-12), size])
         slopes, _ = difference_jacobian(
-            lambda at: residual_or_infinite(problem, at), point, self.errors, np.concatenate([lower, low]), np.concatenate([upper, high]),
-            parent.step, scale,
-        )  # fmt: skip
+            lambda at: residual_or_infinite(problem, at),
+            point,
+            self.errors,
+            np.concatenate([lower, low]),
+            np.concatenate([upper, high]),
+            parent.step,
+            scale,
+        )
+        slopes[:, ~np.all(np.isfinite(slopes), axis=0)] = 0.0
         self._back = np.linalg.pinv(slopes[:, :k], rcond=1e-6)
         norms = np.linalg.norm(slopes, axis=0)
         slopes = slopes[:, np.isfinite(norms) & (norms > 1e-6)]
@@ -137,6 +147,7 @@ class Screen:
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         rows = len(self.errors)
         self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
+        self.stretches = np.unique(np.linspace(0, rows, _STRETCHES + 1).astype(np.int64)[:-1])
         self._edges = np.unique(np.linspace(0, rows, SKETCH + 1).astype(np.int64)[:-1])
 
     def __call__(self, proposal: Proposal) -> Screened:
@@ -145,22 +156,28 @@ class Screen:
         traces = []
         share, weakest = 1.0, _weakest(proposal, scales)
         for trials in proposal.alternatives(scales):
-            weak = trials in weakest
-            if weak:
-                trials = [proposal.weaker(trial, share) for trial in trials]
-            trace = self._trace(proposal, trials)
-            for _ in range(3):
-                # A trace far above the noise says how a strong effect looks, not a weak one.
-                if not weak or trace is None or not trace.detectable > MOST_DETECTABLE:
-                    break
-                step = max(float(np.sqrt(0.01 * MOST_DETECTABLE / trace.detectable)), 1e-3)
-                share *= step
-                trials = [proposal.weaker(trial, step) for trial in trials]
+            if trials not in weakest:
                 trace = self._trace(proposal, trials)
+                worth = trace.detectable if trace is not None else 0.0
+            else:
+                trace, share = self._weak_trace(proposal, trials, share)
+                worth = trace.detectable / share**2 if trace is not None else 0.0
             if trace is not None:
-                typical = trace.detectable / (share if weak else 1.0) ** 2
-                traces.append(replace(trace, worth=max(trace.detectable, typical)))
+                traces.append(replace(trace, worth=max(trace.detectable, worth)))
         return Screened(proposal, traces)
+
+    def _weak_trace(self, proposal: Proposal, trials: list[Trial], share: float) -> tuple[Trace | None, float]:
+        """Trace at a strength at which it does not stand far above the noise, and the share of the asked one.
+
+        A trace far above the noise says how a strong effect looks, not a weak one.
+        """
+        trace = self._trace(proposal, [proposal.weaker(trial, share) for trial in trials])
+        for _ in range(3):
+            if trace is None or not trace.detectable > MOST_DETECTABLE:
+                break
+            share *= max(float(np.sqrt(0.01 * MOST_DETECTABLE / trace.detectable)), 1e-3)
+            trace = self._trace(proposal, [proposal.weaker(trial, share) for trial in trials])
+        return trace, share
 
     def all(self, proposals: Sequence[Proposal], report: Callable[[float, str], None] | None = None) -> list[Screened]:
         """Screen many proposals, two cores at a time."""
@@ -220,6 +237,11 @@ class Screen:
         after = self.errors + q @ scores
         variance = max(float(np.mean(after**2)), 1e-300)
         uneven = max(1.0, float(np.max((q**2).T @ after**2)) / variance)
+        # Where a trace runs slowly, a faint colour of the errors adds up that no whitening has seen.
+        sums = np.add.reduceat(q * after[:, None], self.stretches, axis=0)
+        serial = float(np.max(np.sum(sums**2, axis=0))) / variance
+        if serial > _SERIAL:
+            uneven = max(uneven, serial)
         statistic = float(scores @ scores) / uneven
         if one_sided and size[0] < 0.0:
             statistic = 0.0

@@ -101,8 +101,8 @@ def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
         band=float(norm.ppf(0.975)) * best.spread[best.known],
         share=best.share,
         text=(
-            f"the errors still follow the {variable.rsplit('.', maxsplit=1)[-1]} (p = {max(p_value, 1e-300):.1g}) in a way that no "
-            f"effect of the catalogue explains: a learnt {'command' if command else 'force'} of up to "
+            f"the errors still follow the {variable.rsplit('.', maxsplit=1)[-1]} (p = {max(p_value, 1e-300):.1g}) in a way "
+            f"that no effect of the catalogue explains: a learnt {'command' if command else 'force'} of up to "
             f"{float(np.max(np.abs(best.value[best.known]))):.3g} {force_unit} remains"
         ),
     )
@@ -156,7 +156,8 @@ def _learn(screen: Screen, curve: Curve) -> _Fit | None:
     variance = float(rest @ rest) / freedom
     # Uneven variance along the curve makes it look surer than it is.
     meat = (left * rest[:, None] ** 2).T @ left
-    uneven = max(1.0, float(np.max(np.linalg.eigvalsh(meat))) / variance)
+    sums = np.add.reduceat(left * rest[:, None], screen.stretches, axis=0)
+    uneven = max(1.0, *(float(np.max(np.linalg.eigvalsh(m))) / variance for m in (meat, sums.T @ sums)))
     solve = (right.T / weight) / size[known][:, None] * curve.step
     value, spread = np.zeros(KNOTS), np.zeros(KNOTS)
     value[known] = solve @ scores

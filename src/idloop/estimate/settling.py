@@ -127,4 +127,4 @@ def _recursion(
             change = np.max(np.abs(gain - gains[k - 1]))
             if change * (samples - k) <= _SETTLED * np.max(np.abs(gain)):
                 return k + 1
-    return most
+    return int(most)

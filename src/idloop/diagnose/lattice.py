@@ -1,0 +1,98 @@
+"""A sensor's resolution, read off the data: readings that lie on a lattice need no refit to be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.candidate import Candidate
+from idloop.diagnose.setting import Setting
+from idloop.estimate.noise import resolution
+from idloop.physics.effect import OUTPUT, find_effect
+from idloop.physics.model import Model
+from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+EFFECT = "sensor_quantisation"
+# The lattice must be at least this coarse against what else the readings scatter by.
+_COARSE = 0.9
+# Part of the readings that must lie on the lattice.
+_ON_LATTICE = 0.99
+
+
+def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = None) -> list[Candidate]:
+    """Outputs whose readings lie on a lattice coarser than their noise, which the model does not say.
+
+    Parameters
+    ----------
+    model : Model
+    setting : Setting
+    effects : sequence of str, optional
+        Effects to choose from.
+
+    Returns
+    -------
+    list of Candidate
+        Coarsest first.
+    """
+    found = []
+    for column, output in enumerate(model.outputs):
+        name = f"{EFFECT}@{output.site}"
+        if name in model.effect_names or not (effects is None or EFFECT in effects or name in effects):
+            continue
+        step = _step(setting.records, column)
+        if step <= 0.0:
+            continue
+        effect = find_effect(EFFECT, OUTPUT)
+        grown = model.with_entry(EFFECT, output.site, {"resolution": step})
+        found.append(
+            Candidate(
+                effect=EFFECT,
+                at=output.site,
+                testable="yes",
+                why=f"the readings are multiples of {step:.6g} {output.unit}, coarser than their noise",
+                text=effect.text,
+                p_value=1e-300,
+                parameters={"resolution": {"value": step, "stderr": 0.0, "unit": output.unit}},
+                model=grown,
+            )
+        )
+    return sorted(found, key=lambda c: -float(c.parameters["resolution"]["value"]))
+
+
+def _step(records: Sequence[Record], column: int) -> float:
+    """Quantum of one output in all records; 0 without one that stands above the noise."""
+    steps = []
+    for record in records:
+        y = record.output[:, column]
+        y = y[np.isfinite(y)]
+        step = resolution(y)
+        if step <= 0.0:
+            return 0.0
+        step = _refined(y, step)
+        counts = y / step
+        off = np.abs(counts - np.round(counts))
+        if np.mean(off < 0.01) < _ON_LATTICE:
+            return 0.0
+        # Curvature of the rounded readings: with a noise above the quantum it scatters by several of them.
+        bend = np.abs(np.diff(np.round(counts), 2))
+        if float(np.mean(bend)) * step > 1.5 * step * _COARSE:
+            return 0.0
+        steps.append(step)
+    if not steps or max(steps) > 1.02 * min(steps):
+        return 0.0
+    return float(np.mean(steps))
+
+
+def _refined(y: Array, step: float) -> float:
+    """Quantum by least squares over all readings, from a first estimate."""
+    for _ in range(3):
+        counts = np.round(y / step)
+        power = float(counts @ counts)
+        if power <= 0.0:
+            return step
+        step = float(counts @ y) / power
+    return step
