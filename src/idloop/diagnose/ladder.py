@@ -175,6 +175,7 @@ class Ladder:
             candidates=tuple(Candidate.from_dict(c) for c in document.get("candidates", ())),
             untestable=tuple(document.get("untestable", ())),
             findings=tuple(document.get("findings", ())),
+            unknown=None if document.get("unknown") is None else UnknownStructure.from_dict(document["unknown"]),
             suggested_experiment=document.get("suggested_experiment"),
             criterion=document.get("criterion", "auto"),
             level=document.get("level", 0.01),

@@ -57,6 +57,12 @@ class UnknownStructure:
             "text": self.text,
         }
 
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> UnknownStructure:
+        """Read what `to_dict` wrote."""
+        arrays = {name: np.asarray(document[name], dtype=float) for name in ("at", "force", "band")}
+        return cls(**{**document, **arrays})
+
 
 def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
     """Look for structure in the errors that no effect of the catalogue explains.
@@ -92,6 +98,7 @@ def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
     variable = "command" if command else f"{name}.{curve.effect.name.removeprefix('curve_over_')}"
     unit = units.input if command else units.position + ("/s" if "velocity" in variable else "")
     force_unit = units.input if command else units.force
+    what = variable.rsplit(".", maxsplit=1)[-1]
     return UnknownStructure(
         variable=variable,
         unit=unit,
@@ -101,7 +108,7 @@ def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
         band=float(norm.ppf(0.975)) * best.spread[best.known],
         share=best.share,
         text=(
-            f"the errors still follow the {variable.rsplit('.', maxsplit=1)[-1]} (p = {max(p_value, 1e-300):.1g}) in a way "
+            f"the errors still follow the {what} (p = {max(p_value, 1e-300):.1g}) in a way "
             f"that no effect of the catalogue explains: a learnt {'command' if command else 'force'} of up to "
             f"{float(np.max(np.abs(best.value[best.known]))):.3g} {force_unit} remains"
         ),

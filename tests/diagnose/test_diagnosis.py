@@ -1,0 +1,160 @@
+"""The whole way from records to a named effect, on machines that hide one."""
+
+import numpy as np
+import pytest
+
+from idloop.diagnose import Ladder, add_effect, diagnose, refine
+from idloop.errors import InputError
+from idloop.physics import Model, load_model
+from idloop.physics.simulation import simulate
+from idloop.records import Record
+
+RATE = 200.0
+
+
+def record_of(machine: Model, seed: int, seconds: float = 12.0, disturbance: float = 0.0, name: str = "run") -> Record:
+    """Open-loop record of a machine under random steps of many sizes."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 1.0 / RATE)
+    command = rng.normal(size=int(4 * seconds) + 1)[(4 * time).astype(int)]
+    torque = np.zeros_like(time)
+    for k in range(1, len(time)):
+        torque[k] = 0.9 * torque[k - 1] + rng.normal()
+    torque *= disturbance * np.std(command) / max(float(np.std(torque)), 1e-12)
+    noise = np.column_stack([rng.normal(size=len(time)) * float(o.noise or 0.0) for o in machine.outputs])
+    output = simulate(machine, time, command + torque, time, noise=noise).output
+    names = tuple(o.name for o in machine.outputs)
+    units = tuple(o.unit for o in machine.outputs)
+    return Record(name, time, command, time, output, "axis.effort", machine.input.unit, names, units)
+
+
+@pytest.fixture(scope="module")
+def start() -> Model:
+    """The plain axis, a third off."""
+    model = load_model("axis")
+    return model.with_values({p.name: 0.7 * p.value for p in model.parameters if p.free})
+
+
+HIDDEN = [
+    "dead_zone@input(width=0.1)",
+    "coulomb_friction@axis(level=0.05)",
+    "input_delay@input(delay=0.01)",
+    "imbalance@axis(amplitude=0.05,phase=0.5)",
+    "backlash@position[axis](gap=0.05)",
+    "sensor_ripple@velocity[axis](amplitude=0.02,harmonic=4,phase=0.3)",
+]
+
+
+@pytest.mark.parametrize("hidden", HIDDEN, ids=lambda text: text.split("(")[0])
+def test_a_hidden_effect_is_named(start: Model, hidden: str) -> None:
+    machine = load_model("axis").with_effects([hidden])
+    found = diagnose(start, [record_of(machine, 1)])
+    assert found.set == (hidden.split("(")[0],)
+    assert found.best is not None
+    assert found.best.p_value < 1e-6
+    name, _, rest = hidden.partition("(")
+    first = rest.split(",")[0].rstrip(")").split("=")
+    value = found.best.parameters[first[0]]
+    assert value["value"] == pytest.approx(float(first[1]), rel=0.1), name
+
+
+@pytest.mark.parametrize("disturbance", [0.0, 0.03])
+def test_nothing_is_named_where_nothing_is_hidden(start: Model, disturbance: float) -> None:
+    found = diagnose(start, [record_of(load_model("axis"), 3, disturbance=disturbance)], level=0.001)
+    assert found.best is None
+    assert found.verdict == "adequate"
+
+
+def test_twins_come_as_a_set(start: Model) -> None:
+    machine = load_model("axis").with_effects(["load_torque@axis(torque=0.05)"])
+    found = diagnose(start, [record_of(machine, 2)])
+    assert set(found.set) == {"input_offset@input", "load_torque@axis"}
+
+
+def test_the_ladder_climbs_to_both_effects_and_back(start: Model) -> None:
+    machine = load_model("axis").with_effects(["dead_zone@input(width=0.1)", "coulomb_friction@axis(level=0.05)"])
+    train, validation = record_of(machine, 5), record_of(machine, 6, name="unseen")
+    seen: list[tuple[str, ...]] = []
+    ladder = refine(start, [train], [validation], on_step=lambda ladder: seen.append(ladder.added))
+    assert set(ladder.added) == {"dead_zone@input", "coulomb_friction@axis"}
+    assert ladder.verdict == "adequate"
+    assert [len(names) for names in seen] == [1, 2]
+    errors = [step.validation["nrmse"]["axis.velocity"] for step in ladder.steps]
+    assert errors[-1] < 0.5 * errors[0]
+    again = Ladder.from_dict(ladder.to_dict())
+    assert again.added == ladder.added
+    assert [step.set for step in again.steps] == [step.set for step in ladder.steps]
+    assert again.verdict == ladder.verdict
+    assert again.model.values == pytest.approx(ladder.model.values, rel=1e-6)
+    back = ladder.undo()
+    assert back.added == ladder.added[:1]
+    own = add_effect(back, ladder.added[1], [train], [validation])
+    assert own.steps[-1].chosen_by == "user"
+    assert own.added == ladder.added
+    assert own.model.values["coulomb_friction@axis.level"] == pytest.approx(0.05, rel=0.05)
+    with pytest.raises(InputError, match="nothing to undo"):
+        back.undo().undo()
+
+
+def test_equal_seeds_give_equal_answers(start: Model) -> None:
+    record = record_of(load_model("axis"), 7, seconds=6.0)
+    first, second = (diagnose(start, [record], effects=["dead_zone", "coulomb_friction"], seed=4) for _ in range(2))
+    assert first.to_dict() == second.to_dict()
+
+
+def test_physics_that_no_effect_has_is_shown_as_a_curve(start: Model) -> None:
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 20.0, 0.005)
+    command = rng.normal(size=81)[(4 * time).astype(int)]
+    position = velocity = 0.0
+    rows = []
+
+    def acceleration(u: float, v: float) -> float:
+        return (u - 0.05 * v - 0.2 * np.exp(-(((v - 5.0) / 3.0) ** 2))) / 0.01
+
+    for u in command:
+        rows.append((position, velocity))
+        for _ in range(10):
+            h = 0.0005
+            a = acceleration(u, velocity)
+            b = acceleration(u, velocity + 0.5 * h * a)
+            position, velocity = position + h * velocity + 0.5 * h * h * b, velocity + h * b
+    noise = rng.normal(size=(len(time), 2)) * np.array([5e-4, 1e-2])
+    names, units = ("axis.position", "axis.velocity"), ("rad", "rad/s")
+    record = Record("bump", time, command, time, np.array(rows) + noise, "axis.effort", "N·m", names, units)
+    found = diagnose(start, [record], effects=["dead_zone", "saturation"])
+    if found.best is None:
+        assert found.unknown is not None
+        assert found.verdict == "unknown_structure"
+        assert found.unknown.variable == "axis.velocity"
+        at = float(found.unknown.at[np.argmax(np.abs(found.unknown.force))])
+        assert at == pytest.approx(5.0, abs=6.0)
+
+
+def test_two_sizes_of_command_cannot_show_a_dead_zone() -> None:
+    base = load_model("dc_motor")
+    machine = base.with_effects(["dead_zone@input(width=0.1)"])
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 20.0, 0.01)
+    command = np.where(rng.normal(size=41)[(2 * time).astype(int)] > 0, 0.5, -0.5)
+    output = simulate(machine, time, command, time).output + rng.normal(size=(len(time), 2)) * np.array([0.003, 0.007])
+    names, units = ("motor.position", "motor.velocity"), ("rad", "rad/s")
+    record = Record("two-level", time, command, time, output, "motor.effort", "V", names, units)
+    found = diagnose(base, [record])
+    assert "dead_zone@input" in found.untestable
+    assert found.verdict == "not_excited"
+    assert "one size" in found.gate.why["dead_zone@input"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"level": 0.0}, "error rate"),
+        ({"criterion": "guess"}, "unknown"),
+        ({"effects": ["dead_zon"]}, "did you mean"),
+    ],
+)
+def test_bad_questions_are_refused(start: Model, arguments: dict[str, object], message: str) -> None:
+    record = record_of(load_model("axis"), 8, seconds=2.0)
+    with pytest.raises(InputError, match=message):
+        diagnose(start, [record], **arguments)  # type: ignore[arg-type]
