@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,7 +135,7 @@ def _split(
 def _of_ladder(
     folder: Path, bags: Sequence[Path], also: Sequence[Path], limits: Limits, options: dict[str, Any]
 ) -> Suggestion | None:
-    from idloop.cli.refine import read_ladder
+    from idloop.cli._ladder_folder import read_ladder
     from idloop.diagnose.suggest_next import suggest_next
 
     kept = read_ladder(folder)
@@ -191,16 +190,3 @@ def _of_models(
 def _part(update: Update, low: float, high: float) -> Callable[[float, str], None]:
     """Progress of one part of the work, on the bar of the whole."""
     return lambda share, text: update(low + (high - low) * share, text)
-
-
-def read_document(path: Path) -> dict[str, Any]:
-    """Read a JSON document; InputError when there is none."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except ValueError as error:
-        raise InputError(f"{path}: no JSON document ({error})") from error
-    if not isinstance(document, dict):
-        raise InputError(f"{path}: no JSON document of ours")
-    return document

@@ -16,7 +16,8 @@ from idloop.diagnose.experiment import COMMAND, REFERENCE, Experiment
 from idloop.diagnose.suggest_field import prepare_rivals
 from idloop.diagnose.suggest_limits import Limits, follows_reference, motion
 from idloop.diagnose.suggest_rivals import Rival
-from idloop.diagnose.suggest_search import Choice, Search, Setup
+from idloop.diagnose.suggest_search import Choice, Search
+from idloop.diagnose.suggest_setup import Setup
 from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, describe_visible, outcomes_of
 from idloop.errors import IdloopError, InputError
 

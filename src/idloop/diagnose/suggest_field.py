@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.experiment import Experiment
 from idloop.diagnose.suggest_force import force_decides, force_views
-from idloop.diagnose.suggest_noise import PredictionView, common_noise
+from idloop.diagnose.suggest_noise import common_noise
+from idloop.diagnose.suggest_prediction import PredictionView
 from idloop.diagnose.suggest_rivals import Rival
 from idloop.diagnose.suggest_view import View
 from idloop.errors import InputError
