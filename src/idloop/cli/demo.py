@@ -1,12 +1,11 @@
-"""`idloop demo`: the whole loop on this machine, from a live graph to a real machine's record."""
+"""`idloop demo`: a machine with a hidden effect, and a live graph that finds it, adds it and says when it is done."""
 
 from __future__ import annotations
 
-import dataclasses
-import tempfile
+import json
+import re
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,276 +13,316 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from idloop.cli import _common
+from idloop.cli._demo_loop import GRAPHS, START, check_loop
 from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
-    from idloop.graph import LiveResult, Windows
+    from idloop.diagnose import Ladder
+    from idloop.graph import Findings
     from idloop.physics import Model
+    from idloop.records import Record
 
-GRAPHS = ("dc_motor", "torsion")
-# The estimator starts this far from the machine's values, or there would be nothing to find.
-START = 0.6
-LEAST_FIT = 95.0
-# Combined standard errors within which two estimates of one parameter count as the same.
-SAME = 3.0
+MACHINE = "dc_motor"
+# What may be hidden: effect, its parameter and the range that the seed chooses from.
+HIDDEN = (
+    ("dead_zone@input", "width", 0.2, 0.4),
+    ("coulomb_friction@motor", "level", 1.5, 3.0),
+    ("saturation@input", "limit", 2.6, 3.2),
+)
+SECONDS, WINDOW, VALIDATION, PERIOD, DIAGNOSED = 90.0, 15.0, 5.0, 10.0, 20.0
+# The free run of the last model may leave so much more than the sensors' noise.
+AT_THE_FLOOR = 1.25
+LOG_LINE = re.compile(r"^\[(?:INFO|WARN|ERROR)\] \[[\d.]+\] \[[^\]]+\]: (.*)$")
+# How the estimator's log begins, and the word that the story puts before it.
+TOLD = {
+    "FIT ": "error",
+    "the residual is not white": "why",
+    "where: ": "where",
+    "diagnosis: ": "missing",
+    "ladder: ": "ladder",
+    "next experiment: ": "next",
+    "experiment from ": "runs",
+    "the experiment is over": "then",
+    "no experiment: ": "next",
+}
 
 
-@dataclass
-class Story:
-    """What one graph's run showed.
+def choose_hidden(seed: int) -> str:
+    """The effect that a seed hides, as text for the plant."""
+    import numpy as np
+
+    random = np.random.default_rng(seed)
+    name, parameter, low, high = HIDDEN[seed % len(HIDDEN)]
+    return f"{name}({parameter}={random.uniform(low, high):.3g})"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the story came to.
 
     Attributes
     ----------
-    graph : str
-        Name of the graph.
+    hidden : str
+        Effect of the machine that the estimator was not told, as text.
     bag : Path
-        Its recording.
-    truth : dict
-        Parameters of the simulated machine.
-    live, replayed : LiveResult
-        Last fit of the estimator on the live graph and on the replayed bag.
-    offline : dict
-        Value and standard error by parameter, of all that was recorded.
-    apart : dict
-        Largest distance of an estimate from the live one, in combined standard errors.
-    rate : float
-        Closed-loop steps per second over DDS, from the first sample to the last.
+    findings : Findings
+    ladder : Ladder
+    floor : dict
+        ``fit`` [%] and ``nrmse`` that the sensors' noise alone leaves, by output.
+    files : dict
     """
 
-    graph: str
+    hidden: str
     bag: Path
-    truth: dict[str, float]
-    live: LiveResult
-    offline: dict[str, dict[str, Any]] = field(default_factory=dict)
-    replayed: LiveResult | None = None
-    apart: dict[str, float] = field(default_factory=dict)
+    findings: Findings
+    ladder: Ladder
+    floor: dict[str, dict[str, float]]
+    files: dict[str, Path] = field(default_factory=dict)
 
     @property
-    def fit(self) -> float:
-        """Worst FIT of an output on samples that the live fit had not seen [%]."""
-        return min(self.live.fit.values())
+    def name(self) -> str:
+        """Hidden effect without its value."""
+        return self.hidden.partition("(")[0]
+
+    @property
+    def found(self) -> bool:
+        """Whether exactly the hidden effect was added."""
+        return set(self.ladder.model.effect_names) == {self.name}
+
+    @property
+    def above_floor(self) -> float:
+        """Largest ratio of an output's error on unseen data to what the noise alone leaves."""
+        errors = self.ladder.steps[-1].validation["nrmse"]
+        return max(float(errors[name]) / floor for name, floor in self.floor["nrmse"].items())
 
     @property
     def failures(self) -> list[str]:
         """What did not come out as it must, one line each."""
-        found = []
-        if not self.fit >= LEAST_FIT:
-            found.append(f"{self.graph}: live FIT on unseen samples is {self.fit:.1f} %, less than {LEAST_FIT:g} %")
-        found += [
-            f"{self.graph}: {what} differs from the live estimate by {distance:.1f} standard errors"
-            for what, distance in self.apart.items()
-            if not distance <= SAME
-        ]
-        return found
+        failed = []
+        if not self.found:
+            added = ", ".join(self.ladder.model.effect_names) or "nothing"
+            failed.append(f"{self.hidden} was hidden, {added} was found")
+        if not self.above_floor <= AT_THE_FLOOR:
+            failed.append(f"the ladder ends {self.above_floor:.2f} times above the noise floor")
+        return failed
 
 
-def windows_of(graph: str, seconds: float) -> Windows:
-    """Fit windows that leave a live run of this length at least two fits."""
-    from idloop.graph import Windows
-
-    longest = {"dc_motor": 20.0, "torsion": 10.0}[graph]
-    window = min(longest, seconds / 3.0)
-    return Windows(window, window / 2.0, window)
+# ---------------------------------------------------------------- the live graph
 
 
-@contextmanager
-def narrated(text: str, seconds: float) -> Iterator[Any]:
-    """Spinner with the newest line of the nodes; the lines themselves when stderr is no terminal."""
-    with _common.progress(text) as update:
+def retell(label: str, line: str) -> str | None:
+    """A line of the story from a line that a node has written; None for what only a log needs."""
+    match = LOG_LINE.match(line)
+    text = match[1] if match else line
+    if label == "plant" and text.startswith("start: "):
+        return f"{'live':<8} {text.removeprefix('start: ')}"
+    if label != "estimator":
+        return None
+    for begin, word in TOLD.items():
+        if text.startswith(begin):
+            told = text.removeprefix(begin) if begin.endswith(": ") else text
+            # Of a fit the story needs the error, not the parameters.
+            told = told.partition(": ")[0] if word in ("error", "why", "then") else told
+            return f"{word:<8} {told}"
+    return None
+
+
+def run_live(hidden: str, folder: Path, seed: int, domain: int | None, tell: Callable[[str], None]) -> Path:
+    """Run the graph to its end and return the bag."""
+    from idloop.graph import load_graph, run_graph
+    from idloop.physics import load_model
+
+    machine = load_model(MACHINE)
+    start = folder / "start.yaml"
+    machine.with_values({p.name: START * p.value for p in machine.parameters if p.free}).save(start)
+    values = {
+        "effects": json.dumps([hidden]),
+        "duration": repr(SECONDS),
+        "seed": str(seed),
+        "model": str(start),
+        "bag": str(folder / "bag"),
+        "window": repr(WINDOW),
+        "validation": repr(VALIDATION),
+        "fit_period": repr(PERIOD),
+        "diagnose_window": repr(DIAGNOSED),
+    }
+
+    with _common.progress("live graph") as update:
         started = time.monotonic()
 
         def say(label: str, line: str) -> None:
-            words = line.split("]: ", 1)[-1]
-            update(min((time.monotonic() - started) / seconds, 0.99), f"{label}: {words[:90]}")
+            words = retell(label, line)
+            if words is not None:
+                tell(words)
+            update(min((time.monotonic() - started) / 120.0, 0.99), f"{label}: {line.split(']: ', 1)[-1][:90]}")
 
-        yield say
-
-
-def distance(one: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]]) -> float:
-    """Largest difference of two sets of estimates in combined standard errors; infinite when one has none."""
-    worst = 0.0
-    for name, first in one.items():
-        second = other[name]
-        spread = ((first["stderr"] or 0.0) ** 2 + (second["stderr"] or 0.0) ** 2) ** 0.5
-        gap = abs(first["value"] - second["value"])
-        worst = max(worst, gap / spread if spread > 0.0 else float("inf") if gap > 0.0 else 0.0)
-    return worst
-
-
-def start_model(graph: str, folder: Path) -> tuple[Model, Path]:
-    """The machine's model, and a model file whose free parameters are far from the machine's."""
-    from idloop.physics import load_model
-
-    machine = load_model(graph)
-    away = machine.with_values({p.name: START * p.value for p in machine.parameters if p.free})
-    path = folder / f"{graph}_start.yaml"
-    away.save(path)
-    return machine, path
-
-
-def run_live(graph: str, folder: Path, seconds: float, seed: int, domain: int | None) -> Story:
-    """Excite, control, record and identify a simulated machine, each in its own process."""
-    from idloop.graph import load_graph, read_results, run_graph
-
-    machine, start = start_model(graph, folder)
-    bag = folder / graph
-    windows = windows_of(graph, seconds)
-    values = {
-        "duration": repr(seconds),
-        "seed": str(seed),
-        "model": str(start),
-        "bag": str(bag),
-        "window": repr(windows.window),
-        "validation": repr(windows.validation),
-        "fit_period": repr(windows.period),
-    }
-    with narrated(f"{graph}: live graph", 60.0) as say:
-        if not run_graph(load_graph(graph, values), say=say, domain_id=domain):
+        if not run_graph(load_graph("hidden", values), say=say, domain_id=domain):
             raise KeyboardInterrupt
-    live = read_results(bag)
-    if not live.fits or live.error:
-        raise IdloopError(f"{graph}: {live.error or 'the estimator made no fit; give the run more --seconds'}")
-    truth = {p.name: p.value for p in machine.parameters if p.free}
-    return Story(graph, bag, truth, live)
+    return folder / "bag"
 
 
-def refit_offline(story: Story, folder: Path) -> None:
-    """Fit the whole recording offline and draw it."""
-    from idloop.estimate import fit
+# ---------------------------------------------------------------- what came of it
+
+
+def judge(hidden: str, bag: Path, folder: Path) -> Outcome:
+    """Read what the graph left behind, and write the files."""
+    from idloop.diagnose import Ladder
+    from idloop.graph import read_findings
     from idloop.physics import load_model
     from idloop.records import read_record
 
-    model = load_model(folder / f"{story.graph}_start.yaml")
-    with _common.progress(f"{story.graph}: offline fit") as update:
-        result = fit(model, [read_record(story.bag, model)], progress=update)
-    result.model.save(folder / f"{story.graph}_fitted.yaml")
-    story.offline = {
-        name: {"value": value, "stderr": error}
-        for name, value, error in zip(result.names, result.values.tolist(), result.stderr.tolist(), strict=True)
+    findings = read_findings(bag)
+    if findings.ladder is None:
+        raise IdloopError(f"{bag}: the estimator found nothing to say about missing effects")
+    ladder = Ladder.from_dict(findings.ladder)
+    record = read_record(bag, load_model(MACHINE))
+    windows = [diagnosis["windows"] for diagnosis in findings.diagnoses if diagnosis["windows"]][-1]
+    unseen = [judged_part(record, start, stop) for start, stop in windows]
+    outcome = Outcome(hidden, bag, findings, ladder, noise_floor(ladder.model, unseen))
+    outcome.files.update(write_files(outcome, folder, unseen[-1]))
+    return outcome
+
+
+def judged_part(record: Record, start: int, stop: int) -> Record:
+    """The end of a stretch of data, by which the live estimator has judged."""
+    share = VALIDATION / (DIAGNOSED + VALIDATION)
+    cut = stop - round((stop - start) * share)
+    first, last = ((stamp - record.start_ns) / 1e9 for stamp in (cut, stop))
+    return record.cut(first, last - 0.5 * record.sample_time)
+
+
+def noise_floor(model: Model, records: list[Record]) -> dict[str, dict[str, float]]:
+    """FIT and NRMSE of a model that is exact, by output, as means over records like those of a ladder."""
+    import numpy as np
+
+    floor: dict[str, dict[str, float]] = {"fit": {}, "nrmse": {}}
+    for column, output in enumerate(model.outputs):
+        if output.noise is not None:
+            left = np.array([output.noise / np.nanstd(record.output[:, column]) for record in records])
+            floor["fit"][output.name] = float(100.0 * np.mean(1.0 - left))
+            floor["nrmse"][output.name] = float(np.sqrt(np.mean(left**2)))
+    return floor
+
+
+def write_files(outcome: Outcome, folder: Path, unseen: Record) -> dict[str, Path]:
+    """Write model, ladder and figures; `idloop refine --resume` goes on from them."""
+    from idloop.cli._assessment import make_panel, save_figure
+    from idloop.report.ladder import plot_ladder
+    from idloop.report.style import save
+    from idloop.validate import compare
+
+    ladder = outcome.ladder
+    files = {name: folder / name for name in ("model.yaml", "ladder.json", "ladder.png", "compare.png")}
+    ladder.model.save(files["model.yaml"])
+    document = {
+        **(outcome.findings.ladder or {}),
+        "bags": [outcome.bag.resolve()],
+        "validate": [],
+        "model_folder": None,
     }
-    story.apart["the offline fit"] = distance(story.live.parameters, story.offline)
+    text = json.dumps(_common.to_json(document), indent=2, ensure_ascii=False)
+    files["ladder.json"].write_text(text + "\n", encoding="utf-8")
+    save(plot_ladder(ladder, outcome.floor["nrmse"]), files["ladder.png"])
+    ends = {"start": ladder.steps[0].model, "end of the ladder": ladder.model}
+    rows = [(label, compare(model, unseen)) for label, model in ends.items()]
+    save_figure([make_panel("unseen data", rows)], rows[-1][1], files["compare.png"])
+    return {"bag": outcome.bag, **files}
 
 
-def replay(story: Story, folder: Path, seconds: float, domain: int | None) -> None:
-    """Play the recording into a fresh estimator."""
-    from idloop.graph import replay_bag
+def tell_outcome(outcome: Outcome) -> None:
+    """Print the ladder, the floor, what was hidden and what was found."""
+    from idloop.cli.refine import print_ladder
 
-    with tempfile.TemporaryDirectory() as scratch, narrated(f"{story.graph}: replay", 40.0) as say:
-        story.replayed = replay_bag(
-            story.bag,
-            str(folder / f"{story.graph}_start.yaml"),
-            Path(scratch) / "replay",
-            windows=windows_of(story.graph, seconds),
-            say=say,
-            domain_id=domain,
-        )
-    story.apart["the replay"] = distance(story.live.parameters, story.replayed.parameters)
+    click.echo()
+    print_ladder(outcome.ladder)
+    floor = ", ".join(f"{name} {value:.2f} %" for name, value in outcome.floor["fit"].items())
+    click.echo(f"noise floor: FIT {floor}; the ladder ends {outcome.above_floor:.2f} times above it")
+    click.echo(f"hidden in the machine: {outcome.hidden}: {'found' if outcome.found else 'NOT found'}\n")
+    _common.print_table(("file", ""), [(name, str(path)) for name, path in outcome.files.items()])
 
 
-def tell(story: Story) -> None:
-    """Print what one graph's run showed."""
-    live, replayed = story.live, story.replayed
-    fits = ", ".join(f"{name} {value:.1f} %" for name, value in live.fit.items())
-    click.echo(f"live FIT on samples that the fit had not seen: {fits}")
-    rows = []
-    for name, truth in story.truth.items():
-        columns = [live.parameters[name], story.offline[name], replayed.parameters[name] if replayed else {}]
-        cells = [f"{one['value']:.5g} ± {one['stderr'] or 0.0:.2g}" if one else "-" for one in columns]
-        rows.append((name, f"{truth:.5g}", *cells, live.parameters[name]["unit"]))
-    _common.print_table(("parameter", "machine", "live", "offline", "replayed", "unit"), rows)
-    apart = ", ".join(f"{what} by at most {value:.2g}" for what, value in story.apart.items())
-    click.echo(f"differs from the live estimate, in standard errors: {apart}\nbag: {story.bag}\n")
+def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
+    """Everything for `--json`."""
+    return {
+        "schema": "idloop/demo/2",
+        "hidden": outcome.hidden,
+        "found": outcome.found,
+        "diagnoses": outcome.findings.diagnoses,
+        "experiments": outcome.findings.experiments,
+        "refine": outcome.findings.ladder,
+        "noise_floor": outcome.floor,
+        "above_floor": outcome.above_floor,
+        "files": outcome.files,
+        "failures": failures,
+    }
 
 
-def real_machine(folder: Path) -> list[dict[str, Any]] | None:
-    """Fit the EMPS positioning axis, without and with its friction; None where the record is not there."""
-    from idloop.estimate import fit
-    from idloop.physics import load_model
-    from idloop.records import read_record
-    from idloop.records.importing import import_bag
-    from idloop.records.public import public_data
-    from idloop.validate import force_error
-
-    data = public_data("emps")
-    if data is None:
-        return None
-    bags = {}
-    for role, name in (("train", "DATA_EMPS.mat"), ("pulses", "DATA_EMPS_PULSES.mat")):
-        bags[role] = folder / f"emps_{role}"
-        import_bag(data / name, bags[role], "emps")
-    rows: list[dict[str, Any]] = []
-    for effects in ([], ["coulomb_friction@axis"], ["coulomb_friction@axis", "input_offset@input"]):
-        model = load_model("emps").with_effects(effects)
-        result = fit(model, [read_record(bags["train"], model)])
-        errors = {role: force_error(result.model, read_record(bag, model)).relative for role, bag in bags.items()}
-        values = dict(zip(result.names, result.values.tolist(), strict=True))
-        rows.append({"effects": effects, "parameters": values, "force_error": errors})
-    return rows
-
-
-def tell_real_machine(rows: list[dict[str, Any]] | None) -> None:
-    """Print the ladder on the real machine, or where its record comes from."""
-    if rows is None:
-        click.echo("real machine: the EMPS record is not on this machine; the README says where it comes from")
-        return
-    click.echo("real machine (EMPS ball-screw axis): force error of each model")
-    _common.print_table(
-        ("model", "train", "pulses (unseen)"),
-        [
-            (
-                " + ".join(["inertia, viscous friction", *(name.split("@")[0] for name in row["effects"])]),
-                f"{100 * row['force_error']['train']:.2f} %",
-                f"{100 * row['force_error']['pulses']:.2f} %",
-            )
-            for row in rows
-        ],
-    )
-    last = rows[-1]["parameters"]
-    click.echo(
-        f"mass {last['axis.inertia']:.2f} kg, viscous {last['axis.viscous_friction']:.1f} N·s/m, Coulomb "
-        f"{last['coulomb_friction@axis.level']:.2f} N (published 95.11, 203.5, 20.39; force error 4.08 % and 5.98 %)\n"
-    )
-
-
-@click.command("demo")
-@click.option("--graph", "graphs", type=click.Choice(GRAPHS), multiple=True, help="Only this graph. May be repeated.")
+@click.command("demo", short_help="The whole story on the live graph with a hidden effect.")
 @click.option(
-    "--seconds", type=click.FloatRange(6.0), default=60.0, show_default=True, help="Signal of each graph [s]."
+    "--hide", metavar="EFFECT", help="Hide this effect, as in 'dead_zone@input(width=0.3)' (default: by --seed)."
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the machines' noise.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the hidden effect and the noise."
+)
+@click.option("--loop", is_flag=True, help="Check instead that live, offline and replayed estimates agree.")
+@click.option("--graph", "graphs", type=click.Choice(GRAPHS), multiple=True, help="With --loop: only this graph.")
+@click.option(
+    "--seconds", type=click.FloatRange(6.0), default=60.0, show_default=True, help="With --loop: signal of a graph [s]."
+)
 @click.option("--directory", type=click.Path(path_type=Path), help="New folder for all results (default: in bags/).")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of the graphs (ROS_DOMAIN_ID).")
 @_common.json_option
 def command(
-    graphs: tuple[str, ...], seconds: float, seed: int, directory: Path | None, domain: int | None, as_json: bool
+    hide: str | None,
+    *,
+    seed: int,
+    loop: bool,
+    graphs: tuple[str, ...],
+    seconds: float,
+    directory: Path | None,
+    domain: int | None,
+    as_json: bool,
 ) -> None:
-    """Run the loop from end to end and check it.
+    """Hide an effect in a simulated machine and watch the live graph find it.
 
-    A DC motor at 100 Hz and a torsion system at 1 kHz are each excited, controlled, simulated, recorded
-    and identified by five processes over DDS. The recording is then fitted offline and replayed into a
-    fresh estimator, which must find the same. Last, the record of a real axis is fitted.
+    Five processes over DDS excite, control, simulate, record and identify a DC motor. The estimator is told
+    nothing of the hidden effect. It sees that its model fails and where, names what is missing, has the next
+    experiment run where effects tie, adds what it found, and goes on until nothing significant is left.
     """
     folder = directory or Path("bags") / time.strftime("demo_%Y%m%d_%H%M%S")
     if folder.exists():
         raise InputError(f"--directory {folder}: exists already and is not written over: name another one")
+    hidden = hide or choose_hidden(seed)
+    check_hidden(hidden)
     folder.mkdir(parents=True)
-    stories = []
-    for graph in graphs or GRAPHS:
-        if not as_json:
-            click.echo(f"{graph}: excitation, controller, plant, recorder, estimator; {seconds:g} s of signal")
-        story = run_live(graph, folder, seconds, seed, domain)
-        refit_offline(story, folder)
-        replay(story, folder, seconds, domain)
-        stories.append(story)
-        if not as_json:
-            tell(story)
-    rows = real_machine(folder)
-    failures = [line for story in stories for line in story.failures]
-    if as_json:
-        runs = [dataclasses.asdict(story) | {"worst_fit": story.fit} for story in stories]
-        _common.print_json({"schema": "idloop/demo/1", "runs": runs, "real_machine": rows, "failures": failures})
+    if loop:
+        document, failures = check_loop(graphs, folder, seconds, seed, domain, quiet=as_json)
+        if as_json:
+            _common.print_json({"schema": "idloop/demo/1", **document, "failures": failures})
+        else:
+            click.echo(f"all results: {folder}")
     else:
-        tell_real_machine(rows)
-        click.echo(f"all results: {folder}")
+        failures = tell_story(hidden, folder, seed, domain, as_json=as_json)
     if failures:
         raise IdloopError("; ".join(failures))
+
+
+def check_hidden(hidden: str) -> None:
+    """Raise InputError before anything is started when there is no such effect."""
+    from idloop.physics import load_model
+
+    load_model(MACHINE).with_effects([hidden])
+
+
+def tell_story(hidden: str, folder: Path, seed: int, domain: int | None, *, as_json: bool) -> list[str]:
+    """Run the graph, say what happens while it does, then what came of it; return what failed."""
+    if not as_json:
+        click.echo(f"{'hidden':<8} an effect in the machine that the estimator is not told; the motor turns one way")
+    bag = run_live(hidden, folder, seed, domain, (lambda line: None) if as_json else click.echo)
+    outcome = judge(hidden, bag, folder)
+    failures = outcome.failures
+    if as_json:
+        _common.print_json(to_document(outcome, failures))
+    else:
+        tell_outcome(outcome)
+    return failures

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from idloop.graph.description import Argument, Graph, NodeEntry, load_graph
 from idloop.graph.find import graph_names, graph_path
+from idloop.graph.findings import Findings, read_findings
 from idloop.graph.processes import GraphRun, run_graph
 from idloop.graph.replaying import Windows, replay_bag
 from idloop.graph.results import LiveResult, read_results
 
 __all__ = [
     "Argument",
+    "Findings",
     "Graph",
     "GraphRun",
     "LiveResult",
@@ -18,6 +20,7 @@ __all__ = [
     "graph_names",
     "graph_path",
     "load_graph",
+    "read_findings",
     "read_results",
     "replay_bag",
     "run_graph",

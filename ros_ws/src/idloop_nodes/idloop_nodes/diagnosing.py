@@ -73,6 +73,7 @@ class Diagnosing:
         self._watch = WhitenessWatch()
         self._data = DiagnosisData()
         self._client = ExperimentClient(node, parameters["excitation_node"])
+        self._said = ""
         self._seen: tuple[int, int] | None = None
         self.desk = Desk(
             submit=self._submit,
@@ -224,7 +225,9 @@ class Diagnosing:
         if taken.ladder is not None:
             statuses = ladder_to_statuses(self._name, taken.ladder)
             self._publish_ladder(encode_diagnostics(taken.stamp, statuses))
-            self._log(f"ladder: {statuses[0].message}")
+            if statuses[0].message != self._said:
+                self._said = statuses[0].message
+                self._log(f"ladder: {self._said}")
         self.desk.go_on(taken)
 
     def health(self) -> Status:

@@ -1,0 +1,75 @@
+"""What a recorded live estimator found missing: diagnoses, experiments and the ladder, without ROS."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from idloop.errors import IdloopError
+
+_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Everything that the estimator said about missing effects, in its order.
+
+    Attributes
+    ----------
+    diagnoses : tuple of dict
+        Documents of schema idloop/diagnose/1, each with ``where`` (lines) and ``windows`` (first and last stamp
+        of each stretch of data in nanoseconds); ``error`` where there was none.
+    experiments : tuple of dict
+        Experiments that were suggested, as `idloop suggest` writes them.
+    ladder : dict or None
+        The newest ladder, schema idloop/refine/1.
+    """
+
+    diagnoses: tuple[dict[str, Any], ...] = ()
+    experiments: tuple[dict[str, Any], ...] = ()
+    ladder: dict[str, Any] | None = None
+
+
+def read_findings(bag: Path) -> Findings:
+    """Read what a live estimator found from a bag.
+
+    Raises
+    ------
+    IdloopError
+        When the bag cannot be read.
+    """
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
+
+    diagnoses: list[dict[str, Any]] = []
+    experiments: list[dict[str, Any]] = []
+    ladder: dict[str, Any] | None = None
+    try:
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
+            wanted = [
+                one
+                for one in reader.connections
+                if one.msgtype == _TYPE and one.topic.endswith(("estimator/missing_effects", "estimator/ladder"))
+            ]
+            # without connections the reader would go through everything
+            for connection, _, data in reader.messages(wanted) if wanted else ():
+                message: Any = reader.deserialize(data, connection.msgtype)
+                values = {one.key: one.value for one in message.status[0].values}
+                if connection.topic.endswith("missing_effects"):
+                    diagnoses.append(_diagnosis(values))
+                elif values["document"]:
+                    ladder = json.loads(values["document"])
+                    suggested = ladder["suggested_experiment"] if ladder else None
+                    if suggested is not None and suggested not in experiments[-1:]:
+                        experiments.append(suggested)
+    except (AnyReaderError, OSError, KeyError, IndexError, ValueError) as error:
+        raise IdloopError(f"{bag}: cannot be read: {error}") from error
+    return Findings(tuple(diagnoses), tuple(experiments), ladder)
+
+
+def _diagnosis(values: dict[str, str]) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(values["document"]) if values["document"] else {"error": values["error"]}
+    windows = [[int(stamp) for stamp in one.split("-")] for one in values["windows"].split()]
+    return document | {"where": json.loads(values["where"]), "windows": windows}
