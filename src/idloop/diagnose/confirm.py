@@ -89,12 +89,15 @@ def confirm(
         In order of falling gain; effects that cannot be simulated are left out.
     """
 
+    # An error state does not travel into the threads of a pool.
+    @np.errstate(all="ignore")
     def one(screened: Screened) -> Confirmed | None:
         try:
             return _confirm(setting, parent, screened)
         except (IdloopError, np.linalg.LinAlgError):
             return None
 
+    @np.errstate(all="ignore")
     def finish(first: Confirmed) -> Confirmed:
         try:
             fit = refit(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -202,8 +202,10 @@ def refit(
     criterion.retune(theta)
     point = np.concatenate([theta, nuisance])
     value = _weigh(problem, point)
-    values = dict(zip(model.free, (float(v) for v in theta), strict=True))
-    return Refit(model.with_values(values), criterion, problem, point, value, step)
+    fitted = model.with_values(dict(zip(model.free, (float(v) for v in theta), strict=True)))
+    if isinstance(criterion, InnovationCriterion):
+        fitted = replace(fitted, disturbance=float(np.sqrt(criterion.intensity)))
+    return Refit(fitted, criterion, problem, point, value, step)
 
 
 def transfer(setting: Setting, fit: Refit) -> Refit | None:

@@ -150,6 +150,7 @@ class Screen:
         self.stretches = np.unique(np.linspace(0, rows, _STRETCHES + 1).astype(np.int64)[:-1])
         self._edges = np.unique(np.linspace(0, rows, SKETCH + 1).astype(np.int64)[:-1])
 
+    @np.errstate(all="ignore")
     def __call__(self, proposal: Proposal) -> Screened:
         """Traces of all alternatives of one proposal."""
         scales = self.sizes.at(proposal.effect.site, proposal.at)

@@ -137,6 +137,9 @@ def _curves(screen: Screen) -> list[Curve]:
         "position": (body, middle - 0.5 * span, span, 0.01 * force),
         "command": ("input", -command, 2.0 * command, 0.01 * sizes.command),
     }
+    if screen.setting.kind == "force":
+        # The command is what a force balance explains: a curve over it would explain it by itself.
+        del ranges["command"]
     return [
         Curve(CURVES[name], at, model, low=low, width=reach / (KNOTS - 1), step=step)
         for name, (at, low, reach, step) in ranges.items()

@@ -103,7 +103,8 @@ class InnovationCriterion:
             _, scalings = self._observer(float(nuisance[0]), r)
             for place, (group, rows) in enumerate(zip(self.groups, self._rows, strict=True)):
                 part = np.ascontiguousarray(full[:, group])
-                scaling = scalings[place]
+                # A short record may end before the observer has settled.
+                scaling = scalings[place][: len(part)]
                 part[: len(scaling)] = np.einsum("tij,tj->ti", scaling, part[: len(scaling)])
                 found[place].append(np.ascontiguousarray(part[rows[r]]))
         return found
