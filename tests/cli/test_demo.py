@@ -1,4 +1,4 @@
-"""The demo, shortened: a live graph, an offline fit and a replay that agree."""
+"""The demo: a hidden effect found on a live graph; behind --loop, estimates that agree."""
 
 import json
 import os
@@ -8,23 +8,55 @@ from pathlib import Path
 
 import pytest
 
-from idloop.cli.demo import distance, windows_of
+from idloop.cli._demo_loop import distance, windows_of
+from idloop.cli.demo import HIDDEN, check_hidden, choose_hidden, retell
+from idloop.cli.refine import read_ladder
+from idloop.errors import InputError
+
+
+def run(words: list[str], environment: dict[str, str], domain: int) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "idloop.cli", "demo", *words, "--domain", str(domain)],
+        env=environment | {"IDLOOP_DATA": os.devnull},
+        capture_output=True,
+        text=True,
+        timeout=1200,
+        check=False,
+    )
 
 
 @pytest.mark.ros
 @pytest.mark.slow
+@pytest.mark.timeout(1300)
+def test_the_hidden_effect_is_found(tmp_path: Path, ros_environment: dict[str, str], ros_domain_id: int) -> None:
+    folder = tmp_path / "demo"
+    done = run(["--directory", str(folder), "--json"], ros_environment, ros_domain_id)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["failures"] == []
+    assert document["found"]
+    assert document["hidden"].startswith("dead_zone@input")
+    assert document["above_floor"] < 1.25
+    first = document["diagnoses"][0]
+    assert {"dead_zone@input", "coulomb_friction@motor"} <= set(first["set"]), "one direction cannot tell them apart"
+    assert first["where"]
+    assert document["experiments"]
+    assert [one["set"] for one in document["diagnoses"] if one["verdict"] == "missing"][-1] == ["dead_zone@input"]
+    kept = read_ladder(folder)
+    assert kept.ladder.added == ("dead_zone@input",)
+    assert kept.bags == ((folder / "bag").resolve(),)
+    for name in ("model.yaml", "ladder.png", "compare.png", "bag/metadata.yaml"):
+        assert (folder / name).is_file()
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.timeout(1300)
 def test_the_loop_runs_from_end_to_end(tmp_path: Path, ros_environment: dict[str, str], ros_domain_id: int) -> None:
-    words = ["--graph", "dc_motor", "--seconds", "15", "--directory", str(tmp_path / "demo"), "--json"]
-    run = subprocess.run(
-        [sys.executable, "-m", "idloop.cli", "demo", *words, "--domain", str(ros_domain_id)],
-        env=ros_environment | {"IDLOOP_DATA": os.devnull},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
-    document = json.loads(run.stdout)
+    words = ["--loop", "--graph", "dc_motor", "--seconds", "15", "--directory", str(tmp_path / "demo"), "--json"]
+    done = run(words, ros_environment, ros_domain_id)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
     (story,) = document["runs"]
     assert document["failures"] == []
     assert story["worst_fit"] > 95.0
@@ -33,6 +65,31 @@ def test_the_loop_runs_from_end_to_end(tmp_path: Path, ros_environment: dict[str
         found = story["offline"][name]
         assert abs(found["value"] - truth) < 4.0 * found["stderr"]
     assert (tmp_path / "demo" / "dc_motor" / "metadata.yaml").is_file()
+
+
+def test_a_seed_hides_the_same_effect_each_time_and_another_seed_another_one() -> None:
+    texts = [choose_hidden(seed) for seed in range(2 * len(HIDDEN))]
+    assert texts == [choose_hidden(seed) for seed in range(2 * len(HIDDEN))]
+    assert len(set(texts)) == len(texts)
+    assert {text.partition("(")[0] for text in texts} == {name for name, *_ in HIDDEN}
+    for text in texts:
+        check_hidden(text)
+    with pytest.raises(InputError, match="dead_zone"):
+        check_hidden("dead_zon@input")
+
+
+def test_the_story_is_told_from_the_log() -> None:
+    head = "[INFO] [1795268556.931469003] [estimator]: "
+    fit = "FIT motor.position 86.7 % on 5.0 s not used in the fit: drive.gain = 8.2539 ± 0.0087 N·m/V"
+    assert retell("estimator", head + fit) == "error    FIT motor.position 86.7 % on 5.0 s not used in the fit"
+    assert retell("estimator", head + "diagnosis: slip@motor is missing") == "missing  slip@motor is missing"
+    assert (
+        retell("estimator", head + "the residual is not white: diagnose on 30 s")
+        == "why      the residual is not white"
+    )
+    assert retell("plant", "[INFO] [1.2] [plant]: start: dc_motor, 100 Hz") == "live     dc_motor, 100 Hz"
+    assert retell("recorder", "[INFO] [1.2] [recorder]: recording 10 topics") is None
+    assert retell("estimator", head + "something for the log alone") is None
 
 
 def test_the_distance_of_two_estimates_is_in_combined_standard_errors() -> None:

@@ -19,7 +19,12 @@ from idloop_nodes.codec import (
     missing_from_statuses,
 )
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_environment")]
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    pytest.mark.timeout(900),
+    pytest.mark.usefixtures("ros_environment"),
+]
 STEP = 10_000_000
 WIDTH = 0.4
 READ = {"missing_effects": (missing_from_statuses, "missing"), "ladder": (ladder_from_statuses, "ladder")}

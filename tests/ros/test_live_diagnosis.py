@@ -25,7 +25,12 @@ from idloop_nodes.codec import (
     peek_stamp,
 )
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_environment")]
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    pytest.mark.timeout(900),
+    pytest.mark.usefixtures("ros_environment"),
+]
 WAIT = 200.0
 TIE = {"dead_zone@input", "coulomb_friction@motor"}
 FEW = {

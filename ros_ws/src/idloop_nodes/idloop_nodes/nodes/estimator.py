@@ -288,7 +288,7 @@ class EstimatorNode(StreamNode):
         last = self._last
         if last is None:
             return
-        # While simulated time waits, everybody knows exactly where: what comes next begins on the same sample each time.
+        # While simulated time waits, everybody knows exactly where: what follows begins on the same sample each time.
         if last - self._told >= 100 * self._period_ns or (self._holding and last > self._told):
             self._told = last
             self.tell_progress(last)
