@@ -167,7 +167,8 @@ def starts(proposal: Proposal, trace: Trace) -> list[Trial]:
     for trial, size in zip(trace.trials, trace.size, strict=True):
         found.append(trial)
         share = float(np.clip(abs(size), 0.02, 50.0))
-        if strength and share != 1.0:
+        # What takes another effect's place keeps that one's strength.
+        if strength and share != 1.0 and proposal.replaces is None:
             sign = 1.0 if proposal.one_sided else float(np.sign(size))
             found.append(proposal.inside(proposal.weaker(trial, sign * share)))
     if "phase" in trace.trials[0] and strength:

@@ -66,7 +66,7 @@ EFFECT = Effect(
     looks_like=("compliance", "backlash"),
     trials=lambda s: [
         [{"level": level, "stiffness": level / (reach * s.span)}]
-        for reach in (0.001, 0.01, 0.05, 0.2)
+        for reach in (0.0001, 0.0005, 0.002, 0.01, 0.05, 0.2)
         for level in ([s.dry] if s.dry else [0.05 * s.force, 0.2 * s.force])
     ],
     contains={"coulomb_friction": {"level": "level"}},
