@@ -213,6 +213,13 @@ def test_an_order_that_failed_leaves_what_was_known():
     assert office.desk.order(ADD_BEST)
 
 
+def test_a_reference_stays_within_its_amplitude_and_the_position_range():
+    assert MotionLimits(amplitude=2.0).position is None
+    assert MotionLimits(amplitude=2.0, position_min=-9.0, position_max=9.0).position == (-9.0, 9.0)
+    assert MotionLimits(amplitude=2.0, adds_to="reference").position == (-2.0, 2.0)
+    assert MotionLimits(2.0, -1.0, 9.0, adds_to="reference").position == (-1.0, 2.0)
+
+
 WHITE, GREY, COLOURED = {"p": 0.5, "v": 0.02}, {"p": 0.5, "v": 1e-3}, {"p": 0.5, "v": 1e-9}
 FIT = {"p": 90.0}
 

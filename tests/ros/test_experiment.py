@@ -232,6 +232,15 @@ class TestNode:
         assert not answer.success
         assert "limit.amplitude" in answer.message
 
+    def test_the_limit_that_the_user_does_not_set_is_that_of_the_signal(self, bench):
+        one = bench("excitation", signal="sine", amplitude=0.7, duration=1.0, sample_time=0.01, autostart=False)
+        assert one.node.get_parameter("limit.amplitude").value == pytest.approx(0.7, rel=1e-3)
+        assert one.set("amplitude", 2.0).successful
+        assert one.node.get_parameter("limit.amplitude").value == pytest.approx(2.0, rel=1e-3)
+        assert one.set("limit.amplitude", 1.0).successful
+        assert one.set("amplitude", 3.0).successful
+        assert one.node.get_parameter("limit.amplitude").value == 1.0
+
     def test_without_an_experiment_or_inactive_nothing_runs(self, bench):
         one = ExcitationBench(bench)
         assert "no experiment" in one.bench.call("/excitation/run_experiment").message

@@ -41,6 +41,15 @@ class MotionLimits:
     adds_to: str = "command"
     absolute: bool = False
 
+    @property
+    def position(self) -> tuple[float, float] | None:
+        """Range of positions; a reference stays within its own amplitude too. None where an end is open."""
+        low, high = self.position_min, self.position_max
+        if self.adds_to == "reference" and self.amplitude is not None:
+            low = -self.amplitude if low is None else max(low, -self.amplitude)
+            high = self.amplitude if high is None else min(high, self.amplitude)
+        return None if low is None or high is None else (low, high)
+
 
 @dataclass(frozen=True)
 class DiagnosisAnswer:

@@ -136,14 +136,14 @@ class Notebook:
         if self.diagnosis is None:
             raise InputError("nothing is undecided: diagnose first")
         limits = job.limits
-        position = None
-        if limits.position_min is not None and limits.position_max is not None:
-            position = limits.position_min, limits.position_max
-        command = limits.amplitude if limits.adds_to == "command" else None
         found = suggest_next(
             self.diagnosis,
             job.records,
-            Limits(command=command, position=position, velocity=limits.velocity),
+            Limits(
+                command=limits.amplitude if limits.adds_to == "command" else None,
+                position=limits.position,
+                velocity=limits.velocity,
+            ),
             seed=job.seed,
             start=_newest_position(job),
             progress=report,

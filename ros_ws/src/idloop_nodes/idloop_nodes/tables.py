@@ -194,7 +194,7 @@ def excitation_table() -> Table:
             "limit.amplitude",
             "float",
             None,
-            "Largest absolute value of an experiment; not set: that of the normal signal.",
+            "Largest absolute value of an experiment; not set, it becomes that of the normal signal.",
             minimum=0.0,
         ),
         P("limit.position_min", "float", None, "An experiment must not take the axis below this position."),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from idloop.errors import InputError
@@ -49,6 +50,7 @@ class ExcitationNode(ManagedNode):
         self._experiments = 0
         self._told: tuple[int, int] | None = None
         self._breach = ""
+        self._own_limit: float | None = None
         self._sequence = ExcitationSequence(
             *self._build(values.values), self._period_ns, keeps=self._reference, ahead=values["ahead"]
         )
@@ -57,6 +59,7 @@ class ExcitationNode(ManagedNode):
         self._watch_axis()
         values.check = self._check
         values.apply = self._apply
+        self._choose_limit()
         if self._lockstep:
             self.listen("/clock", self._on_clock)
         self.create_service(Trigger, "~/start", self._on_start)
@@ -77,11 +80,15 @@ class ExcitationNode(ManagedNode):
         rate = np.zeros_like(signal.value) if signal.rate is None else signal.rate
         return signal.value, rate
 
-    def _limits(self, values: Values) -> Limits:
-        limits = {name: values[f"limit.{name}"] for name in LIMITS}
-        if limits["amplitude"] is None:
-            limits["amplitude"] = self._sequence.peak
-        return Limits(**limits)
+    @staticmethod
+    def _limits(values: Values) -> Limits:
+        return Limits(**{name: values[f"limit.{name}"] for name in LIMITS})
+
+    def _choose_limit(self) -> None:
+        """Without a limit of the user's own, an experiment stays within the normal signal; the parameter says so."""
+        if self.parameters["limit.amplitude"] in (None, self._own_limit):
+            self._own_limit = self._sequence.peak
+            self.set_parameters([Parameter("limit.amplitude", value=self._own_limit)])
 
     def _check(self, values: Values) -> None:
         changed = {name for name, value in values.items() if value != self.parameters[name]}
@@ -98,6 +105,7 @@ class ExcitationNode(ManagedNode):
     def _apply(self, names: set[str]) -> None:
         if names - FOR_EXPERIMENTS:
             self._sequence.load(*self._build(self.parameters.values))
+            self._choose_limit()
         self._watch_axis()
 
     def _watch_axis(self) -> None:
