@@ -147,7 +147,7 @@ MACHINES = {
     "emps": Machine(
         "emps",
         emps,
-        ("auto",),
+        ("auto", "force"),
         "force error 3.112 % train, 5.98 % pulses (Janot 2019; 5.39 % for the asymmetric model); free run 2.64 mm",
         emps_free_run,
     ),
