@@ -78,8 +78,9 @@ def score(case: Case, model: Any, added: Sequence[Rung]) -> Score:
             if rung.name not in replaced:
                 false.append(rung.name)
             continue
-        covered |= all_pieces(case, model, hits)
-        if hits and not same(case, model, rung.set):
+        # friction is in the model already: then uneven friction and a constant are one and the same
+        if hits and not same(case, model, rung.set, covered):
             exact = False
+        covered |= all_pieces(case, model, hits)
     found = tuple(part <= covered and bool(part) for part in truth)
     return Score(found, exact and all(found), tuple(false))

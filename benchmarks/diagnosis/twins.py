@@ -59,6 +59,6 @@ def all_pieces(case: Case, model: Any, names: Iterable[str]) -> frozenset[str]:
     return found
 
 
-def same(case: Case, model: Any, names: Iterable[str]) -> bool:
-    """Whether all effects of a set are one equation."""
-    return len({pieces(case, model, name) for name in names}) <= 1
+def same(case: Case, model: Any, names: Iterable[str], given: frozenset[str] = frozenset()) -> bool:
+    """Whether all effects of a set are one equation, beside the pieces that the model has already."""
+    return len({pieces(case, model, name) - given for name in names}) <= 1

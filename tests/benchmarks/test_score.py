@@ -74,6 +74,10 @@ def test_asymmetric_friction_is_friction_and_a_constant():
     one = case_with("asymmetric_friction@motor")
     assert judge(one, ["coulomb_friction@motor"], ["load_torque@motor"]).found == (True,)
     assert judge(one, ["coulomb_friction@motor"]).found == (False,)
+    tied = judge(
+        one, ["coulomb_friction@motor"], ["input_offset@input", "load_torque@motor", "asymmetric_friction@motor"]
+    )
+    assert tied.exact
     two = case_with("coulomb_friction@motor", "input_offset@input", category="double")
     assert judge(two, ["asymmetric_friction@motor"]).found == (True, True)
 
