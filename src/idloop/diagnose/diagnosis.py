@@ -255,11 +255,15 @@ def _same_footing(
 ) -> tuple[Refit, list[Confirmed]]:
     """Let the parent profit from a better noise model that a candidate's search has found.
 
-    Near the threshold a gain may be the noise model's and not the effect's.
+    Near the threshold, or far above what the score test promised, a gain may be the noise model's.
     """
     from dataclasses import replace
 
-    near = [c for c in confirmed if threshold < 2.0 * c.gain < threshold + 60.0]
+    near = [
+        c
+        for c in confirmed
+        if 2.0 * c.gain > threshold and (2.0 * c.gain < threshold + 60.0 or 2.0 * c.gain > 4.0 * c.statistic)
+    ]
     if not near:
         return parent, confirmed
     free = set(parent.model.free)

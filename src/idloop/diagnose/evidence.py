@@ -18,8 +18,6 @@ Array = NDArray[np.float64]
 # A rival is excluded when its log-likelihood is lower by more than this and by more than twice
 # the standard deviation of the difference (Vuong, Econometrica 57, 1989).
 LEAST_DIFFERENCE, DEVIATIONS = 4.6, 2.0
-# Likelihood ratio above which nothing but an effect can be its reason.
-CLEAR = 50.0
 # Standard deviations that the gain of an effect must stand above zero where model error, not noise,
 # is what is left.
 STEADY = 2.33
@@ -33,11 +31,10 @@ _SITES = (INPUT, BODY, COUPLING, OUTPUT)
 def statistic(confirmed: Confirmed) -> float:
     """Twice the log-likelihood ratio, less for a variance that is uneven along the trace.
 
-    A small ratio may be the noise model's doing, which the refit has a choice of and the score
-    test has not: there the smaller of the two counts.
+    A ratio may be the noise model's doing, which the refit has a choice of and the score test, whose
+    chance is known, has not: the smaller of the two counts.
     """
-    ratio = 2.0 * confirmed.gain / confirmed.uneven
-    return ratio if ratio > CLEAR else min(ratio, max(confirmed.statistic, 0.0))
+    return min(2.0 * confirmed.gain / confirmed.uneven, max(confirmed.statistic, 0.0))
 
 
 def consistent(parent: Refit, confirmed: Confirmed, kind: str) -> bool:

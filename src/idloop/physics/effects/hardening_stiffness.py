@@ -21,5 +21,5 @@ EFFECT = Effect(
     coupling=coupling,
     order=40,
     looks_like=("compliance",),
-    trials=lambda s: alternatives("cubic", [0.1 * s.stiffness / s.twist**2]),
+    trials=lambda s: alternatives("cubic", [r * s.stiffness / s.twist**2 for r in (0.001, 0.01, 0.1)]),
 )
