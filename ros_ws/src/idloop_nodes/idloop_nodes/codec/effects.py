@@ -153,7 +153,7 @@ class MissingSummary:
         if self.verdict == "unknown_structure":
             return self.unknown.text if self.unknown else "something is missing that is not in the catalogue"
         if self.verdict == "not_excited":
-            return "this data cannot tell"
+            return f"nothing significant is missing, but this data cannot show {', '.join(self.untestable)}"
         return self.verdict
 
 
