@@ -35,7 +35,7 @@ def judged(case: Case, data: Experiment, model: Any) -> dict[str, Any]:
         that is what is hidden, ``validation`` with the errors and their ratio.
     """
     truth = without_rounding(_free_as(data.truth, data.start))
-    oracle = Oracle(truth, data.training, data.truth)
+    oracle = Oracle(truth, data.training, data.truth, walking=case.disturbance.kind == "walk")
     gains: dict[str, float] = {}
     for item in case.hidden:
         if item.effect == "sensor_quantisation":

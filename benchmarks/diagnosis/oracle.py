@@ -64,8 +64,12 @@ class Oracle:
         The machine as it is, without rounding; what is to be fitted is free.
     records : sequence of Record
         Training recordings.
-    sensors : Model
+    sensors : Model, optional
         The machine with its rounding: how noisy the sensors really are.
+    walking : bool
+        The disturbance is a random walk, which the observer then carries as a state. Otherwise it is
+        stationary and counts as noise of the velocities: an observer with such a state would take every
+        constant force for a disturbance.
 
     Attributes
     ----------
@@ -75,8 +79,8 @@ class Oracle:
         Its negative log-likelihood, up to a constant.
     """
 
-    def __init__(self, truth: Any, records: Sequence[Any], sensors: Any | None = None) -> None:
-        self.truth, self.records = truth, records
+    def __init__(self, truth: Any, records: Sequence[Any], sensors: Any | None = None, *, walking: bool = True) -> None:
+        self.truth, self.records, self.walking = truth, records, walking
         self._std = _effective_noise(truth if sensors is None else sensors)
         self.noise = self._noise()
         # at the true values, or the best near them: a predictor is no perfect observer of dry friction
@@ -101,9 +105,9 @@ class Oracle:
             found.append(engine.predict(theta, r.input_time, r.input, r.time, r.output, gain, start))
         return found
 
+    @np.errstate(all="ignore")
     def _noise(self) -> Noise:
         from idloop.errors import IdloopError
-        from idloop.estimate.observer import design
         from idloop.physics import Engine
 
         engine = Engine(self.truth)
@@ -114,17 +118,17 @@ class Oracle:
         best: tuple[float, Array, list[Array], int] | None = None
         for exponent in EXPONENTS:
             try:
-                observer = design(linear.A, linear.C, linear.G, period, unit * 10.0**exponent, self._std)
+                tuned, memory = self._observer(linear, period, unit * 10.0**exponent)
             except (IdloopError, np.linalg.LinAlgError):
                 continue
-            drop = int(min(observer.memory, 0.2 * len(self.records[0].time)))
-            errors = self._errors(self.truth, None, observer.gain)
+            drop = int(min(memory, 0.2 * len(self.records[0].time)))
+            errors = self._errors(self.truth, None, tuned)
             if not all(np.all(np.isfinite(e)) for e in errors):
                 continue
             stacked = np.concatenate([e[drop:] for e in errors])
             cost = float(np.linalg.slogdet(stacked.T @ stacked / len(stacked))[1])
             if best is None or cost < best[0]:
-                best = cost, observer.gain, errors, drop
+                best = cost, tuned, errors, drop
         if best is None:
             raise ValueError("no observer suits the true model")
         _, gain, errors, drop = best
@@ -133,6 +137,25 @@ class Oracle:
         left = now - past @ coefficients
         covariance = left.T @ left / len(left)
         return Noise(gain, coefficients, np.linalg.inv(np.linalg.cholesky(covariance)).T, drop)
+
+    def _observer(self, linear: Any, period: float, intensity: float) -> tuple[Array, float]:
+        """Gain and memory of the stationary observer for a disturbance intensity."""
+        from idloop.estimate.observer import design, discretise, riccati
+
+        if self.walking:
+            observer = design(linear.A, linear.C, linear.G, period, intensity, self._std)
+            return observer.gain, observer.memory
+        # the same intensity per record, all of it in one sample's white force
+        push = np.outer(linear.G, linear.G) * intensity * period * self.records[0].duration
+        transition, process = discretise(linear.A, push, period)
+        output = linear.C / self._std[:, None]
+        prediction = riccati(transition * (1.0 - 1e-7), output, process, np.eye(len(output)))
+        innovation = output @ prediction @ output.T + np.eye(len(output))
+        gain = np.linalg.solve(innovation, output @ prediction).T / self._std[None, :]
+        closed = transition @ (np.eye(len(transition)) - gain @ linear.C)
+        slowest = float(np.max(np.abs(np.linalg.eigvals(closed))))
+        memory = np.inf if slowest >= 1.0 else np.log(1e-3) / np.log(slowest)
+        return np.vstack([gain, np.zeros(len(output))]), float(memory)
 
     def whitened(self, model: Any, theta: Array | None) -> Array:
         """Whitened prediction errors of a model, flat; of unit variance for the truth."""

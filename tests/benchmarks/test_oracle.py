@@ -13,7 +13,7 @@ def gain_of(case_id):
     case = next(case for case in all_cases() if case.id == case_id)
     data = experiment(case)
     truth = without_rounding(_free_as(data.truth, data.start))
-    return Oracle(truth, data.training, data.truth).gain([case.hidden[0].name])
+    return Oracle(truth, data.training, data.truth, walking=case.disturbance.kind == "walk").gain([case.hidden[0].name])
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,10 @@ def test_a_clear_effect_is_testable(case_id):
     if "mujoco" in next(case for case in all_cases() if case.id == case_id).simulator:
         pytest.importorskip("mujoco", reason="mujoco is not installed (optional extra 'benchmark')")
     assert gain_of(case_id) > TESTABLE
+
+
+def test_a_constant_force_is_no_disturbance_where_the_disturbance_is_stationary():
+    assert gain_of("single/input_offset/dc_motor/input/dominant") > TESTABLE
 
 
 def test_a_two_level_command_hides_a_dead_zone():
