@@ -73,26 +73,29 @@ class Notebook:
         best = None if self.diagnosis is None else self.diagnosis.best
         if self.ladder is None or self.diagnosis is None or best is None:
             raise InputError("no effect is known to be missing: diagnose first")
-        climbed = refine(
-            self.ladder.model,
-            job.records,
-            job.validation,
-            level=job.level,
-            criterion=job.criterion,
-            effects=[best.name],
-            seed=job.seed,
-            most=len(self.ladder.added) + 1,
-            ladder=self.ladder,
-            progress=report,
-        )
-        if best.name not in climbed.added and best.model is not None:
-            climbed = replace(self.ladder, steps=(*self.ladder.steps, _step(best.model, job, best)))
+        ladder = self.ladder
+        if ladder.added:
+            # Earlier effects may be needless now: that takes a refit of its own.
+            ladder = refine(
+                ladder.model,
+                job.records,
+                job.validation,
+                level=job.level,
+                criterion=job.criterion,
+                effects=[best.name],
+                seed=job.seed,
+                most=len(ladder.added) + 1,
+                ladder=ladder,
+                progress=report,
+            )
+        if best.name not in ladder.added and best.model is not None:
+            ladder = replace(ladder, steps=(*ladder.steps, _step(best.model, job, best)))
         # The evidence is that of the whole catalogue.
-        last = climbed.steps[-1]
+        last = ladder.steps[-1]
         if last.added is not None:
             added = replace(last.added, p_value=best.p_value, explains=best.explains, why=best.why)
             last = replace(last, added=added, set=self.diagnosis.set, p_value=best.p_value)
-        return self._climb(job, replace(climbed, steps=(*climbed.steps[:-1], last)))
+        return self._climb(job, replace(ladder, steps=(*ladder.steps[:-1], last)))
 
     def undo(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
         """Take the last step back."""
