@@ -49,7 +49,7 @@ HIDDEN = [
 def test_a_hidden_effect_is_named(start: Model, hidden: str) -> None:
     machine = load_model("axis").with_effects([hidden])
     found = diagnose(start, [record_of(machine, 1)])
-    assert found.set == (hidden.split("(")[0],)
+    assert found.set == (hidden.split("(", maxsplit=1)[0],)
     assert found.best is not None
     assert found.best.p_value < 1e-6
     name, _, rest = hidden.partition("(")
