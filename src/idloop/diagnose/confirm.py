@@ -51,7 +51,7 @@ class Confirmed:
     uneven: float = 1.0
 
 
-def promising(screened: Sequence[Screened], chance: float) -> list[Screened]:
+def promising(screened: Sequence[Screened], chance: float, fewest: int = FEWEST_REFITS) -> list[Screened]:
     """The screened effects that are worth a refit, best first.
 
     Parameters
@@ -59,12 +59,14 @@ def promising(screened: Sequence[Screened], chance: float) -> list[Screened]:
     screened : sequence of Screened
     chance : float
         Statistic that the best of the catalogue often reaches by chance; below it the best few do.
+    fewest : int
+        How many those few are.
     """
     ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)
     if not ranked:
         return []
     bar = max(LEAST_SHARE * ranked[0].statistic, chance)
-    return [s for i, s in enumerate(ranked[:MOST_REFITS]) if i < FEWEST_REFITS or s.statistic > bar]
+    return [s for i, s in enumerate(ranked[:MOST_REFITS]) if i < fewest or s.statistic > bar]
 
 
 def confirm(

@@ -205,7 +205,8 @@ def diagnose_fitted(
     screen = Screen(setting, parent, seed)
     screened = screen.all(open_, lambda share, text: tell(0.15 + 0.4 * share, f"screening {text}"))
     null = calibrate(screened, seed + 1)
-    chosen = promising(screened, null.threshold(0.5))
+    # Of what the score test does not hold for significant, a ladder needs no refit.
+    chosen = promising(screened, null.threshold(level), 0) if rungs else promising(screened, null.threshold(0.5))
     confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.4 * share, f"refitting with {text}"))
     parent, confirmed = _same_footing(setting, parent, confirmed, null.threshold(level))
     ranked = rank(confirmed, null, level)

@@ -133,6 +133,8 @@ class _Climb:
             if kind == "prediction":
                 # Where model error is what is left, a step that helped stays for the reader to see.
                 ladder, parent = self._without_needless(ladder, fit, setting)
+            if kind == "prediction":
+                parent = refit(setting, parent.model, None, parent, reconsider=True)
             if self.on_step is not None:
                 self.on_step(ladder)
         for candidate in quantised(ladder.model, setting, self.effects):

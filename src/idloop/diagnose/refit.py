@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
 from idloop.estimate.criterion import Criterion
-from idloop.estimate.innovations import LEAST_EXPONENT, MOST_EXPONENT, InnovationCriterion
+from idloop.estimate.innovations import LEAST_EXPONENT, MOST_EXPONENT, WALK, WHITE, InnovationCriterion
 from idloop.estimate.levenberg import minimise
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
@@ -20,12 +21,18 @@ from idloop.physics.model import Model
 Array = NDArray[np.float64]
 
 _MOST_ROUNDS = 10
-_ITERATIONS_PER_ROUND = 3
+_ITERATIONS_PER_ROUND = 6
 # Gain in log-likelihood of one round below which the search ends, absolute and as part of what
 # the model has gained on the one beside it: thousands need not be known to a hundredth.
 _SETTLED, _SETTLED_PART = 0.05, 2e-4
 # Where a cold start looks for the disturbance's intensity, in decades.
-_COLD_EXPONENTS = (-8.0, -5.0, -2.0, 0.0, 2.0)
+_COLD_EXPONENTS, _COLD_MEMORIES = (-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), (WALK, 1.0, WHITE)
+# How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
+_REACH, _FINEST, _MOST_PROBES = 0.8, 0.2, 8
+# Decades of samples from which on a disturbance passes for a random walk.
+_WALKS = 2.5
+# Promised rise of the log-likelihood at which a round ends.
+_PROMISE = 0.02
 
 
 @dataclass(frozen=True)
@@ -86,12 +93,11 @@ class Refit:
         return found
 
 
-def log_likelihood(problem: Problem, point: Array) -> float:
-    """Concentrated log-likelihood of a problem that has just been weighed at a point."""
+def log_likelihood(problem: Problem) -> float:
+    """Concentrated log-likelihood of a problem at the point at which it has just been weighed."""
     value = 0.0
-    for raw, order, weight in zip(problem.errors(point), problem.orders, problem.weights, strict=True):
-        samples, outputs = sum(len(e) for e in raw), raw[0].shape[1]
-        value += samples * float(np.sum(np.log(np.diag(weight)))) - order * outputs**2
+    for instants, order, weight in zip(problem.instants, problem.orders, problem.weights, strict=True):
+        value += instants * float(np.sum(np.log(np.diag(weight)))) - order * len(weight) ** 2
     return value if np.isfinite(value) else -np.inf
 
 
@@ -103,11 +109,19 @@ def residual_or_infinite(problem: Problem, point: Array) -> Array:
         return np.full(problem.length, np.inf)
 
 
+def _projected(problem: Problem, point: Array) -> Array:
+    """Residual with the whitening at its best for the point, infinite where there is none."""
+    try:
+        return problem.residual(point)
+    except (IdloopError, np.linalg.LinAlgError):
+        return np.full(problem.length, np.inf)
+
+
 def _weigh(problem: Problem, point: Array, orders: list[int] | None = None) -> float:
     with np.errstate(all="ignore"):
         try:
             problem.reweigh(point, True, orders)
-            return log_likelihood(problem, point)
+            return log_likelihood(problem)
         except (np.linalg.LinAlgError, IdloopError):
             return -np.inf
 
@@ -119,6 +133,7 @@ def refit(
     beside: Refit | None = None,
     scale: Array | None = None,
     rounds: int = _MOST_ROUNDS,
+    reconsider: bool = False,
 ) -> Refit:
     """Maximise the likelihood of a model's free parameters and its noise.
 
@@ -134,6 +149,8 @@ def refit(
         Typical sizes of the parameters.
     rounds : int
         Most rounds of the search; one tells promising models from others.
+    reconsider : bool
+        Choose the order of the whitening anew instead of the neighbour's.
 
     Returns
     -------
@@ -155,42 +172,43 @@ def refit(
         criterion.keep(beside.nuisance)
         if isinstance(criterion, SimulationCriterion):
             criterion.initial.scale = beside.criterion.initial.scale  # type: ignore[attr-defined]
-    orders = beside.problem.orders if beside is not None else None
+    # Neighbours are compared with one order of whitening, so that each contains the other's noise.
+    orders = beside.problem.orders if beside is not None and not reconsider else None
     best, theta = -np.inf, choices[0]
     for choice in choices:
-        value, exponent = _start(criterion, problem, choice, orders, cold=beside is None)
+        value, disturbance = _start(criterion, problem, choice, orders, cold=beside is None)
         if value > best:
-            best, theta, start_exponent = value, choice, exponent
+            best, theta, start = value, choice, disturbance
     if not np.isfinite(best):
         raise IdloopError("the model gives no finite output at its starting values; check signs and magnitudes")
-    if isinstance(criterion, InnovationCriterion):
-        criterion.exponent = start_exponent
+    criterion.keep(start)
     step: Array | None = None
     best, kept = -np.inf, None
     for round_ in range(rounds):
         criterion.retune(theta)
-        nuisance, low, high, nuisance_size = criterion.nuisance()
-        point = np.concatenate([theta, nuisance])
-        value = _weigh(problem, point, orders if round_ == 0 else None)
+        value = _tune(criterion, problem, theta, orders, wide=beside is None and round_ < 2)
         if value == -np.inf:
             break
+        nuisance, low, high, nuisance_size = criterion.nuisance()
+        held = nuisance if isinstance(criterion, InnovationCriterion) else nuisance[:0]
+        moving = len(nuisance) - len(held)
         found = minimise(
-            lambda at: residual_or_infinite(problem, at),
-            point,
-            np.concatenate([lower, low]),
-            np.concatenate([upper, high]),
-            np.concatenate([np.maximum(np.abs(theta), 1e-3 * size), nuisance_size]),
-            step if step is not None and len(step) == len(point) else None,
+            lambda at, held=held: _projected(problem, np.concatenate([at, held])),  # type: ignore[misc]
+            np.concatenate([theta, nuisance[:moving]]),
+            np.concatenate([lower, low[:moving]]),
+            np.concatenate([upper, high[:moving]]),
+            np.concatenate([np.maximum(np.abs(theta), 1e-3 * size), nuisance_size[:moving]]),
+            step if step is not None and len(step) == k + moving else None,
             max_iterations=_ITERATIONS_PER_ROUND,
-            tolerance=1e-3,
-            central=False,
+            tolerance=_PROMISE,
+            quick=True,
         )
         theta, step = found.point[:k], found.step
-        criterion.keep(found.point[k:])
-        value = max(value, _weigh(problem, found.point))
-        value = _leap(criterion, problem, theta, value)
+        nuisance = np.concatenate([found.point[k:], held])
+        criterion.keep(nuisance)
+        value = max(value, _weigh(problem, np.concatenate([theta, nuisance]), orders))
         if value > best:
-            kept = (theta, criterion.nuisance()[0], step)
+            kept = (theta, nuisance, np.concatenate([step, nuisance_size[moving:] * 1e-4]))
         gained = value - beside.log_likelihood if beside is not None else 0.0
         if value < best + max(_SETTLED, _SETTLED_PART * gained) and round_ > 0:
             break
@@ -201,10 +219,12 @@ def refit(
     criterion.keep(nuisance)
     criterion.retune(theta)
     point = np.concatenate([theta, nuisance])
-    value = _weigh(problem, point)
+    value = _weigh(problem, point, orders)
     fitted = model.with_values(dict(zip(model.free, (float(v) for v in theta), strict=True)))
     if isinstance(criterion, InnovationCriterion):
-        fitted = replace(fitted, disturbance=float(np.sqrt(criterion.intensity)))
+        # What forgets quickly is no walk, which is what an observer elsewhere takes a disturbance for.
+        walks = criterion.memory >= _WALKS
+        fitted = replace(fitted, disturbance=float(np.sqrt(criterion.intensity)) if walks else None)
     return Refit(fitted, criterion, problem, point, value, step)
 
 
@@ -252,31 +272,68 @@ def transfer(setting: Setting, fit: Refit) -> Refit | None:
 
 def _start(
     criterion: Criterion, problem: Problem, theta: Array, orders: list[int] | None, cold: bool
-) -> tuple[float, float]:
-    """Log-likelihood at a start, with the disturbance's intensity at the best of a few."""
+) -> tuple[float, Array]:
+    """Log-likelihood at a start, and the nuisance there: the best of a few disturbances."""
     try:
         criterion.retune(theta)
     except (np.linalg.LinAlgError, IdloopError, ValueError):
-        return -np.inf, 0.0
+        return -np.inf, np.zeros(0)
+    nuisance = criterion.nuisance()[0]
+    tries = [nuisance]
+    if isinstance(criterion, InnovationCriterion) and cold:
+        tries = [np.array(at) for at in itertools.product(_COLD_EXPONENTS, _COLD_MEMORIES)]
+    values = [_weigh(problem, np.concatenate([theta, at]), orders) for at in tries]
+    best = int(np.argmax(values))
+    return values[best], tries[best]
+
+
+def _tune(criterion: Criterion, problem: Problem, theta: Array, orders: list[int] | None, wide: bool) -> float:
+    """Set the disturbance's intensity, with the whitening at its best for each, and weigh the errors.
+
+    Disturbance and whitening explain much the same: searched one after the other they crawl.
+    """
     nuisance = criterion.nuisance()[0]
     if not isinstance(criterion, InnovationCriterion):
-        return _weigh(problem, np.concatenate([theta, nuisance]), orders), 0.0
-    here = float(nuisance[0])
-    best = (-np.inf, here)
-    for asked in _COLD_EXPONENTS if cold else (here, here - 2.0):
-        exponent = float(np.clip(asked, LEAST_EXPONENT, MOST_EXPONENT))
-        best = max(best, (_weigh(problem, np.append(theta, exponent), orders), exponent))
-    return best
+        return _weigh(problem, np.concatenate([theta, nuisance]), orders)
+    known: dict[tuple[float, float], float] = {}
 
+    def value(exponent: float, memory: float) -> float:
+        at = float(np.clip(exponent, LEAST_EXPONENT, MOST_EXPONENT)), float(np.clip(memory, WHITE, WALK))
+        if at not in known:
+            known[at] = _weigh(problem, np.append(theta, at), orders)
+        return known[at]
 
-def _leap(criterion: Criterion, problem: Problem, theta: Array, value: float) -> float:
-    """Go down with the disturbance's intensity by decades while the likelihood rises."""
-    if not isinstance(criterion, InnovationCriterion):
-        return value
-    while criterion.exponent > LEAST_EXPONENT:
-        lower = max(criterion.exponent - 2.0, LEAST_EXPONENT)
-        trial = _weigh(problem, np.append(theta, lower))
-        if trial <= value:
+    value(criterion.exponent, criterion.memory)
+    for at in itertools.product(_COLD_EXPONENTS, _COLD_MEMORIES) if wide else ():
+        value(*at)
+    reach = _REACH
+    best = max(known, key=known.__getitem__)
+    for _ in range(_MOST_PROBES):
+        here = best
+        for place in range(2):
+            for sign in (-1.0, 1.0):
+                value(*(best[i] + (sign * reach if i == place else 0.0) for i in range(2)))
+            best = max(known, key=known.__getitem__)
+        if best == here:
+            value(*_vertex(known, best, reach))
+            best = max(known, key=known.__getitem__)
+            reach *= 0.4
+        if reach < _FINEST:
             break
-        criterion.exponent, value = lower, trial
-    return value
+    criterion.exponent, criterion.memory = best
+    return _weigh(problem, np.append(theta, best), orders)
+
+
+def _vertex(known: Mapping[tuple[float, float], float], best: tuple[float, float], reach: float) -> list[float]:
+    """Where parabolas through the best point and those beside it are highest, in each direction by itself."""
+    place = list(best)
+    for i in range(2):
+        beside = []
+        for sign in (-1.0, 1.0):
+            at = list(best)
+            at[i] += sign * reach
+            beside.append(known.get((at[0], at[1]), -np.inf) - known[best])
+        bend = beside[0] + beside[1]
+        if np.isfinite(bend) and bend < 0.0:
+            place[i] += 0.5 * reach * (beside[0] - beside[1]) / bend
+    return place

@@ -29,6 +29,10 @@ Array = NDArray[np.float64]
 # faster than this lies beyond what the samples can show and would only cost time.
 _STEPS_PER_SAMPLE, _STEPS_PER_SECOND = 25.0, 5000.0
 
+# Motion quicker than this many half-turns per sample is kept stable, not followed: the integration
+# takes steps of two radians instead of one.
+_UNSEEN, _COARSE = 2.0, 2.0
+
 # Part of the commanded force that the drive must still apply.
 LEAST_DRIVE = 0.02
 
@@ -37,6 +41,8 @@ KINDS = ("prediction", "simulation", "force")
 
 class FrugalEngine(RememberingEngine):
     """Engine that refuses parameter values with dynamics far faster than the samples.
+
+    Its methods raise `IdloopError` for those.
 
     Parameters
     ----------
@@ -50,17 +56,11 @@ class FrugalEngine(RememberingEngine):
     def __init__(self, model: Model, sample_time: float, speed: float) -> None:
         super().__init__(model)
         self._most = max(_STEPS_PER_SAMPLE / sample_time, _STEPS_PER_SECOND)
+        self._unseen = _UNSEEN * np.pi / sample_time
         self._speed = speed
 
-    def layout(self, theta: Array | None = None) -> Layout:
-        """Arrays for one set of values.
-
-        Raises
-        ------
-        IdloopError
-            These values ask for too small steps.
-        """
-        layout = super().layout(theta)
+    def _laid_out(self, theta: Array | None) -> Layout:
+        layout = super()._laid_out(theta)
         values = dict(self.model.values)
         if theta is not None:
             values.update(zip(self.free, (float(v) for v in theta), strict=True))
@@ -72,6 +72,8 @@ class FrugalEngine(RememberingEngine):
         rate = float(layout.axis.constants[kernel.RATE]) + self._speed * float(np.max(layout.axis.spatial_rate))
         if rate > self._most:
             raise IdloopError("these values make the model faster than the samples can show")
+        own = layout.axis.constants[kernel.RATE]
+        layout.axis.constants[kernel.RATE] = max(own / _COARSE, min(own, self._unseen))
         return layout
 
 

@@ -156,7 +156,7 @@ def drawback(model: Model, other: Model, records: Sequence[Record]) -> float:
     costs = []
     for candidate in (model, other.with_free(held)):
         criterion = InnovationCriterion(RememberingEngine(candidate), data, noise.sensors, noise.force, noise.exponent)
-        exponent, theta = np.array([noise.exponent]), candidate.theta
+        exponent, theta = np.array([noise.exponent, criterion.memory]), candidate.theta
 
         def residual(values: Array, rule: InnovationCriterion = criterion, fixed: Array = exponent) -> Array:
             return noise.scaled(rule.errors(values, fixed))

@@ -98,7 +98,7 @@ def common_noise(models: Sequence[Model], data: list[Data]) -> Noise:
         for tried in exponents:
             exponent = float(np.clip(tried, LEAST_EXPONENT, MOST_EXPONENT))
             criterion = InnovationCriterion(engine, data, sensors, force, exponent)
-            point = np.append(model.theta, exponent)
+            point = np.concatenate([model.theta, [exponent, criterion.memory]])
             problem = Problem(criterion, len(model.theta))
             try:
                 problem.reweigh(point, whiten=False)

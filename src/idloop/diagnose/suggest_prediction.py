@@ -13,7 +13,7 @@ from idloop.diagnose.suggest_view import Difference
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.innovations import MOST_EXPONENT, InnovationCriterion
+from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
 from idloop.estimate.observer import discretise
 from idloop.estimate.settling import SettlingObserver, settling_observer
 
@@ -48,7 +48,7 @@ class PredictionView:
         # A rival that fits worse has taken more for noise, and knows its parameters less well.
         self._own = common_noise([model], data)
         self._criterion = criterion
-        self._criterion.keep(np.array([self._own.exponent]))
+        self._criterion.keep(np.array([self._own.exponent, WALK]))
         self._linear = engine.linearise(None)
         chain = engine.layout(None).body_of
         own = 3.0 * np.max(criterion.initial.scale.reshape(-1, criterion.initial.width), axis=0)
@@ -78,7 +78,7 @@ class PredictionView:
 
     def seen(self, theta: Array) -> Array:
         """Innovations on the data so far, white and of unit variance by this rival's own noise."""
-        return self._own.scaled(self._criterion.errors(theta, np.array([self._own.exponent])))
+        return self._own.scaled(self._criterion.errors(theta, np.array([self._own.exponent, WALK])))
 
     def innovations(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
         """Innovations of the observer on an experiment, shape (n, p), NaN where nothing is measured.

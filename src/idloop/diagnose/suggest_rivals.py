@@ -149,7 +149,7 @@ class Rival:
         costs = [float(np.sum(residual(theta) ** 2)) for theta in (self.theta, linear.theta)]
         found = minimise(
             residual, linear.theta if costs[1] < costs[0] else self.theta, self.lower, self.upper, self.scale,
-            self.step.copy(), max_iterations=6, tolerance=1e-2, central=False,
+            self.step.copy(), max_iterations=6, tolerance=1e-2, quick=True,
         )  # fmt: skip
         left = found.residual[: len(found.residual) - len(self.theta)]
         gain = self._lost(left, samples, decades) + self._held(found.point)

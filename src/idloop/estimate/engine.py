@@ -31,5 +31,8 @@ class RememberingEngine(Engine):
         if key not in self._layouts:
             if len(self._layouts) >= _KEPT:
                 self._layouts.clear()
-            self._layouts[key] = super().layout(theta)
+            self._layouts[key] = self._laid_out(theta)
         return self._layouts[key]
+
+    def _laid_out(self, theta: NDArray[np.float64] | None) -> Layout:
+        return super().layout(theta)

@@ -1,8 +1,8 @@
-"""Innovations with the disturbance's intensity as one more parameter of the search.
+"""Innovations with the disturbance's intensity and memory as two more parameters of the search.
 
 The same question as the prediction criterion asks, arranged for many refits of
-neighbouring models: the intensity moves together with the parameters, and the
-observer learns the initial state by itself, so that no initial state is searched
+neighbouring models: the disturbance may be anything from white to a random walk, and
+the observer learns the initial state by itself, so that no initial state is searched
 and every sample counts for every model.
 """
 
@@ -26,12 +26,14 @@ Array = NDArray[np.float64]
 
 # Decades of the intensity about a walk that reaches the drive force within the record.
 LEAST_EXPONENT, MOST_EXPONENT = -10.0, 10.0
+# Decades of the time, in samples, over which the disturbance remembers: white, and for ever.
+WHITE, WALK = -1.0, 5.0
 # First guesses of the initial motion may be wrong by this many times their typical size.
 _START_SPREAD = 3.0
 
 
 class InnovationCriterion:
-    """Innovations of an observer that learns the start; the nuisance parameter is log10 of the intensity.
+    """Innovations of an observer that learns the start; nuisance are log10 of intensity and memory.
 
     Parameters
     ----------
@@ -45,24 +47,33 @@ class InnovationCriterion:
         Typical drive force; the unit of the intensity.
     exponent : float
         Intensity to start from, in decades.
+    memory : float
+        Correlation time of the disturbance to start from, in decades of a sample.
     """
 
     name = "prediction"
     whiten = True
 
     def __init__(
-        self, engine: Engine, data: list[Data], output_noise: Array, force_scale: float, exponent: float = -4.0
+        self,
+        engine: Engine,
+        data: list[Data],
+        output_noise: Array,
+        force_scale: float,
+        exponent: float = -4.0,
+        memory: float = WALK,
     ) -> None:
         self.engine, self.data, self.output_noise = engine, data, output_noise
         self.groups = output_groups(data)
         self.measured = sorted(column for group in self.groups for column in group)
         longest = max(float(d.time[-1] - d.time[0]) for d in data)
         self.unit, self._longest = force_scale**2 / longest, longest
-        self.exponent = exponent
+        self.exponent, self.memory = exponent, memory
+        self._shortest = min(d.sample_time for d in data)
         self.initial = InitialStates(engine, data, force_scale)
         self._linear: Linear = engine.linearise(None)
         self._chain: tuple[int, ...] = engine.layout(None).body_of
-        self._observers: dict[tuple[float, float], tuple[SettlingObserver, list[Array]]] = {}
+        self._observers: dict[tuple[float, float, float], tuple[SettlingObserver, list[Array]]] = {}
         self._rows = [[_usable(d, group) for d in data] for group in self.groups]
 
     @property
@@ -81,26 +92,34 @@ class InnovationCriterion:
         self._linear, self._chain, self._observers = other._linear, other._chain, other._observers
 
     def nuisance(self) -> tuple[Array, Array, Array, Array]:
-        """The exponent, its range and size."""
-        return np.array([self.exponent]), np.array([LEAST_EXPONENT]), np.array([MOST_EXPONENT]), np.array([1.0])
+        """Exponent and memory, their range and size."""
+        here, low = np.array([self.exponent, self.memory]), np.array([LEAST_EXPONENT, WHITE])
+        return here, low, np.array([MOST_EXPONENT, WALK]), np.ones(2)
 
     def keep(self, nuisance: Array) -> None:
-        """Go on from this intensity."""
-        self.exponent = float(nuisance[0])
+        """Go on from this disturbance."""
+        self.exponent, self.memory = float(nuisance[0]), float(nuisance[1])
+
+    def decay(self, memory: float, record: int) -> float:
+        """Part of the disturbance that one sample of a record leaves for the next."""
+        if memory >= WALK:
+            return 1.0
+        return float(np.exp(-self.data[record].sample_time / (self._shortest * 10.0**memory)))
 
     def innovation(self, theta: Array, nuisance: Array, record: int) -> Array:
         """One-step prediction errors of one record, shape (n, p), NaN where not measured."""
         d = self.data[record]
-        observer, _ = self._observer(float(nuisance[0]), record)
+        observer, _ = self._observer(nuisance, record)
         state = self.initial.state(self.initial.values, record, theta)
-        return self.engine.predict(theta, d.input_time, d.input, d.time, d.output, observer.gain, initial_state=state)
+        decay = self.decay(float(nuisance[1]), record)
+        return self.engine.predict(theta, d.input_time, d.input, d.time, d.output, observer.gain, state, decay)
 
     def errors(self, theta: Array, nuisance: Array) -> Errors:
         """Innovations by group and record, those of the start scaled to the settled ones' covariance."""
         found: Errors = [[] for _ in self.groups]
         for r in range(len(self.data)):
             full = self.innovation(theta, nuisance, r)
-            _, scalings = self._observer(float(nuisance[0]), r)
+            _, scalings = self._observer(nuisance, r)
             for place, (group, rows) in enumerate(zip(self.groups, self._rows, strict=True)):
                 part = np.ascontiguousarray(full[:, group])
                 # A short record may end before the observer has settled.
@@ -109,23 +128,25 @@ class InnovationCriterion:
                 found[place].append(np.ascontiguousarray(part[rows[r]]))
         return found
 
-    def _observer(self, exponent: float, record: int) -> tuple[SettlingObserver, list[Array]]:
+    def _observer(self, nuisance: Array, record: int) -> tuple[SettlingObserver, list[Array]]:
         """Observer of one record and the scaling of its first innovations, by group."""
         step = self.data[record].sample_time
-        key = (exponent, step)
+        exponent, memory = float(nuisance[0]), float(nuisance[1])
+        key = (exponent, memory, step)
         if key not in self._observers:
             if len(self._observers) > 16:
                 self._observers.clear()
             samples = max(len(d.time) for d in self.data if d.sample_time == step)
             n = self.initial.bodies
             scale = _START_SPREAD * self.initial.part(self.initial.scale, record)
-            # No more of a constant force than the walk makes by itself: an offset is not noise.
-            scale[-1] = np.sqrt(self.unit * 10.0**exponent * self._longest)
+            # No more of a constant force than the disturbance makes by itself: an offset is not noise.
+            gained, decay = self.unit * 10.0**exponent, self.decay(memory, record)
+            scale[-1] = np.sqrt(gained * min(self._longest, step / max(1.0 - decay**2, 1e-12)))
             starts = [*self._chain, len(self._linear.A) // 2]
             halves = np.diff(starts)
             spread = np.concatenate([np.repeat(scale[:n], halves), np.repeat(scale[n : 2 * n], halves), scale[2 * n :]])
             observer = settling_observer(
-                self._linear, self.measured, step, self.unit * 10.0**exponent, self.output_noise, spread, samples
+                self._linear, self.measured, step, gained, self.output_noise, spread, samples, decay
             )
             if not np.all(np.isfinite(observer.gain)):
                 raise IdloopError("no observer could be designed for this model and data")

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# A step that brings at least this part of the decrease that it promised leaves a Jacobian worth keeping.
+_FAITHFUL = 0.25
+
 
 @dataclass(frozen=True)
 class Minimum:
@@ -151,7 +154,7 @@ def minimise(
     max_iterations: int = 30,
     tolerance: float = 1e-5,
     report: Callable[[int, float], None] | None = None,
-    central: bool = True,
+    quick: bool = False,
 ) -> Minimum:
     """Minimise half the sum of squares inside a box.
 
@@ -171,8 +174,9 @@ def minimise(
         log-likelihood: 1e-5 is a step of half a hundredth of a standard error.
     report : callable, optional
         Called with iteration and cost.
-    central : bool
-        Central differences; False takes one-sided ones at half the cost.
+    quick : bool
+        One-sided differences, carried on by Broyden's update (Math. Comp. 19, 1965) while steps do
+        what they promise; the Jacobian that is returned is then one of a point nearby.
 
     Returns
     -------
@@ -183,15 +187,18 @@ def minimise(
     cost = _half_square(residual)
     step = 1e-4 * scale if step is None else step
     damping, converged, iteration = 1e-3, False, 0
-    jacobian = np.zeros((len(residual), len(point)))
+    jacobian, fresh = np.zeros((len(residual), len(point))), False
+    follows = False
     while True:
-        jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, central)
+        if not follows and not (quick and (converged or iteration >= max_iterations)):
+            jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick)
+            fresh = True
         if converged or iteration >= max_iterations:
             break
         gradient = jacobian.T @ residual
         hessian = jacobian.T @ jacobian
-        accepted = False
-        for _ in range(12):
+        accepted = follows = False
+        for _ in range(12 if fresh else 2):
             move, predicted = _step(gradient, hessian, damping, point, lower, upper)
             if predicted <= tolerance or np.all(np.abs(move) <= 1e-10 * scale):
                 converged = True
@@ -202,9 +209,16 @@ def minimise(
             if trial_cost < cost:
                 ratio = (cost - trial_cost) / predicted
                 damping = max(damping * (0.1 if ratio > 0.7 else 0.5 if ratio > 0.3 else 2.0), 1e-9)
+                follows = quick and ratio > _FAITHFUL
+                if follows:
+                    _update(jacobian, trial - point, trial_residual - residual, hessian)
                 point, residual, cost, accepted = trial, trial_residual, trial_cost, True
                 break
             damping *= 8.0
+        if not accepted and not converged and not fresh:
+            # The updated Jacobian no longer serves: look afresh.
+            continue
+        fresh = False
         iteration += 1
         if report is not None:
             report(iteration, cost)
@@ -214,6 +228,13 @@ def minimise(
         if not accepted:
             break
     return Minimum(point, residual, jacobian, cost, iteration, converged, step)
+
+
+def _update(jacobian: Array, move: Array, change: Array, hessian: Array) -> None:
+    """Make a Jacobian agree with the change along a move, in coordinates that all weigh the same."""
+    size = np.maximum(np.diag(hessian), 1e-300)
+    direction = size * move
+    jacobian += np.outer(change - jacobian @ move, direction / max(float(direction @ move), 1e-300))
 
 
 def _half_square(residual: Array) -> float:

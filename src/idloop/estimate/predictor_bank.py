@@ -239,7 +239,7 @@ class PredictorBank:
         self, layout: Any, gain: Array, state: Array, history: Array, t: Array, y: Array, innovation: Array
     ) -> None:
         time, value = self._command_time[: self._commands], self._command[: self._commands]
-        self.kernel.predict(layout.axis, time, value, t, y, gain, state, history, innovation)
+        self.kernel.predict(layout.axis, time, value, t, y, gain, 1.0, state, history, innovation)
 
     def _append(self, t: Array, u: Array) -> None:
         count = len(t)

@@ -35,6 +35,7 @@ class Problem:
         self.weights: list[Array] = []
         self.objective = np.inf
         self.length = 0
+        self.instants: list[int] = []  # by group, those spent on the whitening's past included
         self._whiteners: list[Whitener] = []
 
     def errors(self, point: Array) -> Errors:
@@ -63,7 +64,7 @@ class Problem:
         if self.given is not None:
             orders = [w.order for w in self.given]
         self.orders = orders or [choose_order(group) if whiten else 0 for group in errors]
-        self.weights, self._whiteners = [], []
+        self.weights, self._whiteners, self.instants = [], [], [sum(len(e) for e in group) for group in errors]
         self.objective, self.length = 0.0, 0
         for place, (raw, order) in enumerate(zip(errors, self.orders, strict=True)):
             whitener, group = self._whitener(raw, order)

@@ -51,8 +51,11 @@ def settling_observer(
     output_noise: Array,
     start: Array,
     samples: int,
+    decay: float = 1.0,
 ) -> SettlingObserver:
-    """Time-varying observer with a slow disturbance force (Anderson and Moore, Optimal Filtering, 1979, ch. 3).
+    """Time-varying observer with a disturbance force (Anderson and Moore, Optimal Filtering, 1979, ch. 3).
+
+    The force is held from sample to sample and forgotten by and by.
 
     Parameters
     ----------
@@ -63,13 +66,15 @@ def settling_observer(
     sample_time : float
         Sample time [s].
     disturbance_intensity : float
-        Intensity of the random walk that the disturbance force makes [force²/s].
+        Variance that the disturbance force gains in every sample, per second [force²/s].
     output_noise : array, shape (p,)
         Standard deviation of the measurement noise.
     start : array, shape (2 b + 1,)
         Standard deviation of the initial positions, velocities and disturbance force.
     samples : int
         Length of the record.
+    decay : float
+        Part of the disturbance force that one sample leaves for the next: 1 makes it a random walk, 0 white.
 
     Returns
     -------
@@ -81,9 +86,9 @@ def settling_observer(
     augmented = np.zeros((m + 1, m + 1))
     augmented[:m, :m] = linear.A
     augmented[:m, m] = linear.G * force
-    spread = np.zeros((m + 1, m + 1))
-    spread[m, m] = 1.0
-    transition, process = discretise(augmented, spread, sample_time)
+    process = np.zeros((m + 1, m + 1))
+    transition = discretise(augmented, process, sample_time)[0]
+    transition[m, m], process[m, m] = decay, sample_time
     output = np.hstack([linear.C[measured] / noise[:, None], np.zeros((len(measured), 1))])
     prior = np.square(start)
     prior[m] /= force**2

@@ -137,6 +137,7 @@ class Engine:
         measured: Array,
         gain: Array,
         initial_state: Array | None = None,
+        decay: float = 1.0,
     ) -> Array:
         """Innovations of the one-step predictor.
 
@@ -148,6 +149,8 @@ class Engine:
             Observer gain on positions, velocities and the disturbance force; b bodies after
             compliance has split some. Of m gains one below the other, each serves one of the
             first measurements and the last all that follow.
+        decay : float
+            Part of the disturbance force that is expected to be left one measurement later.
 
         Returns
         -------
@@ -164,6 +167,7 @@ class Engine:
             np.ascontiguousarray(time, dtype=float),
             np.ascontiguousarray(measured, dtype=float),
             np.ascontiguousarray(gain, dtype=float),
+            decay,
             state,
             layout.new_history(),
             innovation,

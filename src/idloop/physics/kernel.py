@@ -555,14 +555,15 @@ def simulate(
 
 @entry
 def predict(
-    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, state: Any, history: Any,
-    innovation: Any,
+    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, decay: float, state: Any,
+    history: Any, innovation: Any,
 ) -> None:  # fmt: skip
     """One-step predictor: the free run, corrected by ``gain @ innovation`` after each measurement.
 
     ``gain`` is (2n+1, p) on positions, velocities and the disturbance force, or several of these
     one below the other: one for each of the first measurements, the last for all that follow. An
-    output that is NaN corrects nothing.
+    output that is NaN corrects nothing. ``decay`` is the part of the disturbance force that is
+    expected to be left at the next measurement.
     """
     n = axis.inertia.shape[0]
     outputs = axis.outputs.shape[0]
@@ -573,6 +574,7 @@ def predict(
     reading = np.zeros(outputs)
     for k in range(time.shape[0]):
         run_to(axis, command_time, command, time[k], state, history, work)
+        state[DISTURBANCE] *= decay
         measure(axis, state, history, noise, reading)
         first = rows * min(k, last_gain)
         for j in range(outputs):
@@ -600,7 +602,7 @@ def predict_ahead(
     ahead, past = np.empty_like(state), np.empty_like(history)
     for k in range(time.shape[0] - steps):
         predict(
-            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, state, history, innovation
+            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, 1.0, state, history, innovation
         )  # fmt: skip
         ahead[:] = state
         past[:] = history

@@ -74,6 +74,7 @@ class Diagnosing:
         self._data = DiagnosisData()
         self._client = ExperimentClient(node, parameters["excitation_node"])
         self._said = ""
+        self._postponed = ""  # why there will be a diagnosis after the order that is under way
         self._seen: tuple[int, int] | None = None
         self.desk = Desk(
             submit=self._submit,
@@ -125,12 +126,16 @@ class Diagnosing:
         """Take in the residual of a fit, and diagnose when it has stopped being white."""
         if summary.effects != tuple(self.model.effect_names) or not self._parameters["auto_diagnose"]:
             return
+        if self.desk.span is not None:
+            return  # a diagnosis follows the experiment in any case
         if self._watch.look(summary.whiteness, summary.fit):
             self._diagnose("the residual is not white")
 
     def follow(self, progress: Progress) -> None:
         """Diagnose again when an experiment has brought new data."""
         self._client.poll()
+        if self._postponed and not self.desk.busy:
+            self._diagnose(self._postponed)
         if progress.experiment is None or progress.experiment[1] is None or self.last is None:
             return
         span = progress.experiment[0], progress.experiment[1]
@@ -150,6 +155,9 @@ class Diagnosing:
             self._warn("the experiment was too short to learn from")
 
     def _diagnose(self, reason: str) -> None:
+        self._postponed = reason if self.desk.busy else ""
+        if self._postponed:
+            return
         try:
             text = self.desk.order(DIAGNOSE)
         except InputError as error:

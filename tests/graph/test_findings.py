@@ -1,0 +1,64 @@
+"""What a live estimator found missing, read back from its bag without ROS."""
+
+import json
+
+import pytest
+
+pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
+
+from idloop.errors import IdloopError
+from idloop.graph import Findings, read_findings
+from idloop_nodes.bag_writer import BagWriter
+from idloop_nodes.codec import (
+    LadderSummary,
+    MissingSummary,
+    encode_diagnostics,
+    ladder_to_statuses,
+    missing_to_statuses,
+)
+from idloop_nodes.wiring import DIAGNOSTICS
+
+TOPICS = ("/estimator/missing_effects", "/estimator/ladder")
+
+
+def write(folder, said):
+    writer = BagWriter(folder, dict.fromkeys(TOPICS, DIAGNOSTICS), "kilted")
+    for stamp, one in enumerate(said):
+        missing = isinstance(one, MissingSummary)
+        statuses = missing_to_statuses("e", one) if missing else ladder_to_statuses("e", one)
+        writer.write(TOPICS[not missing], stamp, encode_diagnostics(stamp, statuses))
+    writer.close()
+    return folder
+
+
+def ladder(suggested=None):
+    return LadderSummary("m", document=json.dumps({"ladder": [], "suggested_experiment": suggested}))
+
+
+def test_everything_that_was_said_is_read_in_order(tmp_path):
+    first = MissingSummary(
+        "m", where=("here",), windows=((1, 2), (3, 4)), document=json.dumps({"verdict": "missing", "set": ["a@b"]})
+    )
+    failed = MissingSummary("m", error="the worker process ended")
+    experiment = {"text": "try", "adds_to": "command"}
+    said = [first, ladder(), ladder(experiment), ladder(experiment), failed, ladder()]
+    found = read_findings(write(tmp_path / "bag", said))
+    assert found.diagnoses[0] == {
+        "verdict": "missing",
+        "set": ["a@b"],
+        "where": ["here"],
+        "windows": [[1, 2], [3, 4]],
+    }
+    assert found.diagnoses[1]["error"] == "the worker process ended"
+    assert found.experiments == (experiment,)
+    assert found.ladder == {"ladder": [], "suggested_experiment": None}
+
+
+def test_a_bag_without_findings_has_none(tmp_path):
+    assert read_findings(write(tmp_path / "bag", [])) == Findings()
+
+
+def test_no_bag_is_one_line(tmp_path):
+    with pytest.raises(IdloopError, match="cannot be read") as caught:
+        read_findings(tmp_path / "nowhere")
+    assert "\n" not in str(caught.value)
