@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from paper_dc_motor import THESIS, UNSEEN, DcMotorRow, thesis_gains
 from paper_torsion import (
-    AHEAD,
     CASES,
     EFFECTS,
     LARGE,
@@ -19,7 +18,6 @@ from paper_torsion import (
     TRUE,
     AmplitudeRow,
     TorsionCase,
-    steps_ahead,
 )
 
 from idloop.report import style
@@ -135,7 +133,7 @@ def _estimate(axes: Any, y: int, hidden: str | None, estimate: Any, place: dict[
 
 
 def b9(rows: Sequence[AmplitudeRow], path: Path) -> Path:
-    """FIT by amplitude of linear models and of the one model, and the prediction at the large amplitude."""
+    """FIT by amplitude of linear models and of the one model, and the free run at the large amplitude."""
     from matplotlib.figure import Figure
 
     with style.styled():
@@ -148,29 +146,29 @@ def b9(rows: Sequence[AmplitudeRow], path: Path) -> Path:
                 look: dict[str, Any] = {"color": colour, "marker": "o", "markersize": 4, "label": name}
                 if name == TRUE:
                     look |= {"linestyle": ":", "marker": ""}
-                fits.plot(at, [worth.ahead for worth in by_amplitude.values()], **look)
+                fits.plot(at, [worth.free_run for worth in by_amplitude.values()], **look)
                 forces.plot(at, [worth.force for worth in by_amplitude.values()], **look)
-            fits.set(xlabel="amplitude [%]", ylabel=f"FIT {AHEAD} s ahead, fresh records [%]")
+            fits.set(xlabel="amplitude [%]", ylabel="FIT of the free run, fresh records [%]")
             fits.set_title(f"Disturbance {100 * row.share:.0f} %; 50 % was never fitted", loc="left")
             fits.legend(loc="lower right")
             forces.set_yscale("log")
             forces.set(xlabel="amplitude [%]", ylabel="error of the drive's torque [%]")
-            _ahead(motion, row)
+            _free_run(motion, row)
         return style.save(figure, path)
 
 
-def _ahead(axes: Any, row: AmplitudeRow) -> None:
-    from idloop.validate import Comparison
+def _free_run(axes: Any, row: AmplitudeRow) -> None:
+    from idloop.validate import compare
 
     record = row.shown
-    inside = (record.time >= SHOWN[0]) & (record.time <= SHOWN[1])
+    inside = record.time >= 0.0
     column = record.output_names.index("load2.position")
     axes.plot(record.time[inside], record.output[inside, column], color=style.MEASURED, label="measured")
     for index, name in ((4, LINEAR_SMALL), (0, ONE)):
-        ahead = Comparison(row.models[name], record, steps_ahead()).ahead
-        axes.plot(record.time[inside], ahead[inside, column], color=style.MODELS[index], label=name)
+        simulated = compare(row.models[name], record).simulated
+        axes.plot(record.time[inside], simulated[inside, column], color=style.MODELS[index], label=name)
     axes.set(xlabel="time [s]", ylabel="angle of the second load [rad]")
-    axes.set_title(f"Predicted {AHEAD} s ahead at {100 * LARGE:.0f} %", loc="left")
+    axes.set_title(f"Free run at {100 * LARGE:.0f} %", loc="left")
     axes.legend(loc="upper right", ncols=3)
 
 

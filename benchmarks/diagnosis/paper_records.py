@@ -97,40 +97,32 @@ class Worth:
     free_run : float
         FIT of the free run in percent, mean over outputs and records. On a plant that integrates, a
         constant or a disturbance of a few percent makes it drift far off.
-    ahead : float
-        FIT of the prediction some samples ahead in percent, the same mean. The observer's disturbance
-        force makes up for what is constant over the horizon.
     force : float
         Error of the drive's force for the measured motion, in percent of that force.
     """
 
     free_run: float
-    ahead: float
     force: float
 
 
-def worth(model: Any, records: Sequence[Any], steps: int) -> Worth:
+def worth(model: Any, records: Sequence[Any]) -> Worth:
     """Hold a model against records.
 
     Parameters
     ----------
     model : Model
     records : sequence of Record
-    steps : int
-        Samples that predictions reach ahead.
 
     Returns
     -------
     Worth
     """
     from idloop.diagnose.errors import model_errors
-    from idloop.validate import Comparison
 
     errors = model_errors(model, records)
-    ahead = [list(Comparison(model, record, steps).fit_ahead.values()) for record in records]
     force = math.nan if errors["force"] is None else 100.0 * errors["force"]
     fit = list(errors["fit"].values())
-    return Worth(float(np.mean(fit)) if fit else math.nan, float(np.mean(ahead)), force)
+    return Worth(float(np.mean(fit)) if fit else math.nan, force)
 
 
 # -- what a ladder made of it -----------------------------------------------------------------
@@ -345,8 +337,8 @@ def rung_rows(found: Answer) -> list[list[str]]:
 
 
 def worth_rows(found: Mapping[str, Worth]) -> list[list[str]]:
-    """Rows of a model, its two FITs and its force error."""
-    return [[name, *(f"{v:.1f}" for v in (w.free_run, w.ahead, w.force))] for name, w in found.items()]
+    """Rows of a model, its FIT and its force error."""
+    return [[name, *(f"{v:.1f}" for v in (w.free_run, w.force))] for name, w in found.items()]
 
 
 RUNG_HEADS = ("hidden", "found", "cannot be told from", "p", "parameter", "value", "stderr", "true")
