@@ -10,6 +10,24 @@ from case import Case
 from experiment import Experiment, record_of
 from score import rungs, score
 
+# The next experiment may go so much further than the first: command, speed, travel; at least so many turns.
+_COMMAND, _SPEED, _TRAVEL, _TURNS = 3.0, 4.0, 3.0, 1.5
+
+
+def _limits(data: Experiment) -> Any:
+    """What the machine allows, as a user would state it."""
+    from idloop.diagnose.suggest_limits import Limits, motion
+
+    motions = [motion(data.start, record) for record in data.training]
+    travel = _TRAVEL * max(float(np.ptp(place)) for place, _ in motions)
+    if data.start.units.position == "rad":
+        travel = max(travel, 2.0 * np.pi * _TURNS)
+    return Limits(
+        command=_COMMAND * max(float(np.max(np.abs(record.input))) for record in data.training),
+        position=(-travel, travel),
+        velocity=_SPEED * max(float(np.max(np.abs(speed))) for _, speed in motions),
+    )
+
 
 def resolved(case: Case, data: Experiment, ladder: Any, level: float, suite: int) -> dict[str, Any]:
     """Whether the suggested experiment settles what the first data could not show.
@@ -30,11 +48,17 @@ def resolved(case: Case, data: Experiment, ladder: Any, level: float, suite: int
         ``resolved``, and ``resolution``: the signal, the verdict and what was added.
     """
     from idloop.diagnose import refine
+    from idloop.diagnose.suggest_next import suggest_next
+    from idloop.errors import IdloopError
     from idloop.signals import build_signal
 
-    suggestion = ladder.suggested_experiment
-    if suggestion is None:
+    try:
+        found = suggest_next(ladder, data.training, _limits(data), start=0.0, seed=suite)
+    except IdloopError as error:
+        return {"resolved": False, "resolution": {"signal": None, "why": str(error)}}
+    if found is None:
         return {"resolved": False, "resolution": {"signal": None}}
+    suggestion = found.to_dict()
     signal = build_signal(**suggestion["signal"])
     runs_in = case
     truth = data.truth

@@ -210,7 +210,7 @@ def diagnose_fitted(
     confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.4 * share, f"refitting with {text}"))
     parent, confirmed = _same_footing(setting, parent, confirmed, null.threshold(level))
     ranked = rank(confirmed, null, level)
-    gated = gate(parent.model, setting, screened)
+    gated = gate(parent.model, setting, screened, null.threshold(level))
     significant = [c for c in ranked if null.p_value(statistic(c)) < level and consistent(parent, c, setting.kind)]
     if held_out is not None:
         significant = [c for c in significant if holds(held_out, parent, c)]

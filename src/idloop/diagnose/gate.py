@@ -14,8 +14,15 @@ from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
 
-# Twice the log-likelihood that an effect of typical strength must be worth to be found or ruled out.
-NEEDED = 40.0
+# Twice the log-likelihood that an effect of typical strength must be worth to be found or ruled out:
+# this many times what the best of the catalogue reaches by chance.
+_SURE = 2.5
+# Effects that begin at a level: data that stay below it can never show them.
+_FROM_A_LEVEL = {
+    "saturation": "a limit that the command has reached would show, one beyond {command:.3g} {unit} cannot",
+    "speed_limit_voltage": "a supply that the drive has used up would show, a higher one cannot",
+    "slip": "a coupling that slips at the torques of this data would show, one that holds more cannot",
+}
 # Part of a trace that must not be the free parameters' own.
 _OWN_PART = 3e-3
 # Effects that are everyday and whose absence from the data is worth a verdict of its own.
@@ -31,7 +38,8 @@ class Gate:
     findings : tuple of str
         Facts about the excitation, one line each.
     testable : dict
-        ``yes``, ``weak`` or ``no`` by effect and site.
+        ``yes``, ``weak`` or ``no`` by effect and site; ``weak`` also for what begins at a level that the
+        data may not have reached.
     why : dict
         One sentence by effect and site.
     """
@@ -42,16 +50,18 @@ class Gate:
 
     @property
     def untestable(self) -> tuple[str, ...]:
-        """Effects that this data cannot show."""
-        return tuple(name for name, answer in self.testable.items() if answer == "no")
+        """Effects that this data cannot show, or not beyond the level that it has reached."""
+        return tuple(
+            name for name, answer in self.testable.items() if answer == "no" or name.split("@")[0] in _FROM_A_LEVEL
+        )
 
     @property
     def poor(self) -> bool:
         """Whether the data cannot show effects that every servo axis may have."""
-        return any(name.split("@")[0] in _EVERYDAY for name in self.untestable)
+        return any(name.split("@")[0] in _EVERYDAY for name, answer in self.testable.items() if answer == "no")
 
 
-def gate(model: Model, setting: Setting, screened: Sequence[Screened]) -> Gate:
+def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: float) -> Gate:
     """Judge what the data can show.
 
     Parameters
@@ -60,6 +70,8 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened]) -> Gate:
         Fitted model without the effects in question.
     setting : Setting
     screened : sequence of Screened
+    chance : float
+        Statistic that the best of the catalogue reaches by chance as often as the error rate allows.
 
     Returns
     -------
@@ -73,7 +85,7 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened]) -> Gate:
         findings.append(f"the axis reverses {facts.reversals} times: friction and play hardly show")
     testable, why = {}, {}
     for s in screened:
-        testable[s.proposal.name], why[s.proposal.name] = _judge(s, facts)
+        testable[s.proposal.name], why[s.proposal.name] = _judge(s, facts, chance)
     return Gate(tuple(findings), testable, why)
 
 
@@ -82,6 +94,7 @@ class _Facts:
     seconds: float
     command_levels: int
     command_most: float
+    unit: str
     reversals: int
     turns: float
     angle: bool
@@ -111,7 +124,7 @@ def _facts(model: Model, setting: Setting) -> _Facts:
         f"command up to {sizes.command_most:.3g} {model.input.unit}, motion over {reach}, "
         f"speed {speed:.3g} {unit}/s rms, {reversals} reversals"
     )
-    return _Facts(seconds, levels, sizes.command_most, reversals, turns, angle, sentence)
+    return _Facts(seconds, levels, sizes.command_most, model.input.unit, reversals, turns, angle, sentence)
 
 
 def _slow_reversals(output: Array, field: str, noise: float) -> int:
@@ -139,7 +152,7 @@ def _slow_reversals(output: Array, field: str, noise: float) -> int:
     return count
 
 
-def _judge(s: Screened, facts: _Facts) -> tuple[str, str]:
+def _judge(s: Screened, facts: _Facts, chance: float) -> tuple[str, str]:
     """``yes``, ``weak`` or ``no``, and why."""
     name = s.proposal.effect.name
     if not s.traces:
@@ -149,12 +162,15 @@ def _judge(s: Screened, facts: _Facts) -> tuple[str, str]:
     if s.left < _OWN_PART:
         return "no", "on this data it does no more than the free parameters or the initial state can do"
     worth = max((t.worth for t in s.traces), default=0.0)
-    if worth < 0.1 * NEEDED:
-        return "no", f"at typical strength it would be worth {0.5 * worth:.2g} units of log-likelihood: far too little"
-    if worth < NEEDED:
+    if worth < chance:
+        return (
+            "no",
+            f"at typical strength it would be worth {0.5 * worth:.2g} units of log-likelihood: no more than chance",
+        )
+    if worth < _SURE * chance:
         return "weak", f"only a strong effect would show (worth {0.5 * worth:.2g} units of log-likelihood)"
-    if name == "saturation":
-        return "yes", f"limits below {facts.command_most:.3g} would show, higher ones cannot"
+    if name in _FROM_A_LEVEL:
+        return "weak", _FROM_A_LEVEL[name].format(command=facts.command_most, unit=facts.unit)
     if name == "imbalance" and facts.turns < 1.0:
         return "weak", f"the motion covers {facts.turns:.2g} of a turn: it looks like an offset or a spring"
-    return "yes", f"at typical strength it would be worth {0.5 * worth:.3g} units of log-likelihood"
+    return "yes", f"at typical strength it would be {value}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -16,6 +16,7 @@ from idloop.diagnose.errors import model_errors
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.lattice import quantised
+from idloop.diagnose.leap import Rung, leap
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.setting import Setting, prepare_setting
@@ -76,7 +77,8 @@ def refine(
     if not 0.0 < level < 0.5:
         raise InputError(f"level = {level} is no error rate; choose something such as 0.01")
     start = model if ladder is None else ladder.model
-    climb = _Climb(records, validation, level, effects, seed, most, progress or (lambda share, text: None), on_step)
+    tell = progress or (lambda share, text: None)
+    climb = _Climb(records, validation, level, effects, seed, most, tell, on_step, model.values)
     if criterion == "auto" and ladder is not None:
         return climb(start, ladder, ladder.criterion)
     kind = first_kind(criterion)
@@ -98,6 +100,7 @@ class _Climb:
     most: int
     tell: Progress
     on_step: Callable[[Ladder], None] | None
+    given: Mapping[str, float]
 
     def __call__(self, start: Model, ladder: Ladder | None, kind: str) -> Ladder:
         """Climb by one criterion."""
@@ -120,15 +123,20 @@ class _Climb:
                 setting, parent, level=self.level, effects=self.effects, seed=self.seed, progress=report, rungs=True,
                 held_out=held_out,
             )  # fmt: skip
-            best, fit = diagnosis.best, diagnosis.best_fit
-            if best is None or best.model is None or fit is None or count >= self.most:
+            if count >= self.most:
                 break
-            # What a richer effect takes the place of is no rung of its own any more.
-            steps = [
-                s for s in ladder.steps if s.added is None or s.added.name != best.replaces or s.chosen_by == "user"
-            ]
-            step = replace(self._step(best, best.model), set=diagnosis.set, p_value=best.p_value)
-            ladder = replace(ladder, steps=(*steps, step), verdict=MISSING)
+            best, fit = diagnosis.best, diagnosis.best_fit
+            rungs = [] if best is None else [Rung(best, diagnosis.set)]
+            further = leap(
+                setting, diagnosis.fit, self.given, level=self.level, effects=self.effects, held_out=held_out,
+                pairs=best is None and count + 1 < self.most, seed=self.seed,
+            )  # fmt: skip
+            if further is not None and (fit is None or further.fit.log_likelihood > fit.log_likelihood):
+                rungs, fit = list(further.rungs), further.fit
+            if fit is None:
+                break
+            for rung in rungs:
+                ladder = self._with(ladder, rung)
             parent = fit
             if kind == "prediction":
                 # Where model error is what is left, a step that helped stays for the reader to see.
@@ -149,6 +157,15 @@ class _Climb:
             findings=diagnosis.gate.findings,
             unknown=diagnosis.unknown,
         )
+
+    def _with(self, ladder: Ladder, rung: Rung) -> Ladder:
+        """The ladder with one more rung; what its effect takes the place of is no rung of its own any more."""
+        added = rung.added
+        if added.model is None:
+            return ladder
+        steps = [s for s in ladder.steps if s.added is None or s.added.name != added.replaces or s.chosen_by == "user"]
+        step = replace(self._step(added, added.model), set=rung.set, p_value=added.p_value)
+        return replace(ladder, steps=(*steps, step), verdict=MISSING)
 
     def _step(self, added: Candidate | None, model: Model) -> Step:
         return Step(

@@ -1,0 +1,238 @@
+"""Effects without parameters: there or not, and never there a little.
+
+A score test asks what a weak effect would do to the errors. What has no strength has no weak
+form, and it may change the model so much that the values found without it, a gain close to
+zero for one, say nothing about those with it. It is therefore refitted, from the values
+that the user gave as well, and where it shows only together with a second effect, beside each
+of those that promise most with it. The models do not contain each other: they are
+compared by the difference of their log-likelihoods over the stretches of the data (Vuong,
+Econometrica 57, 1989), times the number of comparisons.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from idloop.diagnose.candidate import Candidate, effect_parameters
+from idloop.diagnose.confirm import MORE_ROUNDS, MOST_REFITS, Confirmed, starts
+from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, explained, holds
+from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.proposals import proposals
+from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.screen import Screen, Screened, workers
+from idloop.diagnose.setting import Setting
+from idloop.errors import IdloopError
+from idloop.physics.model import Model
+
+# Searches that are carried on after a first round.
+_FINISHED = 4
+# Choices of whole numbers, such as harmonics, that are searched for one effect.
+_STRUCTURES = 2
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One effect of a leap.
+
+    Attributes
+    ----------
+    added : Candidate
+    set : tuple of str
+        Effects that the data cannot tell from it, itself first.
+    """
+
+    added: Candidate
+    set: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Leap:
+    """An effect without parameters, by itself or together with the one that it shows with.
+
+    Attributes
+    ----------
+    rungs : tuple of Rung
+        One or two.
+    fit : Refit
+        With all of them.
+    """
+
+    rungs: tuple[Rung, ...]
+    fit: Refit
+
+
+def leap(
+    setting: Setting,
+    parent: Refit,
+    given: Mapping[str, float],
+    *,
+    level: float,
+    effects: Sequence[str] | None = None,
+    held_out: Setting | None = None,
+    pairs: bool = False,
+    seed: int = 0,
+) -> Leap | None:
+    """Look for an effect without parameters.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+        The fitted model.
+    given : mapping
+        Values of the model's parameters as the user gave them.
+    level : float
+        Error rate over all effects and pairs that are tried.
+    effects : sequence of str, optional
+        Choose from these only.
+    held_out : Setting, optional
+        Validation records, on which the effect must do no harm.
+    pairs : bool
+        Try second effects beside those that are nothing by themselves.
+    seed : int
+
+    Returns
+    -------
+    Leap or None
+    """
+    bases = []
+    for proposal in proposals(parent.model, effects):
+        if not proposal.effect.parameters:
+            fits = (_best(setting, proposal.model({}), [values]) for values in _values(parent, given))
+            bases += [
+                Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0)
+                for fit in fits
+                if fit is not None
+            ]
+    bases.sort(key=lambda base: -base.gain)
+    count = len(bases)
+    for base in bases:
+        if _better(setting, parent, base, count, level, held_out):
+            return Leap((_rung(setting, parent, base, count),), base.fit)
+    if not pairs:
+        return None
+    found = [(base, beside) for base in bases for beside in _beside(setting, base.fit, effects, seed)]
+    found.sort(key=lambda pair: -pair[1].fit.log_likelihood)
+    count += len(found)
+    for base, best in found[:1]:
+        if all(_better(setting, without, best, count, level, held_out) for without in (parent, base.fit)):
+            first = _rung(setting, parent, base, count, together=best)
+            rivals = [
+                c.proposal.name for other, c in found[1:]
+                if other.proposal.name == base.proposal.name and not distinguishable(best.fit, c.fit)
+            ]  # fmt: skip
+            ties = [name for name in dict.fromkeys(rivals) if name != best.proposal.name]
+            return Leap((first, _rung(setting, base.fit, best, count, ties)), best.fit)
+    return None
+
+
+def _values(parent: Refit, given: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
+    """Where a search begins: as it was fitted, and as the user gave it."""
+    yield parent.model.values
+    yield {**parent.model.values, **given}
+
+
+def _best(
+    setting: Setting, model: Model, choices: Sequence[Mapping[str, float]], beside: Refit | None = None
+) -> Refit | None:
+    """The best of several searches, each by itself: the nearest start need not lead to the best end."""
+
+    # An error state does not travel into the threads of a pool.
+    @np.errstate(all="ignore")
+    def search(values: Mapping[str, float], start: Refit | None = None) -> Refit | None:
+        theta = np.array([values.get(name, model.values[name]) for name in model.free])
+        rounds = 1 if start is None else MORE_ROUNDS
+        try:
+            return refit(setting, model, [theta], start or beside, rounds=rounds)
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
+
+    with ThreadPoolExecutor(workers()) as pool:
+        begun = [fit for fit in pool.map(search, choices) if fit is not None]
+        begun = sorted(begun, key=lambda fit: -fit.log_likelihood)[:_FINISHED]
+        ended = [fit for fit in pool.map(lambda fit: search(fit.model.values, fit), begun) if fit is not None]
+    return max([*begun, *ended], key=lambda fit: fit.log_likelihood, default=None)
+
+
+def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: int) -> list[Confirmed]:
+    """Effects refitted beside one without parameters, best first.
+
+    What the screening says of a model that is far off is little: all values that it tried are starts.
+    """
+    screened = Screen(setting, base, seed).all(proposals(base.model, effects))
+    ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)[:MOST_REFITS]
+    found = []
+    for s in ranked:
+        fits = [
+            fit for model, choices in _searches(s, base) if (fit := _best(setting, model, choices, base)) is not None
+        ]
+        if fits:
+            fit = max(fits, key=lambda fit: fit.log_likelihood)
+            gain = max(fit.log_likelihood - base.log_likelihood, 0.0)
+            found.append(Confirmed(s.proposal, fit, gain, s.statistic, s.uneven))
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def _searches(screened: Screened, base: Refit) -> list[tuple[Model, list[Mapping[str, float]]]]:
+    """Models and starts: one model for each choice of what a search cannot move, the first two."""
+    proposal = screened.proposal
+    whole = [spec.name for spec in proposal.effect.parameters if spec.integer]
+    groups: dict[tuple[float, ...], tuple[Model, list[Mapping[str, float]]]] = {}
+    for trace in sorted(screened.traces, key=lambda t: -t.statistic):
+        for trial in starts(proposal, trace):
+            model = proposal.model(trial)
+            own = {name: value for name, value in model.values.items() if name not in base.model.values}
+            key = tuple(trial.get(name, 0.0) for name in whole)
+            groups.setdefault(key, (model, []))[1].append({**base.model.values, **own})
+    return list(groups.values())[:_STRUCTURES]
+
+
+def _p_value(parent: Refit, fit: Refit, count: int) -> float:
+    """Probability of such a gain by chance, for the best of several models that do not contain each other."""
+    deviation = max(difference_deviation(fit, parent), 1e-300)
+    steady = (fit.log_likelihood - parent.log_likelihood) / deviation
+    return float(min(max(0.5 * count * math.erfc(steady / math.sqrt(2.0)), 1e-300), 1.0))
+
+
+def _better(
+    setting: Setting, parent: Refit, found: Confirmed, count: int, level: float, held_out: Setting | None
+) -> bool:
+    if found.fit.log_likelihood - parent.log_likelihood <= LEAST_DIFFERENCE:
+        return False
+    return _p_value(parent, found.fit, count) < level and (held_out is None or holds(held_out, parent, found))
+
+
+def _rung(
+    setting: Setting,
+    parent: Refit,
+    found: Confirmed,
+    count: int,
+    ties: Sequence[str] = (),
+    together: Confirmed | None = None,
+) -> Rung:
+    """An effect with its evidence, which may be that of what is reached together with a second one."""
+    reached = found.fit if together is None else together.fit
+    model = with_stderr(found.fit, setting.records)
+    effect, name = found.proposal.effect, found.proposal.name
+    why = "it was refitted, from several starts, with all its strength"
+    if together is not None:
+        why = f"it shows together with {together.proposal.name} only"
+    added = Candidate(
+        effect=effect.name,
+        at=found.proposal.at,
+        testable="yes",
+        why=why,
+        text=effect.text,
+        gain=reached.log_likelihood - parent.log_likelihood,
+        p_value=_p_value(parent, reached, count),
+        explains=explained(parent, reached),
+        parameters=effect_parameters(model, name),
+        model=model,
+        replaces=found.proposal.replaces,
+    )
+    return Rung(added, (name, *ties))
