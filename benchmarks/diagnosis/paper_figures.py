@@ -22,7 +22,7 @@ from paper_torsion import (
 
 from idloop.report import style
 
-# Samples at the start that an estimated initial state may still show in.
+# Stretch of the A6 record that is drawn [s].
 SHOWN = (10.0, 16.0)
 
 
@@ -71,9 +71,7 @@ def _motion(axes: Any, row: DcMotorRow) -> None:
         simulated = compare(row.models[name], record).simulated
         axes.plot(record.time[inside], simulated[inside, 0], color=style.MODELS[index], label=name)
     axes.set(xlabel="time [s]", ylabel="position [rad]")
-    axes.legend(loc="upper right", ncols=3)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.15 * (high - low))
+    _legend_above(axes)
 
 
 def b2(cases: Sequence[TorsionCase], path: Path) -> Path:
@@ -113,6 +111,7 @@ def b2(cases: Sequence[TorsionCase], path: Path) -> Path:
         parameters.set_title("Effects that were found", loc="left")
         parameters.legend(loc="upper left", bbox_to_anchor=(0.0, -0.12), ncols=3)
         forces.set_xscale("log")
+        _plain(forces.xaxis)
         forces.set(xlabel="error of the drive's torque on validation [%]")
         forces.set_title("What they are worth", loc="left")
         forces.legend(loc="upper left", bbox_to_anchor=(0.0, -0.12), ncols=3)
@@ -152,6 +151,7 @@ def b9(rows: Sequence[AmplitudeRow], path: Path) -> Path:
             fits.set_title(f"Disturbance {100 * row.share:.0f} %; 50 % was never fitted", loc="left")
             fits.legend(loc="lower right")
             forces.set_yscale("log")
+            _plain(forces.yaxis)
             forces.set(xlabel="amplitude [%]", ylabel="error of the drive's torque [%]")
             _free_run(motion, row)
         return style.save(figure, path)
@@ -169,6 +169,22 @@ def _free_run(axes: Any, row: AmplitudeRow) -> None:
         axes.plot(record.time[inside], simulated[inside, column], color=style.MODELS[index], label=name)
     axes.set(xlabel="time [s]", ylabel="angle of the second load [rad]")
     axes.set_title(f"Free run at {100 * LARGE:.0f} %", loc="left")
+    _legend_above(axes)
+
+
+def _plain(axis: Any) -> None:
+    """Numbers as they are along a logarithmic axis."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _legend_above(axes: Any) -> None:
+    """Legend in one line, with room above the curves."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.15 * (high - low))
     axes.legend(loc="upper right", ncols=3)
 
 

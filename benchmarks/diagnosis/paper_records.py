@@ -245,7 +245,15 @@ def climb(
     from idloop.diagnose import refine
 
     begin = time.perf_counter()
-    ladder = refine(start, training, validation, level=level, progress=tell)
+    so_far: list[str] = []
+
+    def report(share: float, text: str) -> None:
+        tell(share, "; ".join([*so_far, text]))
+
+    def on_step(ladder: Any) -> None:
+        so_far[:] = [f"found {', '.join(ladder.added)}"]
+
+    ladder = refine(start, training, validation, level=level, progress=report, on_step=on_step)
     return answer(ladder, truth, time.perf_counter() - begin)
 
 
