@@ -162,13 +162,11 @@ def _judge(s: Screened, facts: _Facts, chance: float) -> tuple[str, str]:
     if s.left < _OWN_PART:
         return "no", "on this data it does no more than the free parameters or the initial state can do"
     worth = max((t.worth for t in s.traces), default=0.0)
+    value = f"worth {0.5 * worth:.3g} units of log-likelihood"
     if worth < chance:
-        return (
-            "no",
-            f"at typical strength it would be worth {0.5 * worth:.2g} units of log-likelihood: no more than chance",
-        )
+        return "no", f"at typical strength it would be {value}: no more than chance"
     if worth < _SURE * chance:
-        return "weak", f"only a strong effect would show (worth {0.5 * worth:.2g} units of log-likelihood)"
+        return "weak", f"only a strong effect would show ({value})"
     if name in _FROM_A_LEVEL:
         return "weak", _FROM_A_LEVEL[name].format(command=facts.command_most, unit=facts.unit)
     if name == "imbalance" and facts.turns < 1.0:
