@@ -12,9 +12,9 @@ Econometrica 57, 1989), times the number of comparisons.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.confirm import MORE_ROUNDS, MOST_REFITS, Confirmed, starts
 from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, explained, holds
 from idloop.diagnose.intervals import with_stderr
-from idloop.diagnose.proposals import proposals
+from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.screen import Screen, Screened, workers
 from idloop.diagnose.setting import Setting
@@ -31,6 +31,14 @@ from idloop.physics.model import Model
 
 # Searches that are carried on after a first round.
 _FINISHED = 4
+# Starts around the user's values, and around those that a second effect was screened at; how far they scatter.
+_FAR_STARTS, _WIDE, _NEAR_STARTS, _NEAR = 8, 1.0, 3, 0.5
+# Standard deviations of the correlation of white errors with their neighbours from which on they are coloured.
+_COLOURED = 4.0
+# Ends of searches this close in log-likelihood are the same; so many different ones are kept.
+_SAME, _MOST_BASES = 0.5, 2
+# Second effects that are searched for around their starts as well.
+_THOROUGH = 3
 # Choices of whole numbers, such as harmonics, that are searched for one effect.
 _STRUCTURES = 2
 
@@ -93,28 +101,25 @@ def leap(
     held_out : Setting, optional
         Validation records, on which the effect must do no harm.
     pairs : bool
-        Try second effects beside those that are nothing by themselves.
+        Try second effects beside those that are nothing by themselves, unless the errors are white.
     seed : int
 
     Returns
     -------
     Leap or None
     """
-    bases = []
+    bases: list[Confirmed] = []
+    count = 0
     for proposal in proposals(parent.model, effects):
         if not proposal.effect.parameters:
-            fits = (_best(setting, proposal.model({}), [values]) for values in _values(parent, given))
-            bases += [
-                Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0)
-                for fit in fits
-                if fit is not None
-            ]
+            own = _bases(setting, parent, proposal, given, seed)
+            bases += own
+            count += len(own)
     bases.sort(key=lambda base: -base.gain)
-    count = len(bases)
     for base in bases:
         if _better(setting, parent, base, count, level, held_out):
             return Leap((_rung(setting, parent, base, count),), base.fit)
-    if not pairs:
+    if not pairs or not bases or _white(parent):
         return None
     found = [(base, beside) for base in bases for beside in _beside(setting, base.fit, effects, seed)]
     found.sort(key=lambda pair: -pair[1].fit.log_likelihood)
@@ -131,32 +136,72 @@ def leap(
     return None
 
 
-def _values(parent: Refit, given: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
-    """Where a search begins: as it was fitted, and as the user gave it."""
-    yield parent.model.values
-    yield {**parent.model.values, **given}
+def _white(fit: Refit) -> bool:
+    """Whether neighbouring errors have nothing in common, so that nothing is left to explain."""
+    for group in fit.problem.whitened(fit.point):
+        power = sum(np.sum(e**2, axis=0) for e in group)
+        common = sum(np.sum(e[1:] * e[:-1], axis=0) for e in group)
+        instants = sum(len(e) for e in group)
+        if np.any(np.abs(common) > _COLOURED / np.sqrt(instants) * power):
+            return False
+    return True
 
 
-def _best(
-    setting: Setting, model: Model, choices: Sequence[Mapping[str, float]], beside: Refit | None = None
-) -> Refit | None:
-    """The best of several searches, each by itself: the nearest start need not lead to the best end."""
+def _bases(
+    setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float], seed: int
+) -> list[Confirmed]:
+    """Where searches with an effect without parameters end, best first, apart from where it does nothing."""
+    model = proposal.model({})
+    near = {**parent.model.values, **given}
+    fits = _ends(setting, model, [parent.model.values, near, *_scattered(near, model, _WIDE, _FAR_STARTS, seed)])
+    found: list[Confirmed] = []
+    for fit in fits:
+        gain = fit.log_likelihood - parent.log_likelihood
+        if all(abs(gain - other) > _SAME for other in (0.0, *(c.gain for c in found))):
+            found.append(Confirmed(proposal, fit, gain, 0.0))
+    return found[:_MOST_BASES]
+
+
+def _scattered(
+    values: Mapping[str, float], model: Model, spread: float, count: int, seed: int
+) -> list[Mapping[str, float]]:
+    """The same values with the free ones multiplied by anything about as far as e to the spread, up and down."""
+    generator = np.random.default_rng(seed)
+    return [
+        {**values, **{name: values[name] * float(np.exp(spread * generator.normal())) for name in model.free}}
+        for _ in range(count)
+    ]
+
+
+def _ends(
+    setting: Setting,
+    model: Model,
+    choices: Sequence[Mapping[str, float]],
+    beside: Refit | None = None,
+    most: int | None = None,
+) -> list[Refit]:
+    """Where searches from several starts end, each by itself, best first: the nearest start need not lead to the best.
+
+    After a first round only the best few are carried on, where there is a number of those.
+    """
 
     # An error state does not travel into the threads of a pool.
     @np.errstate(all="ignore")
-    def search(values: Mapping[str, float], start: Refit | None = None) -> Refit | None:
+    def search(values: Mapping[str, float], begun: Refit | None = None) -> Refit | None:
         theta = np.array([values.get(name, model.values[name]) for name in model.free])
-        rounds = 1 if start is None else MORE_ROUNDS
         try:
-            return refit(setting, model, [theta], start or beside, rounds=rounds)
+            return refit(setting, model, [theta], begun or beside, rounds=1 if begun is None else MORE_ROUNDS)
         except (IdloopError, np.linalg.LinAlgError):
             return None
 
     with ThreadPoolExecutor(workers()) as pool:
-        begun = [fit for fit in pool.map(search, choices) if fit is not None]
-        begun = sorted(begun, key=lambda fit: -fit.log_likelihood)[:_FINISHED]
-        ended = [fit for fit in pool.map(lambda fit: search(fit.model.values, fit), begun) if fit is not None]
-    return max([*begun, *ended], key=lambda fit: fit.log_likelihood, default=None)
+        begun = _best_first(pool.map(search, choices))[:most]
+        ended = _best_first(pool.map(lambda fit: search(fit.model.values, fit), begun))
+    return _best_first([*begun, *ended])
+
+
+def _best_first(fits: Iterable[Refit | None]) -> list[Refit]:
+    return sorted((fit for fit in fits if fit is not None), key=lambda fit: -fit.log_likelihood)
 
 
 def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: int) -> list[Confirmed]:
@@ -168,14 +213,26 @@ def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: 
     ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)[:MOST_REFITS]
     found = []
     for s in ranked:
-        fits = [
-            fit for model, choices in _searches(s, base) if (fit := _best(setting, model, choices, base)) is not None
-        ]
+        searches = _searches(s, base)
+        fits = _best_first(
+            fit for model, choices in searches for fit in _ends(setting, model, choices, base, _FINISHED)
+        )
         if fits:
-            fit = max(fits, key=lambda fit: fit.log_likelihood)
-            gain = max(fit.log_likelihood - base.log_likelihood, 0.0)
-            found.append(Confirmed(s.proposal, fit, gain, s.statistic, s.uneven))
-    return sorted(found, key=lambda c: -c.gain)
+            found.append((_confirmed(s, base, fits[0]), searches))
+    found.sort(key=lambda pair: -pair[0].gain)
+    for place, (first, searches) in enumerate(found[:_THOROUGH]):
+        again = [first.fit]
+        for model, choices in searches:
+            around = [at for values in choices for at in _scattered(values, model, _NEAR, _NEAR_STARTS, seed)]
+            again += _ends(setting, model, around, base, _FINISHED)
+        fit = _best_first(again)[0]
+        found[place] = (replace(first, fit=fit, gain=max(fit.log_likelihood - base.log_likelihood, 0.0)), searches)
+    return sorted((c for c, _ in found), key=lambda c: -c.gain)
+
+
+def _confirmed(screened: Screened, base: Refit, fit: Refit) -> Confirmed:
+    gain = max(fit.log_likelihood - base.log_likelihood, 0.0)
+    return Confirmed(screened.proposal, fit, gain, screened.statistic, screened.uneven)
 
 
 def _searches(screened: Screened, base: Refit) -> list[tuple[Model, list[Mapping[str, float]]]]:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idloop.diagnose.candidate import Candidate, effect_parameters
-from idloop.diagnose.choice import balance_disagrees, first_kind
+from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.diagnosis import MISSING, diagnose_fitted
+from idloop.diagnose.diagnosis import MISSING, UNKNOWN, diagnose_fitted
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
@@ -83,9 +83,20 @@ def refine(
         return climb(start, ladder, ladder.criterion)
     kind = first_kind(criterion)
     found = climb(start, ladder, kind)
-    if criterion == "auto" and balance_disagrees(found.model, records):
+    if criterion == "auto" and (balance_disagrees(found.model, records) or _balance_disagreed(found, records)):
         found = climb(start, ladder, "force")
     return found
+
+
+def _balance_disagreed(ladder: Ladder, records: Sequence[Record]) -> bool:
+    """Whether a balance contradicted the first step of a ladder that led to no complete model.
+
+    Effects that prediction mistook for the missing ones, a play of the sensor for one, may be such
+    that no balance can be drawn up with them.
+    """
+    if ladder.verdict != UNKNOWN or len(ladder.steps) < 2:
+        return False
+    return balance_disagrees(ladder.steps[1].model, records, FIRST_DISAGREEMENT)
 
 
 @dataclass(frozen=True)
@@ -135,7 +146,9 @@ class _Climb:
                 rungs, fit = list(further.rungs), further.fit
             if fit is None:
                 break
-            for rung in rungs:
+            for place, rung in enumerate(rungs):
+                if place > 0 and self.on_step is not None:
+                    self.on_step(ladder)
                 ladder = self._with(ladder, rung)
             parent = fit
             if kind == "prediction":
