@@ -168,7 +168,7 @@ MACHINES = {
         "ced_prbs",
         ced,
         ("simulation",),
-        "none for these records; by hand, fitted to all of z1, FIT 69.3 % with sensor and belt, at most 4 % with either alone",
+        "none for these records; by hand, on all of z1, FIT 69.3 % with sensor and belt, 4 % or less with either alone",
         effects=OWN_EFFECTS,
     ),
     "bam": Machine(
