@@ -24,6 +24,11 @@ MOST_REFITS, LEAST_SHARE, FEWEST_REFITS = 8, 0.05, 3
 # After a first round of search, effects that gained less than this part of the best and are worse
 # by this much log-likelihood are not searched further.
 WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
+# Trial values from which a search starts: of effects with a strength to scale, and without.
+_FEW, _MANY = 2, 12
+# A slow linear force and a noise model with a long memory look alike: whether there is one shows in a
+# refit that lets the noise change, not in a score at the noise that stood for it.
+SLOW = ("input_offset", "load_torque", "cable_spring", "viscous_friction")
 # Phases from which a search for a wave starts.
 _PHASES = (0.0, 1.5707963267948966, 3.141592653589793, -1.5707963267948966)
 
@@ -126,7 +131,9 @@ def confirm(
 
 def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
     proposal = screened.proposal
-    traces = sorted(screened.traces, key=lambda t: -t.statistic)[:2]
+    # Where nothing says how strong an effect is, no trace tells how far the search has to go.
+    count = _FEW if proposal.effect.strength else _MANY
+    traces = sorted(screened.traces, key=lambda t: -t.statistic)[:count]
     best: Refit | None = None
     for number, group in enumerate(_by_structure(proposal, traces)):
         model, starts = group

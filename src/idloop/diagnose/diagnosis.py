@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,16 +12,17 @@ from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.confirm import Confirmed, confirm, promising
+from idloop.diagnose.confirm import SLOW, Confirmed, confirm, promising
 from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.refit import LONG_MEMORY, Refit, refit
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
+from idloop.estimate.innovations import InnovationCriterion
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -207,6 +208,7 @@ def diagnose_fitted(
     null = calibrate(screened, seed + 1)
     # Of what the score test does not hold for significant, a ladder needs no refit.
     chosen = promising(screened, null.threshold(level), 0) if rungs else promising(screened, null.threshold(0.5))
+    chosen += [s for s in _slow(screened, parent) if s not in chosen]
     confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.4 * share, f"refitting with {text}"))
     parent, confirmed = _same_footing(setting, parent, confirmed, null.threshold(level))
     ranked = rank(confirmed, null, level)
@@ -238,6 +240,23 @@ def diagnose_fitted(
     )
 
 
+def _slow(screened: list[Screened], parent: Refit) -> list[Screened]:
+    """Slow forces that a long memory of the noise may stand for; of what acts on bodies alike, on the first."""
+    criterion = parent.criterion
+    if not isinstance(criterion, InnovationCriterion):
+        return []
+    if criterion.memory < LONG_MEMORY and not any(parent.problem.orders):
+        return []
+    places = ("input", parent.model.bodies[0])
+    return [
+        s
+        for s in screened
+        if s.traces
+        and (s.proposal.effect.name == "viscous_friction" or s.proposal.at in places)
+        and s.proposal.effect.name in SLOW
+    ]
+
+
 def _plainest(significant: list[Confirmed]) -> Confirmed | None:
     """The best effect, or a significant plainer one that it contains."""
     if not significant:
@@ -258,8 +277,6 @@ def _same_footing(
 
     Near the threshold, or far above what the score test promised, a gain may be the noise model's.
     """
-    from dataclasses import replace
-
     near = [
         c
         for c in confirmed
@@ -267,16 +284,29 @@ def _same_footing(
     ]
     if not near:
         return parent, confirmed
-    free = set(parent.model.free)
+    free, lifted = set(parent.model.free), False
     for c in near[:2]:
         start = np.array([v for n, v in zip(c.fit.model.free, c.fit.point, strict=False) if n in free])
         if len(start) == parent.parameters:
             again = refit(setting, parent.model, [start, parent.point[: parent.parameters]], c.fit)
             if again.log_likelihood > parent.log_likelihood:
                 lift = again.log_likelihood - parent.log_likelihood
-                parent = again
+                parent, lifted = again, True
                 confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
+    if lifted:
+        confirmed = [_beside(setting, parent, c) if 2.0 * c.gain < c.statistic else c for c in confirmed]
+        confirmed.sort(key=lambda c: -c.gain)
     return parent, confirmed
+
+
+def _beside(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
+    """A candidate refitted with the noise of a parent that has been lifted."""
+    try:
+        fit = refit(setting, confirmed.fit.model, None, parent)
+    except (IdloopError, np.linalg.LinAlgError):
+        return confirmed
+    gain = max(fit.log_likelihood - parent.log_likelihood, 0.0)
+    return replace(confirmed, fit=fit, gain=gain) if gain > confirmed.gain else confirmed
 
 
 def _candidates(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.calibrate import Null
-from idloop.diagnose.confirm import Confirmed
+from idloop.diagnose.confirm import SLOW, Confirmed
 from idloop.diagnose.refit import Refit, transfer
 from idloop.diagnose.setting import Setting
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
@@ -32,9 +32,13 @@ def statistic(confirmed: Confirmed) -> float:
     """Twice the log-likelihood ratio, less for a variance that is uneven along the trace.
 
     A ratio may be the noise model's doing, which the refit has a choice of and the score test, whose
-    chance is known, has not: the smaller of the two counts.
+    chance is known, has not: the smaller of the two counts. A slow linear force alone is judged by the
+    ratio, which is chi-squared for it.
     """
-    return min(2.0 * confirmed.gain / confirmed.uneven, max(confirmed.statistic, 0.0))
+    ratio = 2.0 * confirmed.gain / confirmed.uneven
+    if confirmed.proposal.effect.name in SLOW:
+        return ratio
+    return min(ratio, max(confirmed.statistic, 0.0))
 
 
 def consistent(parent: Refit, confirmed: Confirmed, kind: str) -> bool:

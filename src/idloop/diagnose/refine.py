@@ -154,8 +154,9 @@ class _Climb:
             if kind == "prediction":
                 # Where model error is what is left, a step that helped stays for the reader to see.
                 ladder, parent = self._without_needless(ladder, fit, setting)
-            if kind == "prediction":
+                # The order of the whitening that suited the model before need not suit it now.
                 parent = refit(setting, parent.model, None, parent, reconsider=True)
+                ladder = self._refreshed(ladder, with_stderr(parent, setting.records))
             if self.on_step is not None:
                 self.on_step(ladder)
         for candidate in quantised(ladder.model, setting, self.effects):
@@ -200,14 +201,17 @@ class _Climb:
             without = max(tries, key=lambda fit: fit.log_likelihood)
             if parent.log_likelihood - without.log_likelihood >= _NEEDLESS:
                 continue
-            fitted = with_stderr(without, setting.records)
-            kept = [s for s in ladder.steps if s is not step]
-            last = kept[-1]
-            if last.added is not None:
-                added = replace(last.added, model=fitted, parameters=effect_parameters(fitted, last.added.name))
-                last = replace(self._step(added, fitted), set=last.set, p_value=last.p_value)
-            ladder, parent = replace(ladder, steps=(*kept[:-1], last)), without
+            ladder, parent = replace(ladder, steps=tuple(s for s in ladder.steps if s is not step)), without
         return ladder, parent
+
+    def _refreshed(self, ladder: Ladder, fitted: Model) -> Ladder:
+        """The ladder with other values for the model of its last step."""
+        last = ladder.steps[-1]
+        if last.added is None:
+            return ladder
+        added = replace(last.added, model=fitted, parameters=effect_parameters(fitted, last.added.name))
+        last = replace(self._step(added, fitted), set=last.set, p_value=last.p_value, chosen_by=last.chosen_by)
+        return replace(ladder, steps=(*ladder.steps[:-1], last))
 
 
 def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:

@@ -19,6 +19,7 @@ from idloop.estimate.simulation import SimulationCriterion
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
+Disturbance = tuple[float, float]
 
 _MOST_ROUNDS = 10
 _ITERATIONS_PER_ROUND = 6
@@ -26,11 +27,14 @@ _ITERATIONS_PER_ROUND = 6
 # the model has gained on the one beside it: thousands need not be known to a hundredth.
 _SETTLED, _SETTLED_PART = 0.05, 2e-4
 # Where a cold start looks for the disturbance's intensity, in decades.
-_COLD_EXPONENTS, _COLD_MEMORIES = (-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), (WALK, 1.0, WHITE)
+_MEMORIES = (WALK, 1.0, WHITE)
+_COLD = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
+# Where a search beside another model looks besides the other's, relative to its exponent.
+_ASIDE = (-2.0, 0.0)
 # How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
 _REACH, _FINEST, _MOST_PROBES = 0.8, 0.2, 8
 # Decades of samples from which on a disturbance passes for a random walk.
-_WALKS = 2.5
+LONG_MEMORY = 2.0
 # Promised rise of the log-likelihood at which a round ends.
 _PROMISE = 0.02
 
@@ -186,7 +190,8 @@ def refit(
     best, kept = -np.inf, None
     for round_ in range(rounds):
         criterion.retune(theta)
-        value = _tune(criterion, problem, theta, orders, wide=beside is None and round_ < 2)
+        probes = _COLD if beside is None and round_ < 2 else _aside(criterion) if round_ == 0 else ()
+        value = _tune(criterion, problem, theta, orders, probes)
         if value == -np.inf:
             break
         nuisance, low, high, nuisance_size = criterion.nuisance()
@@ -223,7 +228,7 @@ def refit(
     fitted = model.with_values(dict(zip(model.free, (float(v) for v in theta), strict=True)))
     if isinstance(criterion, InnovationCriterion):
         # What forgets quickly is no walk, which is what an observer elsewhere takes a disturbance for.
-        walks = criterion.memory >= _WALKS
+        walks = criterion.memory >= LONG_MEMORY
         fitted = replace(fitted, disturbance=float(np.sqrt(criterion.intensity)) if walks else None)
     return Refit(fitted, criterion, problem, point, value, step)
 
@@ -281,13 +286,15 @@ def _start(
     nuisance = criterion.nuisance()[0]
     tries = [nuisance]
     if isinstance(criterion, InnovationCriterion) and cold:
-        tries = [np.array(at) for at in itertools.product(_COLD_EXPONENTS, _COLD_MEMORIES)]
+        tries = [np.array(at) for at in _COLD]
     values = [_weigh(problem, np.concatenate([theta, at]), orders) for at in tries]
     best = int(np.argmax(values))
     return values[best], tries[best]
 
 
-def _tune(criterion: Criterion, problem: Problem, theta: Array, orders: list[int] | None, wide: bool) -> float:
+def _tune(
+    criterion: Criterion, problem: Problem, theta: Array, orders: list[int] | None, probes: Sequence[Disturbance]
+) -> float:
     """Set the disturbance's intensity, with the whitening at its best for each, and weigh the errors.
 
     Disturbance and whitening explain much the same: searched one after the other they crawl.
@@ -295,7 +302,7 @@ def _tune(criterion: Criterion, problem: Problem, theta: Array, orders: list[int
     nuisance = criterion.nuisance()[0]
     if not isinstance(criterion, InnovationCriterion):
         return _weigh(problem, np.concatenate([theta, nuisance]), orders)
-    known: dict[tuple[float, float], float] = {}
+    known: dict[Disturbance, float] = {}
 
     def value(exponent: float, memory: float) -> float:
         at = float(np.clip(exponent, LEAST_EXPONENT, MOST_EXPONENT)), float(np.clip(memory, WHITE, WALK))
@@ -304,8 +311,8 @@ def _tune(criterion: Criterion, problem: Problem, theta: Array, orders: list[int
         return known[at]
 
     value(criterion.exponent, criterion.memory)
-    for at in itertools.product(_COLD_EXPONENTS, _COLD_MEMORIES) if wide else ():
-        value(*at)
+    for exponent, memory in probes:
+        value(exponent, memory)
     reach = _REACH
     best = max(known, key=known.__getitem__)
     for _ in range(_MOST_PROBES):
@@ -324,7 +331,14 @@ def _tune(criterion: Criterion, problem: Problem, theta: Array, orders: list[int
     return _weigh(problem, np.append(theta, best), orders)
 
 
-def _vertex(known: Mapping[tuple[float, float], float], best: tuple[float, float], reach: float) -> list[float]:
+def _aside(criterion: Criterion) -> list[Disturbance]:
+    """Disturbances that forget sooner or later than a neighbour's."""
+    if not isinstance(criterion, InnovationCriterion):
+        return []
+    return [(criterion.exponent + shift, memory) for shift, memory in itertools.product(_ASIDE, _MEMORIES)]
+
+
+def _vertex(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
     """Where parabolas through the best point and those beside it are highest, in each direction by itself."""
     place = list(best)
     for i in range(2):
