@@ -47,6 +47,8 @@ EFFECT = (
         text="There is a gap between the two sides: no torque passes until it is crossed.",
         parameters=(GAP,),
         coupling=coupling,
+        # The damping acts as suddenly as the sides touch, at no step's end: short steps.
+        rate=lambda values, inertia, stiffness: 3.0 * (stiffness / inertia) ** 0.5 if values["gap"] > 0.0 else 0.0,
         order=20,
         looks_like=("compliance", "stribeck_friction"),
         trials=lambda s: alternatives("gap", [r * s.twist for r in (0.1, 0.3, 1.0, 3.0, 10.0)]),

@@ -1,5 +1,6 @@
 """A coupling that lets go above a torque."""
 
+from math import isfinite
 from typing import Any
 
 from idloop.physics.effect import COUPLING, Effect, ParameterSpec
@@ -31,6 +32,8 @@ EFFECT = Effect(
     parameters=(ParameterSpec("limit", "{force}", start=float("inf"), neutral=float("inf"), min=0.0),),
     coupling=coupling,
     settle=settle,
+    # It begins and ends inside a step, which knows of the slipped angle only afterwards: short steps.
+    rate=lambda values, inertia, stiffness: 3.0 * (stiffness / inertia) ** 0.5 if isfinite(values["limit"]) else 0.0,
     states=1,
     order=60,
     looks_like=("saturation",),
