@@ -36,7 +36,9 @@ _FAR_STARTS, _WIDE, _NEAR_STARTS, _NEAR = 8, 1.0, 3, 0.5
 # Standard deviations of the correlation of white errors with their neighbours from which on they are coloured.
 _COLOURED = 4.0
 # Ends of searches this close in log-likelihood are the same; so many different ones are kept.
-_SAME, _MOST_BASES = 0.5, 2
+_SAME, _MOST_BASES = 0.5, 3
+# Part of the errors' power that an effect must change to be there at all.
+_IDLE = 0.1
 # Second effects that are searched for around their starts as well.
 _THOROUGH = 3
 # Choices of whole numbers, such as harmonics, that are searched for one effect.
@@ -150,16 +152,33 @@ def _white(fit: Refit) -> bool:
 def _bases(
     setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float], seed: int
 ) -> list[Confirmed]:
-    """Where searches with an effect without parameters end, best first, apart from where it does nothing."""
+    """Where searches with an effect without parameters end, best first, without those where it does nothing."""
     model = proposal.model({})
     near = {**parent.model.values, **given}
     fits = _ends(setting, model, [parent.model.values, near, *_scattered(near, model, _WIDE, _FAR_STARTS, seed)])
     found: list[Confirmed] = []
     for fit in fits:
         gain = fit.log_likelihood - parent.log_likelihood
-        if all(abs(gain - other) > _SAME for other in (0.0, *(c.gain for c in found))):
+        if all(abs(gain - other.gain) > _SAME for other in found) and _acts(setting, fit, proposal.name):
             found.append(Confirmed(proposal, fit, gain, 0.0))
     return found[:_MOST_BASES]
+
+
+def _acts(setting: Setting, fit: Refit, name: str) -> bool:
+    """Whether a model's errors are others with an effect than without it, all values alike."""
+    try:
+        without = setting.criterion(fit.model.without_effect(name))
+        without.keep(fit.nuisance)
+        before = without.errors(fit.point[: fit.parameters], fit.nuisance)
+    except (IdloopError, np.linalg.LinAlgError):
+        return True
+    pairs = [
+        (a, b)
+        for one, other in zip(before, fit.problem.errors(fit.point), strict=True)
+        for a, b in zip(one, other, strict=True)
+    ]
+    change, power = sum(float(np.sum((a - b) ** 2)) for a, b in pairs), sum(float(np.sum(b**2)) for _, b in pairs)
+    return not change < _IDLE * power
 
 
 def _scattered(
@@ -192,12 +211,11 @@ def _ends(
         try:
             return refit(setting, model, [theta], begun or beside, rounds=1 if begun is None else MORE_ROUNDS)
         except (IdloopError, np.linalg.LinAlgError):
-            return None
+            return begun
 
     with ThreadPoolExecutor(workers()) as pool:
         begun = _best_first(pool.map(search, choices))[:most]
-        ended = _best_first(pool.map(lambda fit: search(fit.model.values, fit), begun))
-    return _best_first([*begun, *ended])
+        return _best_first(pool.map(lambda fit: search(fit.model.values, fit), begun))
 
 
 def _best_first(fits: Iterable[Refit | None]) -> list[Refit]:
