@@ -57,7 +57,7 @@ class Trace:
         Part of the trace that the free parameters cannot produce.
     one_sided : bool
     sketch : array, shape (SKETCH, g)
-        Orthonormal directions, sketched.
+        Orthonormal directions, sketched; each points to where its trial leaves its trace.
     uneven : float
         How much more the errors vary along the trace than elsewhere, at least 1.
     worth : float
@@ -231,6 +231,9 @@ class Screen:
         q, r = q[:, useful], r[np.ix_(useful, useful)]
         if left < LEAST_LEFT:
             return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, True, np.zeros((len(self._edges), 0)))
+        # A factorisation may turn a direction round; the null distribution needs to know where it points.
+        turn = np.where(np.diag(r) < 0.0, -1.0, 1.0)
+        q, r = q * turn, r * turn[:, None]
         scores = -(q.T @ self.errors)
         size = np.zeros(len(trials))
         size[useful] = np.linalg.solve(r, scores)
