@@ -16,6 +16,16 @@ from idloop.diagnose.confirm import SLOW, Confirmed, confirm, promising
 from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.leap import Rung
+from idloop.diagnose.pairs import (
+    MissingPair,
+    Pairs,
+    confirm_pairs,
+    judge_pairs,
+    promising_pairs,
+    single_share,
+    tied_members,
+)
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import LONG_MEMORY, Refit, refit
 from idloop.diagnose.screen import Screen, Screened
@@ -43,6 +53,7 @@ class Diagnosis:
         All effects that were weighed, best first.
     set : tuple of str
         Effects that this data cannot tell from the best one, itself first; empty when none is significant.
+        Of a pair: those that would do in the place of its first, beside its second.
     verdict : {"missing", "adequate", "unknown_structure", "not_excited"}
     gate : Gate
         What this data can show.
@@ -51,9 +62,19 @@ class Diagnosis:
     criterion : str
         What the models were measured by.
     level : float
-        Family-wise error rate.
+        Family-wise error rate, of which single effects have four fifths and pairs one fifth where pairs
+        are searched; p-values are divided by these shares, so that both are held against the level itself.
     fit : Refit
         The refitted model, where a search can go on from.
+    best_fit : Refit or None
+        With the best effect, or with both of a pair.
+    pair : tuple of str, or None
+        The best effect and the one without which it does not show: no single effect is significant,
+        the two together are, and the models of both candidates have both.
+    rival_pairs : tuple of tuple of str
+        Pairs that this data cannot tell from it.
+    alone : Candidate or None
+        The first effect of the pair with the model that has no other: where a ladder comes by.
     """
 
     model: Model
@@ -66,11 +87,27 @@ class Diagnosis:
     level: float
     fit: Refit
     best_fit: Refit | None = None
+    pair: tuple[str, str] | None = None
+    rival_pairs: tuple[tuple[str, str], ...] = ()
+    alone: Candidate | None = None
 
     @property
     def best(self) -> Candidate | None:
         """The missing effect; None when none is significant."""
         return self.candidates[0] if self.set else None
+
+    @property
+    def rungs(self) -> tuple[Rung, ...]:
+        """What a ladder adds, one after the other: nothing, the best effect, or both effects of a pair."""
+        if self.best is None:
+            return ()
+        if self.pair is None or self.alone is None:
+            return (Rung(self.best, self.set),)
+        first, second = self.pair
+        return (
+            Rung(self.alone, self.set),
+            Rung(self.candidates[1], tied_members(second, first, self.rival_pairs)),
+        )
 
     @property
     def untestable(self) -> tuple[str, ...]:
@@ -87,6 +124,8 @@ class Diagnosis:
             "verdict": self.verdict,
             "best": None if self.best is None else self.best.name,
             "set": list(self.set),
+            "pair": None if self.pair is None else list(self.pair),
+            "rival_pairs": [list(names) for names in self.rival_pairs],
             "candidates": [c.to_dict() for c in self.candidates],
             "untestable": list(self.untestable),
             "gate": {"findings": list(self.gate.findings), "testable": self.gate.testable, "why": self.gate.why},
@@ -96,7 +135,15 @@ class Diagnosis:
     def summary(self) -> str:
         """The answer in words, several lines."""
         lines = list(self.gate.findings)
-        if self.best is not None:
+        if self.best is not None and self.pair is not None:
+            first, second = self.candidates[:2]
+            lines.append(
+                f"missing: only together: {first.name} and {second.name} (p = {first.p_value:.2g}); "
+                f"each hides the other. {first.text} {second.text}"
+            )
+            if self.rival_pairs:
+                lines.append("this data cannot tell them from " + ", ".join(" with ".join(p) for p in self.rival_pairs))
+        elif self.best is not None:
             others = [name for name in self.set if name != self.best.name]
             lines.append(f"missing: {self.best.name} (p = {self.best.p_value:.2g}). {self.best.text}")
             if others:
@@ -129,7 +176,7 @@ def diagnose(
     records : sequence of Record
         Experiments; several amplitudes tell more than one.
     level : float
-        Probability of naming an effect where none is missing, over the whole catalogue.
+        Probability of naming an effect where none is missing, over the whole catalogue and all its pairs.
     criterion : {"auto", "prediction", "simulation", "force"}
         What the models are measured by, as in `idloop.estimate.fit`.
     effects : sequence of str, optional
@@ -186,6 +233,10 @@ def diagnose_fitted(
 ) -> Diagnosis:
     """As `diagnose`, for a model that is fitted already.
 
+    Single effects are tested at four fifths of the level; where none is significant, pairs of effects
+    are, at the other fifth (`idloop.diagnose.pairs`). Together the error rate is the level. Pairs are
+    for the prediction criterion: by the others single effects have all of it.
+
     Parameters
     ----------
     setting : Setting
@@ -206,37 +257,64 @@ def diagnose_fitted(
     screen = Screen(setting, parent, seed)
     screened = screen.all(open_, lambda share, text: tell(0.15 + 0.4 * share, f"screening {text}"))
     null = calibrate(screened, seed + 1)
+    share = single_share(setting.kind)
+    bar = null.threshold(share * level)
     # Of what the score test does not hold for significant, a ladder needs no refit.
-    chosen = promising(screened, null.threshold(level), 0) if rungs else promising(screened, null.threshold(0.5))
+    chosen = promising(screened, bar, 0) if rungs else promising(screened, null.threshold(0.5))
     chosen += [s for s in _slow(screened, parent) if s not in chosen]
-    confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.4 * share, f"refitting with {text}"))
-    parent, confirmed = _same_footing(setting, parent, confirmed, null.threshold(level))
-    ranked = rank(confirmed, null, level)
-    gated = gate(parent.model, setting, screened, null.threshold(level))
-    significant = [c for c in ranked if null.p_value(statistic(c)) < level and consistent(parent, c, setting.kind)]
+    confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.3 * share, f"refitting with {text}"))
+    parent, confirmed = _same_footing(setting, parent, confirmed, bar)
+    ranked = rank(confirmed, null, share * level)
+    significant = [
+        c for c in ranked if _p_value(null, statistic(c), share) < level and consistent(parent, c, setting.kind)
+    ]
     if held_out is not None:
         significant = [c for c in significant if holds(held_out, parent, c)]
     best = _plainest(significant) if rungs else (significant[0] if significant else None)
     significant.sort(key=lambda c: c is not best)
     ranked.sort(key=lambda c: c is not best)
     rivals = tied(best, significant[1:]) if best is not None else []
-    unknown = None
-    if best is None:
-        unknown = unknown_structure(screen, level)
-    candidates = _candidates(setting, parent, ranked, best, rivals, screened, null, gated)
-    verdict = MISSING if best else UNKNOWN if unknown else NOT_EXCITED if gated.poor else ADEQUATE
+    pair: MissingPair | None = None
+    if best is None and share < 1.0:
+        pairs = Pairs(screened, seed + 2)
+        joined = promising_pairs(screen, screened, pairs, level, bar)
+        refitted = confirm_pairs(
+            setting, parent, joined, lambda share, text: tell(0.85 + 0.1 * share, f"refitting with {text}")
+        )
+        before = parent.log_likelihood
+        parent, both = _same_footing(setting, parent, [p.together for p in refitted], pairs.threshold(level))
+        lift = parent.log_likelihood - before
+        ranked = [replace(c, gain=max(c.gain - lift, 0.0)) for c in ranked]
+        refitted = [replace(p, together=c) for p, c in zip(refitted, both, strict=True)]
+        pair = judge_pairs(setting, parent, refitted, pairs, level=level, bar=bar, held_out=held_out)
+    gated = gate(parent.model, setting, screened, bar)
+    unknown = unknown_structure(screen, level) if best is None and pair is None else None
+    candidates = _candidates(setting, parent, ranked, best, rivals, screened, null, gated, share)
+    names = tuple(c.proposal.name for c in ([best, *rivals] if best else []))
+    alone = None
+    if pair is not None:
+        members = _pair_candidates(setting, parent, pair, gated)
+        named = {c.name for c in members}
+        candidates = (*members, *(c for c in candidates if c.name not in named))
+        names = pair.ties(0)
+        model = with_stderr(pair.alone, setting.records)
+        alone = replace(members[0], model=model, parameters=effect_parameters(model, members[0].name))
+    verdict = MISSING if names else UNKNOWN if unknown else NOT_EXCITED if gated.poor else ADEQUATE
     tell(1.0, "done")
     return Diagnosis(
         model=parent.model,
         candidates=candidates,
-        set=tuple(c.proposal.name for c in ([best, *rivals] if best else [])),
+        set=names,
         verdict=verdict,
         gate=gated,
         unknown=unknown,
         criterion=setting.kind,
         level=level,
         fit=parent,
-        best_fit=best.fit if best else None,
+        best_fit=best.fit if best else pair.best.together.fit if pair else None,
+        pair=pair.best.names if pair else None,
+        rival_pairs=tuple(p.names for p in pair.rivals) if pair else (),
+        alone=alone,
     )
 
 
@@ -255,6 +333,11 @@ def _slow(screened: list[Screened], parent: Refit) -> list[Screened]:
         and (s.proposal.effect.name == "viscous_friction" or s.proposal.at in places)
         and s.proposal.effect.name in SLOW
     ]
+
+
+def _p_value(null: Null, value: float, share: float) -> float:
+    """Family-wise, divided by the share of the error rate that single effects have."""
+    return min(null.p_value(value) / share, 1.0)
 
 
 def _plainest(significant: list[Confirmed]) -> Confirmed | None:
@@ -295,7 +378,6 @@ def _same_footing(
                 confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
     if lifted:
         confirmed = [_beside(setting, parent, c) if 2.0 * c.gain < c.statistic else c for c in confirmed]
-        confirmed.sort(key=lambda c: -c.gain)
     return parent, confirmed
 
 
@@ -318,6 +400,7 @@ def _candidates(
     screened: list[Screened],
     null: Null,
     gated: Gate,
+    share: float,
 ) -> tuple[Candidate, ...]:
     found = []
     precise = {id(c) for c in ([best, *rivals] if best else ranked[:1])}
@@ -332,7 +415,7 @@ def _candidates(
                 why=gated.why.get(name, ""),
                 text=c.proposal.effect.text,
                 gain=c.gain,
-                p_value=null.p_value(statistic(c)),
+                p_value=_p_value(null, statistic(c), share),
                 explains=explained(parent, c.fit),
                 parameters=effect_parameters(model, name),
                 model=model,
@@ -350,8 +433,32 @@ def _candidates(
                 testable=gated.testable.get(name, "yes"),
                 why=gated.why.get(name, ""),
                 text=s.proposal.effect.text,
-                p_value=max(null.p_value(s.statistic), 1e-300) if not best else 1.0,
+                p_value=max(_p_value(null, s.statistic, share), 1e-300) if not best else 1.0,
                 replaces=s.proposal.replaces,
             )
         )
     return tuple(found)
+
+
+def _pair_candidates(setting: Setting, parent: Refit, found: MissingPair, gated: Gate) -> tuple[Candidate, ...]:
+    """Both effects of the missing pair, then those of its rivals, all with the evidence of their pair."""
+    members: dict[str, Candidate] = {}
+    for pair in (found.best, *found.rivals):
+        fit = pair.together.fit
+        model = with_stderr(fit, setting.records)
+        for proposal, other in ((pair.first, pair.second), (pair.second, pair.first)):
+            if proposal.name not in members:
+                members[proposal.name] = Candidate(
+                    effect=proposal.effect.name,
+                    at=proposal.at,
+                    testable=gated.testable.get(proposal.name, "yes"),
+                    why=f"it shows together with {other.name} only",
+                    text=proposal.effect.text,
+                    gain=pair.together.gain,
+                    p_value=found.p_values[pair.names],
+                    explains=explained(parent, fit),
+                    parameters=effect_parameters(model, proposal.name),
+                    model=model,
+                    replaces=proposal.replaces,
+                )
+    return tuple(members.values())

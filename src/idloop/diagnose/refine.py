@@ -46,7 +46,7 @@ def refine(
     progress: Progress | None = None,
     on_step: Callable[[Ladder], None] | None = None,
 ) -> Ladder:
-    """Add the missing effects one by one until nothing significant is left.
+    """Add the missing effects one by one, or two that show only together, until nothing significant is left.
 
     Parameters
     ----------
@@ -136,11 +136,12 @@ class _Climb:
             )  # fmt: skip
             if count >= self.most:
                 break
-            best, fit = diagnosis.best, diagnosis.best_fit
-            rungs = [] if best is None else [Rung(best, diagnosis.set)]
+            rungs, fit = list(diagnosis.rungs), diagnosis.best_fit
+            if count + len(rungs) > self.most:
+                break
             further = leap(
                 setting, diagnosis.fit, self.given, level=self.level, effects=self.effects, held_out=held_out,
-                pairs=best is None and count + 1 < self.most, seed=self.seed,
+                pairs=not rungs and count + 1 < self.most, seed=self.seed,
             )  # fmt: skip
             if further is not None and (fit is None or further.fit.log_likelihood > fit.log_likelihood):
                 rungs, fit = list(further.rungs), further.fit

@@ -58,6 +58,9 @@ class Trace:
     one_sided : bool
     sketch : array, shape (SKETCH, g)
         Orthonormal directions, sketched; each points to where its trial leaves its trace.
+    scores : array, shape (g,)
+        What the errors have along these directions, in their standard deviation: above 0 where they
+        ask for more of the trial.
     uneven : float
         How much more the errors vary along the trace than elsewhere, at least 1.
     worth : float
@@ -73,6 +76,7 @@ class Trace:
     left: float
     one_sided: bool
     sketch: Array
+    scores: Array
     uneven: float = 1.0
     worth: float = 0.0
     shift: Array | None = None
@@ -212,17 +216,39 @@ class Screen:
             return None
         return change if np.all(np.isfinite(change)) else None
 
+    def joint(self, first: tuple[Proposal, Trial], second: tuple[Proposal, Trial]) -> Trace | None:
+        """What two effects together would leave in the errors.
+
+        Parameters
+        ----------
+        first, second : tuple of Proposal and Trial
+            Effects that can be added to the fitted model, and their values.
+
+        Returns
+        -------
+        Trace or None
+            With one size for each; None where they cannot be simulated or are one and the same direction.
+        """
+        sides = (first[0].one_sided, second[0].one_sided)
+        columns = [self.moved(*first), self.moved(*second)]
+        trace = self._measure([first[1], second[1]], columns, sides)
+        return trace if trace is not None and len(trace.scores) == len(columns) else None
+
     def _trace(self, proposal: Proposal, trials: list[Trial]) -> Trace | None:
-        columns = [self.moved(proposal, trial) for trial in trials]
+        sides = [len(trials) == 1 and proposal.one_sided] * len(trials)
+        return self._measure(trials, [self.moved(proposal, trial) for trial in trials], sides)
+
+    def _measure(self, trials: list[Trial], columns: list[Array | None], sides: Sequence[bool]) -> Trace | None:
+        """Trace of changes of the errors, one for each trial; `sides` says which sizes must not be negative."""
         if any(c is None for c in columns) or not columns:
             return None
         raw = np.column_stack([c for c in columns if c is not None])
         with np.errstate(over="ignore"):
             power = np.sum(raw**2, axis=0)
         if not np.all(np.isfinite(power)):
-            return Trace(trials, 0.0, np.zeros(len(trials)), 1e300, 1.0, True, np.zeros((len(self._edges), 0)))
+            return self._invisible(trials, 1e300, 1.0)
         if not np.any(power > 1e-12):
-            return Trace(trials, 0.0, np.zeros(len(trials)), 0.0, 0.0, True, np.zeros((len(self._edges), 0)))
+            return self._invisible(trials, 0.0, 0.0)
         own = raw - self.basis @ (self.basis.T @ raw)
         left = float(np.max(np.sum(own**2, axis=0) / np.maximum(power, 1e-300)))
         detectable = float(np.max(np.sum(own**2, axis=0)))
@@ -230,14 +256,13 @@ class Screen:
         useful = np.abs(np.diag(r)) > 1e-3 * np.max(np.abs(np.diag(r)))
         q, r = q[:, useful], r[np.ix_(useful, useful)]
         if left < LEAST_LEFT:
-            return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, True, np.zeros((len(self._edges), 0)))
+            return self._invisible(trials, detectable, left)
         # A factorisation may turn a direction round; the null distribution needs to know where it points.
         turn = np.where(np.diag(r) < 0.0, -1.0, 1.0)
         q, r = q * turn, r * turn[:, None]
         scores = -(q.T @ self.errors)
         size = np.zeros(len(trials))
         size[useful] = np.linalg.solve(r, scores)
-        one_sided = raw.shape[1] == 1 and proposal.one_sided
         after = self.errors + q @ scores
         variance = max(float(np.mean(after**2)), 1e-300)
         uneven = max(1.0, float(np.max((q**2).T @ after**2)) / variance)
@@ -247,11 +272,18 @@ class Screen:
         if serial > _SERIAL:
             uneven = max(uneven, serial)
         statistic = float(scores @ scores) / uneven
-        if one_sided and size[0] < 0.0:
+        if np.any(size[np.asarray(sides)] < 0.0):
             statistic = 0.0
         shift = -self._back @ (raw @ size)
         sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)
-        return Trace(trials, statistic, size, detectable, left, one_sided, sketch, uneven, detectable, shift)
+        return Trace(
+            trials, statistic, size, detectable, left, any(sides), sketch, scores, uneven, detectable, shift
+        )  # fmt: skip
+
+    def _invisible(self, trials: list[Trial], detectable: float, left: float) -> Trace:
+        """What nothing can be said of: no direction of its own."""
+        none = np.zeros((len(self._edges), 0))
+        return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, True, none, np.zeros(0))
 
 
 def _weakest(proposal: Proposal, scales: Scales) -> list[list[Trial]]:

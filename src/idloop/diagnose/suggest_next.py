@@ -122,7 +122,9 @@ def open_question(
     from idloop.diagnose.diagnosis import Diagnosis, diagnose
 
     if isinstance(found, Diagnosis):
-        return _question(found, found.set)
+        # Of a pair, either effect may be tied.
+        tied = [rung.set for rung in found.rungs if len(rung.set) > 1]
+        return _question(found, tied[0] if tied else found.set)
     model = found.model
     for step in reversed(found.steps):
         if step.added is None or len(step.set) < 2 or step.added.name not in model.effect_names:
