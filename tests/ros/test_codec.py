@@ -239,6 +239,7 @@ def through_a_message(items):
         windows,
         texts,
         texts,
+        name_tuples,
     )
 )
 def test_missing_effects_round_trip(summary):
@@ -285,6 +286,12 @@ def test_missing_effects_are_for_people():
     )
     assert (one.name, one.hardware_id) == ("estimator: dead_zone@input", "dead_zone@input")
     assert missing_to_statuses("estimator", MissingSummary("m", verdict="adequate"))[0].level == Level.OK
+    pair = ("dead_zone@input", "saturation@input")
+    together = MissingSummary("m", verdict="missing", candidates=(DEAD_ZONE,), set=pair[:1], pair=pair)
+    assert missing_to_statuses("estimator", together)[0].message == (
+        "only together: dead_zone@input and saturation@input are missing "
+        "(p 0.001, explains 97 %, width 0.1213 ± 0.0011 V)"
+    )
 
 
 def test_the_ladder_is_for_people():

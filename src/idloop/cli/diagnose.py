@@ -70,7 +70,17 @@ def print_diagnosis(found: Diagnosis, *, everything: bool = False) -> None:
     print_candidates(found.candidates, found.set, everything=everything)
     click.echo()
     best = found.best
-    if best is not None:
+    if best is not None and found.pair is not None:
+        click.echo(f"{VERDICTS[found.verdict]}, only together: {' and '.join(found.pair)}; each hides the other")
+        for one in found.candidates[:2]:
+            click.echo(f"{one.name}: {one.text}")
+        for rung in found.rungs:
+            if len(rung.set) > 1:
+                ties = ", ".join(rung.set[1:])
+                click.echo(
+                    f"this data cannot tell {rung.set[0]} from {ties}: idloop suggest chooses the experiment that can"
+                )
+    elif best is not None:
         click.echo(f"{VERDICTS[found.verdict]}: {best.name}. {best.text}")
         if best.replaces:
             click.echo(f"it takes the place of {best.replaces}, which it contains")

@@ -69,11 +69,21 @@ class Notebook:
         return self._answer(job, missing=summarise_diagnosis(found, where, job.windows))
 
     def add_best_effect(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
-        """Add what the newest diagnosis names first."""
+        """Add what the newest diagnosis names first: an effect, or both of a pair."""
         best = None if self.diagnosis is None else self.diagnosis.best
         if self.ladder is None or self.diagnosis is None or best is None:
             raise InputError("no effect is known to be missing: diagnose first")
         ladder = self.ladder
+        if self.diagnosis.pair is not None:
+            for rung in self.diagnosis.rungs:
+                if rung.added.model is not None:
+                    step = _step(rung.added.model, job, rung.added)
+                    gone = rung.added.replaces
+                    steps = [
+                        s for s in ladder.steps if s.added is None or s.added.name != gone or s.chosen_by == "user"
+                    ]
+                    ladder = replace(ladder, steps=(*steps, replace(step, set=rung.set, p_value=rung.added.p_value)))
+            return self._climb(job, ladder)
         if ladder.added:
             # Earlier effects may be needless now: that takes a refit of its own.
             ladder = refine(

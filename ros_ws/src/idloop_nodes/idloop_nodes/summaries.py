@@ -31,6 +31,7 @@ def summarise_diagnosis(diagnosis: Diagnosis, where: Sequence[str], windows: Seq
         verdict=diagnosis.verdict,
         candidates=tuple(summarise_candidate(one) for one in diagnosis.candidates),
         set=tuple(diagnosis.set),
+        pair=diagnosis.pair or (),
         untestable=tuple(diagnosis.untestable),
         findings=tuple(diagnosis.gate.findings),
         where=tuple(where),

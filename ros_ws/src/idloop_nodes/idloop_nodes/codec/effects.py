@@ -121,6 +121,8 @@ class MissingSummary:
         All of it as `idloop diagnose` writes it (JSON, schema idloop/diagnose/1).
     error : str
         Why there is no diagnosis, one line; empty when there is one.
+    pair : tuple of str
+        Two effects that show only together; empty where one alone is missing, or none.
     """
 
     model: str
@@ -137,6 +139,7 @@ class MissingSummary:
     windows: tuple[tuple[int, int], ...] = ()
     document: str = ""
     error: str = ""
+    pair: tuple[str, ...] = ()
 
     @property
     def line(self) -> str:
@@ -147,6 +150,8 @@ class MissingSummary:
             best = self.candidates[0]
             ties = [name for name in self.set if name != best.name]
             tied = f"; this data cannot tell it from {', '.join(ties)}" if ties else ""
+            if self.pair:
+                return f"only together: {' and '.join(self.pair)} are missing ({best.line})"
             return f"{best.name} is missing ({best.line}){tied}"
         if self.verdict == "adequate":
             return "nothing significant is missing"
@@ -164,6 +169,7 @@ def missing_to_statuses(node: str, summary: MissingSummary) -> list[Status]:
         "model": summary.model,
         "effects": " ".join(summary.effects),
         "set": " ".join(summary.set),
+        "pair": " ".join(summary.pair),
         "untestable": " ".join(summary.untestable),
         "criterion": summary.criterion,
         "level": repr(float(summary.level)),
@@ -198,6 +204,7 @@ def missing_from_statuses(statuses: Sequence[Status]) -> MissingSummary:
             verdict=values["verdict"],
             candidates=tuple(effect_from_values(one.values) for one in statuses[1:]),
             set=tuple(values["set"].split()),
+            pair=tuple(values.get("pair", "").split()),
             untestable=tuple(values["untestable"].split()),
             findings=lines_from_text(values["findings"]),
             where=lines_from_text(values["where"]),

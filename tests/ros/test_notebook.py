@@ -1,0 +1,45 @@
+"""What the worker does with a finding, without data and without a graph."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
+
+from idloop.diagnose import Candidate, Diagnosis, Gate, Ladder, Step
+from idloop.physics import load_model
+from idloop_nodes.diagnosis_jobs import ADD_BEST, UNDO, DiagnosisJob
+from idloop_nodes.notebook import Notebook
+
+
+def test_both_effects_of_a_pair_are_added_and_taken_back_one_by_one():
+    start = load_model("axis")
+    first = start.with_effects(["gain_asymmetry@input(ratio=0.02)"])
+    both = first.with_effects(["load_torque@axis(torque=-0.01)"])
+    gain = Candidate("gain_asymmetry", "input", "yes", "", "", p_value=0.001, model=both)
+    load = Candidate("load_torque", "axis", "yes", "", "", p_value=0.001, model=both)
+    alone = Candidate("gain_asymmetry", "input", "yes", "", "", p_value=0.001, model=first)
+    found = Diagnosis(
+        model=start,
+        candidates=(gain, load),
+        set=(gain.name,),
+        verdict="missing",
+        gate=Gate((), {}, {}),
+        unknown=None,
+        criterion="prediction",
+        level=0.01,
+        fit=None,
+        pair=(gain.name, load.name),
+        rival_pairs=((gain.name, "input_offset@input"),),
+        alone=alone,
+    )
+    notebook = Notebook(Ladder((Step(None, start),)), found)
+    job = DiagnosisJob(1, ADD_BEST, 0, start)
+    answer = notebook.add_best_effect(job, lambda share, text: None)
+    assert answer.model is both
+    assert notebook.ladder.added == (gain.name, load.name)
+    assert [step.model for step in notebook.ladder.steps] == [start, first, both]
+    assert notebook.ladder.steps[2].set == (load.name, "input_offset@input")
+    assert notebook.ladder.steps[1].p_value == notebook.ladder.steps[2].p_value == 0.001
+    notebook.undo(DiagnosisJob(2, UNDO, 0, both), lambda share, text: None)
+    assert notebook.ladder.added == (gain.name,)
