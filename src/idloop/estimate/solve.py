@@ -191,7 +191,7 @@ def instrument(solution: Solution, lower: Array, upper: Array) -> tuple[Array, A
         bread = z.T @ slope
         size = np.maximum(np.linalg.norm(slope, axis=0), 1e-300)
         scaled = bread / np.outer(size, size)
-        if np.linalg.cond(scaled) > 1e8:
+        if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > 1e8:
             return None
         move = -np.linalg.solve(scaled, z.T @ residual / size) / size
         point = np.clip(point + move, solution.lower, solution.upper)
