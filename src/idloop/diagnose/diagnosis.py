@@ -377,7 +377,8 @@ def _same_footing(
                 parent, lifted = again, True
                 confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
     if lifted:
-        confirmed = [_beside(setting, parent, c) if 2.0 * c.gain < c.statistic else c for c in confirmed]
+        worth = [c.statistic > max(threshold, 2.0 * c.gain) for c in confirmed]
+        confirmed = [_beside(setting, parent, c) if again else c for c, again in zip(confirmed, worth, strict=True)]
     return parent, confirmed
 
 

@@ -29,10 +29,11 @@ _SETTLED, _SETTLED_PART = 0.05, 2e-4
 # Where a cold start looks for the disturbance's intensity, in decades.
 _MEMORIES = (WALK, 1.0, WHITE)
 _COLD = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
-# Where a search beside another model looks besides the other's, relative to its exponent.
-_ASIDE = (-2.0, 0.0)
+# Decades by which a missing effect that is added may weaken the disturbance.
+_WEAKER = -2.0
 # How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
-_REACH, _FINEST, _MOST_PROBES = 0.8, 0.2, 8
+# In the first round of a search, and in those that follow.
+_FAR, _NEAR, _FINEST, _MOST_PROBES = 0.8, 0.3, 0.2, 8
 # Decades of samples from which on a disturbance passes for a random walk.
 LONG_MEMORY = 2.0
 # Promised rise of the log-likelihood at which a round ends.
@@ -180,7 +181,8 @@ def refit(
     orders = beside.problem.orders if beside is not None and not reconsider else None
     best, theta = -np.inf, choices[0]
     for choice in choices:
-        value, disturbance = _start(criterion, problem, choice, orders, cold=beside is None)
+        cold = beside is None and len(choices) > 1
+        value, disturbance = _start(criterion, problem, choice, orders, cold)
         if value > best:
             best, theta, start = value, choice, disturbance
     if not np.isfinite(best):
@@ -190,8 +192,9 @@ def refit(
     best, kept = -np.inf, None
     for round_ in range(rounds):
         criterion.retune(theta)
-        probes = _COLD if beside is None and round_ < 2 else _aside(criterion) if round_ == 0 else ()
-        value = _tune(criterion, problem, theta, orders, probes)
+        probes = _COLD if beside is None and round_ == 0 else _aside(criterion) if round_ < 2 else ()
+        reach = _FAR if round_ == 0 else _NEAR
+        value = _tune(criterion, problem, theta, orders, probes, reach)
         if value == -np.inf:
             break
         nuisance, low, high, nuisance_size = criterion.nuisance()
@@ -293,7 +296,12 @@ def _start(
 
 
 def _tune(
-    criterion: Criterion, problem: Problem, theta: Array, orders: list[int] | None, probes: Sequence[Disturbance]
+    criterion: Criterion,
+    problem: Problem,
+    theta: Array,
+    orders: list[int] | None,
+    probes: Sequence[Disturbance],
+    reach: float,
 ) -> float:
     """Set the disturbance's intensity, with the whitening at its best for each, and weigh the errors.
 
@@ -311,15 +319,16 @@ def _tune(
         return known[at]
 
     value(criterion.exponent, criterion.memory)
-    for exponent, memory in probes:
-        value(exponent, memory)
-    reach = _REACH
+    for at in probes:
+        value(*at)
     best = max(known, key=known.__getitem__)
     for _ in range(_MOST_PROBES):
         here = best
         for place in range(2):
             for sign in (-1.0, 1.0):
-                value(*(best[i] + (sign * reach if i == place else 0.0) for i in range(2)))
+                at = (best[0] + sign * reach, best[1]) if place == 0 else (best[0], best[1] + sign * reach)
+                if value(*at) > known[best]:
+                    break  # the other way lies lower
             best = max(known, key=known.__getitem__)
         if best == here:
             value(*_vertex(known, best, reach))
@@ -332,10 +341,11 @@ def _tune(
 
 
 def _aside(criterion: Criterion) -> list[Disturbance]:
-    """Disturbances that forget sooner or later than a neighbour's."""
+    """Disturbances that are weaker, or that forget sooner or later, than the present one."""
     if not isinstance(criterion, InnovationCriterion):
         return []
-    return [(criterion.exponent + shift, memory) for shift, memory in itertools.product(_ASIDE, _MEMORIES)]
+    here = criterion.exponent
+    return [(here + _WEAKER, criterion.memory), *((here, memory) for memory in _MEMORIES)]
 
 
 def _vertex(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
