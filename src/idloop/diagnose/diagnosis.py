@@ -26,7 +26,7 @@ from idloop.diagnose.pairs import (
     single_share,
     tied_members,
 )
-from idloop.diagnose.proposals import proposals
+from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import LONG_MEMORY, Refit, refit
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
@@ -261,7 +261,7 @@ def diagnose_fitted(
     bar = null.threshold(share * level)
     # Of what the score test does not hold for significant, a ladder needs no refit.
     chosen = promising(screened, bar, 0) if rungs else promising(screened, null.threshold(0.5))
-    chosen += [s for s in _slow(screened, parent) if s not in chosen]
+    chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
     confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.3 * share, f"refitting with {text}"))
     parent, confirmed = _same_footing(setting, parent, confirmed, bar)
     ranked = rank(confirmed, null, share * level)
@@ -318,21 +318,23 @@ def diagnose_fitted(
     )
 
 
-def _slow(screened: list[Screened], parent: Refit) -> list[Screened]:
-    """Slow forces that a long memory of the noise may stand for; of what acts on bodies alike, on the first."""
+def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
+    """Effects of which a score says little.
+
+    Slow forces that a long memory of the noise may stand for (of those that act on bodies alike, on the
+    first), and effects that would take a plainer one's place.
+    """
     criterion = parent.criterion
     if not isinstance(criterion, InnovationCriterion):
         return []
-    if criterion.memory < LONG_MEMORY and not any(parent.problem.orders):
-        return []
+    remembers = criterion.memory >= LONG_MEMORY or any(parent.problem.orders)
     places = ("input", parent.model.bodies[0])
-    return [
-        s
-        for s in screened
-        if s.traces
-        and (s.proposal.effect.name == "viscous_friction" or s.proposal.at in places)
-        and s.proposal.effect.name in SLOW
-    ]
+
+    def slow(proposal: Proposal) -> bool:
+        name = proposal.effect.name
+        return remembers and name in SLOW and (name == "viscous_friction" or proposal.at in places)
+
+    return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]
 
 
 def _p_value(null: Null, value: float, share: float) -> float:
