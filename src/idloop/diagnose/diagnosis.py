@@ -28,7 +28,7 @@ from idloop.diagnose.pairs import (
 )
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import LONG_MEMORY, Refit, refit
-from idloop.diagnose.screen import Screen, Screened
+from idloop.diagnose.screen import Screen, Screened, Trace
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
 from idloop.errors import IdloopError, InputError
@@ -37,6 +37,9 @@ from idloop.physics.model import Model
 from idloop.records import Record
 
 Progress = Callable[[float, str], None]
+
+# Correlation of two traces from which on they are taken for one.
+ALIKE = 0.95
 
 MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
 
@@ -274,6 +277,11 @@ def diagnose_fitted(
     significant.sort(key=lambda c: c is not best)
     ranked.sort(key=lambda c: c is not best)
     rivals = tied(best, significant[1:]) if best is not None else []
+    if best is not None:
+        # What leaves the same trace is as likely, whatever the score said of the two.
+        alike = [s for s in _alike(best, screened) if s not in chosen]
+        if alike:
+            rivals += tied(best, confirm(setting, parent, alike))
     pair: MissingPair | None = None
     if best is None and share < 1.0:
         pairs = Pairs(screened, seed + 2)
@@ -340,6 +348,19 @@ def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
 def _p_value(null: Null, value: float, share: float) -> float:
     """Family-wise, divided by the share of the error rate that single effects have."""
     return min(null.p_value(value) / share, 1.0)
+
+
+def _alike(best: Confirmed, screened: list[Screened]) -> list[Screened]:
+    """Effects of one direction whose trace is that of the best one."""
+    own = [t.sketch for s in screened if s.proposal.name == best.proposal.name for t in s.traces]
+    columns = [sketch / np.linalg.norm(sketch) for sketch in own if sketch.shape[1] == 1]
+
+    def same(trace: Trace) -> bool:
+        if trace.sketch.shape[1] != 1:
+            return False
+        return any(abs(float(np.sum(c * trace.sketch))) > ALIKE * np.linalg.norm(trace.sketch) for c in columns)
+
+    return [s for s in screened if s.proposal.name != best.proposal.name and any(same(t) for t in s.traces)]
 
 
 def _plainest(significant: list[Confirmed]) -> Confirmed | None:
