@@ -192,7 +192,9 @@ def refit(
     best, kept = -np.inf, None
     for round_ in range(rounds):
         criterion.retune(theta)
-        probes = _COLD if beside is None and round_ == 0 else _aside(criterion) if round_ < 2 else ()
+        # The first round moves the parameters so far that its best disturbance need not be near the next.
+        early = round_ < 2
+        probes = (_COLD if beside is None else _aside(criterion)) if early else ()
         reach = _FAR if round_ == 0 else _NEAR
         value = _tune(criterion, problem, theta, orders, probes, reach)
         if value == -np.inf:
