@@ -209,9 +209,10 @@ def test_two_effects_that_only_show_together_are_named(start: Model, compensated
     assert "only together: gain_asymmetry@input and " in found.summary()
 
 
-def test_neither_of_them_shows_alone(start: Model, compensated: Record) -> None:
+def test_either_alone_falls_far_short_of_both(start: Model, compensated: Record) -> None:
     for name in ("gain_asymmetry", "load_torque"):
-        found = diagnose(start, [compensated], effects=[name])
+        # asked for one effect only, so with no catalogue to make up for, and still not at what both reach
+        found = diagnose(start, [compensated], effects=[name], level=1e-5)
         assert found.best is None
         assert found.pair is None
 
