@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 # this many times what the best of the catalogue reaches by chance.
 _SURE = 2.5
 # Effects that begin at a level: data that stay below it can never show them.
-_FROM_A_LEVEL = {
+FROM_A_LEVEL = {
     "saturation": "a limit that the command has reached would show, one beyond {command:.3g} {unit} cannot",
     "speed_limit_voltage": "a supply that the drive has used up would show, a higher one cannot",
     "slip": "a coupling that slips at the torques of this data would show, one that holds more cannot",
@@ -52,7 +52,7 @@ class Gate:
     def untestable(self) -> tuple[str, ...]:
         """Effects that this data cannot show, or not beyond the level that it has reached."""
         return tuple(
-            name for name, answer in self.testable.items() if answer == "no" or name.split("@")[0] in _FROM_A_LEVEL
+            name for name, answer in self.testable.items() if answer == "no" or name.split("@")[0] in FROM_A_LEVEL
         )
 
     @property
@@ -167,8 +167,8 @@ def _judge(s: Screened, facts: _Facts, chance: float) -> tuple[str, str]:
         return "no", f"at typical strength it would be {value}: no more than chance"
     if worth < _SURE * chance:
         return "weak", f"only a strong effect would show ({value})"
-    if name in _FROM_A_LEVEL:
-        return "weak", _FROM_A_LEVEL[name].format(command=facts.command_most, unit=facts.unit)
+    if name in FROM_A_LEVEL:
+        return "weak", FROM_A_LEVEL[name].format(command=facts.command_most, unit=facts.unit)
     if name == "imbalance" and facts.turns < 1.0:
         return "weak", f"the motion covers {facts.turns:.2g} of a turn: it looks like an offset or a spring"
     return "yes", f"at typical strength it would be {value}"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from idloop.diagnose.gate import FROM_A_LEVEL
 from idloop.diagnose.suggest import Suggestion, suggest
 from idloop.diagnose.suggest_effect import effect_rivals
 from idloop.diagnose.suggest_limits import Limits
@@ -155,7 +156,8 @@ def _for_the_unseen(
     """The experiment that shows most of the effects that the data cannot show."""
     plain = found.model
     rank = {name: place for place, name in enumerate(_EVERYDAY)}
-    unseen = [name for name in found.untestable if name.partition("@")[0] not in _NEVER]
+    skipped = _NEVER.union(FROM_A_LEVEL)
+    unseen = [name for name in found.untestable if name.partition("@")[0] not in skipped]
     unseen += [name for name in _beyond(plain, records, limits) if name not in unseen]
     models: dict[str, Model] = {}
     for name in sorted(unseen, key=lambda name: rank.get(name.partition("@")[0], len(rank))):
@@ -178,7 +180,11 @@ def _beyond(model: Model, records: Sequence[Record], limits: Limits) -> list[str
     seen, allowed = Limits().completed(model, records), limits.completed(model, records)
     names = []
     if seen.command is not None and allowed.command is not None and allowed.command > _WIDER * seen.command:
-        names.append("saturation@input")
+        names += [
+            "saturation@input",
+            "speed_limit_voltage@input",
+            *(f"slip@{coupling}" for coupling in model.couplings),
+        ]
     if model.units.position == "rad" and seen.position is not None and allowed.position is not None:
         covered, free = (high - low for low, high in (seen.position, allowed.position))
         if covered < _TURN <= free:
