@@ -88,6 +88,21 @@ class Candidate:
         )
 
 
+@dataclass(frozen=True)
+class Rung:
+    """One effect that a ladder takes up.
+
+    Attributes
+    ----------
+    added : Candidate
+    set : tuple of str
+        Effects that the data cannot tell from it, itself first.
+    """
+
+    added: Candidate
+    set: tuple[str, ...]
+
+
 def effect_parameters(model: Model, name: str) -> dict[str, dict[str, Any]]:
     """Value, standard error and unit of every parameter of one effect of a model."""
     prefix = f"{name}."

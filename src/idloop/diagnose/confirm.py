@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screened, Trace, workers
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
@@ -18,6 +19,7 @@ from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
+_Choice = TypeVar("_Choice")
 
 # Effects that are refitted: the best few, and no more that promise less than this part of the best.
 MOST_REFITS, LEAST_SHARE, FEWEST_REFITS = 8, 0.05, 3
@@ -26,9 +28,6 @@ MOST_REFITS, LEAST_SHARE, FEWEST_REFITS = 8, 0.05, 3
 WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
 # Trial values from which a search starts: of effects with a strength to scale, and without.
 _FEW, _MANY = 2, 12
-# A slow linear force and a noise model with a long memory look alike: whether there is one shows in a
-# refit that lets the noise change, not in a score at the noise that stood for it.
-SLOW = ("input_offset", "load_torque", "cable_spring", "viscous_friction")
 # Phases from which a search for a wave starts.
 _PHASES = (0.0, 1.5707963267948966, 3.141592653589793, -1.5707963267948966)
 
@@ -54,6 +53,10 @@ class Confirmed:
     gain: float
     statistic: float
     uneven: float = 1.0
+
+    def refitted(self, fit: Refit, parent: Refit) -> Confirmed:
+        """The same with another fit."""
+        return replace(self, fit=fit, gain=max(fit.log_likelihood - parent.log_likelihood, 0.0))
 
 
 def promising(screened: Sequence[Screened], chance: float, fewest: int = FEWEST_REFITS) -> list[Screened]:
@@ -95,38 +98,75 @@ def confirm(
     list of Confirmed
         In order of falling gain; effects that cannot be simulated are left out.
     """
+    found = search(
+        setting,
+        parent,
+        chosen,
+        lambda screened: _confirm(setting, parent, screened),
+        lambda share, screened: report(share, screened.proposal.name) if report is not None else None,
+    )
+    return [confirmed for _, confirmed in found]
+
+
+def search(
+    setting: Setting,
+    parent: Refit,
+    chosen: Sequence[_Choice],
+    begin: Callable[[_Choice], Confirmed | None],
+    report: Callable[[float, _Choice], None],
+) -> list[tuple[_Choice, Confirmed]]:
+    """Refit each of some choices for a first round, and to the end those that may still be the best.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+    chosen : sequence
+        What there is to choose from.
+    begin : callable
+        The first round of one choice; None, or an `IdloopError`, where it cannot be simulated.
+    report : callable
+        Called with the share done and the choice.
+
+    Returns
+    -------
+    list of tuple
+        The choices with their refits, in order of falling gain, without those that cannot be simulated.
+    """
 
     # An error state does not travel into the threads of a pool.
     @np.errstate(all="ignore")
-    def one(screened: Screened) -> Confirmed | None:
+    def one(choice: _Choice) -> Confirmed | None:
         try:
-            return _confirm(setting, parent, screened)
+            return begin(choice)
         except (IdloopError, np.linalg.LinAlgError):
             return None
 
     @np.errstate(all="ignore")
-    def finish(first: Confirmed) -> Confirmed:
-        try:
-            fit = refit(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS)
-        except (IdloopError, np.linalg.LinAlgError):
-            return first
-        if fit.log_likelihood <= first.fit.log_likelihood:
-            return first
-        return replace(first, fit=fit, gain=max(fit.log_likelihood - parent.log_likelihood, 0.0))
+    def finish(begun: tuple[_Choice, Confirmed]) -> tuple[_Choice, Confirmed]:
+        choice, first = begun
+        fit = refit_or_none(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS)
+        if fit is None or fit.log_likelihood <= first.fit.log_likelihood:
+            return begun
+        return choice, first.refitted(fit, parent)
 
-    found = []
+    found: list[tuple[_Choice, Confirmed]] = []
     with ThreadPoolExecutor(workers()) as pool:
-        for i, result in enumerate(pool.map(one, chosen)):
-            if result is not None:
-                found.append(result)
-            if report is not None:
-                report(0.5 * (i + 1) / len(chosen), chosen[i].proposal.name)
-        found.sort(key=lambda c: -c.gain)
+        for i, (choice, confirmed) in enumerate(zip(chosen, pool.map(one, chosen), strict=True)):
+            if confirmed is not None:
+                found.append((choice, confirmed))
+            report((i + 1) / len(chosen), choice)
+        found.sort(key=_falling_gain)
         if found:
-            bar = min(WORTH_FINISHING * found[0].gain, found[0].gain - CLEARLY_WORSE)
-            front = [c for c in found if c.gain >= bar]
-            found = sorted(pool.map(finish, front), key=lambda c: -c.gain) + found[len(front) :]
+            most = found[0][1].gain
+            bar = min(WORTH_FINISHING * most, most - CLEARLY_WORSE)
+            front = [begun for begun in found if begun[1].gain >= bar]
+            found = sorted(pool.map(finish, front), key=_falling_gain) + found[len(front) :]
     return found
+
+
+def _falling_gain(found: tuple[_Choice, Confirmed]) -> float:
+    return -found[1].gain
 
 
 def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
@@ -137,14 +177,7 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
     best: Refit | None = None
     for number, group in enumerate(_by_structure(proposal, traces)):
         model, starts = group
-        own = dict(zip(parent.model.free, parent.point, strict=False))
-        thetas = []
-        for values, shift in starts:
-            start = proposal.model(values)
-            thetas.append(np.array([own.get(name, start.values[name]) for name in start.free]))
-            moved = {n: own[n] + d for n, d in zip(parent.model.free, shift, strict=True)} if shift is not None else {}
-            if moved:
-                thetas.append(np.array([moved.get(name, start.values[name]) for name in start.free]))
+        thetas = [theta for values, shift in starts for theta in points(parent, proposal.model(values), shift)]
         scale = np.max(np.abs(np.array(thetas)), axis=0)
         found = refit(setting, model, thetas, parent, scale, rounds=1)
         if best is None or found.log_likelihood > best.log_likelihood:
@@ -154,9 +187,28 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
             break
     if best is None:
         return None
-    return Confirmed(
-        proposal, best, max(best.log_likelihood - parent.log_likelihood, 0.0), screened.statistic, screened.uneven
-    )
+    return Confirmed(proposal, best, 0.0, screened.statistic, screened.uneven).refitted(best, parent)
+
+
+def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
+    """Free parameters to start a search from: an effect's beside the parent's as they are, and as they would move.
+
+    Parameters
+    ----------
+    parent : Refit
+    start : Model
+        The parent's with an effect at its trial values.
+    shift : array, shape (k,), or None
+        Expected move of the parent's parameters.
+
+    Returns
+    -------
+    list of array
+    """
+    known = [dict(zip(parent.model.free, parent.point, strict=False))]
+    if shift is not None:
+        known.append({name: known[0][name] + d for name, d in zip(parent.model.free, shift, strict=True)})
+    return [np.array([values.get(name, start.values[name]) for name in start.free]) for values in known]
 
 
 def _by_structure(proposal: Proposal, traces: list[Trace]) -> list[tuple[Model, list[tuple[Trial, Array | None]]]]:

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.diagnose.calibrate import Null, calibrate
-from idloop.diagnose.candidate import Candidate, effect_parameters
+from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.confirm import SLOW, Confirmed, confirm, promising
+from idloop.diagnose.confirm import Confirmed, confirm, promising
 from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
-from idloop.diagnose.leap import Rung
 from idloop.diagnose.pairs import (
     MissingPair,
     Pairs,
@@ -27,11 +27,11 @@ from idloop.diagnose.pairs import (
     tied_members,
 )
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import LONG_MEMORY, Refit, refit
-from idloop.diagnose.screen import Screen, Screened, Trace
+from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, refit_or_none
+from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
-from idloop.errors import IdloopError, InputError
+from idloop.errors import InputError
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -339,8 +339,8 @@ def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
     places = ("input", parent.model.bodies[0])
 
     def slow(proposal: Proposal) -> bool:
-        name = proposal.effect.name
-        return remembers and name in SLOW and (name == "viscous_friction" or proposal.at in places)
+        alike = proposal.effect.name != "viscous_friction"
+        return remembers and proposal.effect.slow and (proposal.at in places or not alike)
 
     return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]
 
@@ -352,15 +352,17 @@ def _p_value(null: Null, value: float, share: float) -> float:
 
 def _alike(best: Confirmed, screened: list[Screened]) -> list[Screened]:
     """Effects of one direction whose trace is that of the best one."""
-    own = [t.sketch for s in screened if s.proposal.name == best.proposal.name for t in s.traces]
-    columns = [sketch / np.linalg.norm(sketch) for sketch in own if sketch.shape[1] == 1]
+    own = [d for s in screened if s.proposal.name == best.proposal.name for d in _directions(s)]
+    return [
+        s
+        for s in screened
+        if s.proposal.name != best.proposal.name
+        and any(abs(float(one @ other)) > ALIKE for one in _directions(s) for other in own)
+    ]
 
-    def same(trace: Trace) -> bool:
-        if trace.sketch.shape[1] != 1:
-            return False
-        return any(abs(float(np.sum(c * trace.sketch))) > ALIKE * np.linalg.norm(trace.sketch) for c in columns)
 
-    return [s for s in screened if s.proposal.name != best.proposal.name and any(same(t) for t in s.traces)]
+def _directions(screened: Screened) -> list[NDArray[np.float64]]:
+    return [trace.direction for trace in screened.traces if trace.direction is not None]
 
 
 def _plainest(significant: list[Confirmed]) -> Confirmed | None:
@@ -407,12 +409,9 @@ def _same_footing(
 
 def _beside(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
     """A candidate refitted with the noise of a parent that has been lifted."""
-    try:
-        fit = refit(setting, confirmed.fit.model, None, parent)
-    except (IdloopError, np.linalg.LinAlgError):
-        return confirmed
-    gain = max(fit.log_likelihood - parent.log_likelihood, 0.0)
-    return replace(confirmed, fit=fit, gain=gain) if gain > confirmed.gain else confirmed
+    fit = refit_or_none(setting, confirmed.fit.model, None, parent)
+    again = confirmed if fit is None else confirmed.refitted(fit, parent)
+    return again if again.gain > confirmed.gain else confirmed
 
 
 def _candidates(

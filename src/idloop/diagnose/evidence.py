@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.calibrate import Null
-from idloop.diagnose.confirm import SLOW, Confirmed
+from idloop.diagnose.confirm import Confirmed
 from idloop.diagnose.refit import Refit, transfer
 from idloop.diagnose.setting import Setting
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
@@ -37,7 +37,7 @@ def statistic(confirmed: Confirmed) -> float:
     as much of it as it could, so that its own trial values lie far from where it is best.
     """
     ratio = 2.0 * confirmed.gain / confirmed.uneven
-    if confirmed.proposal.effect.name in SLOW or confirmed.proposal.replaces is not None:
+    if confirmed.proposal.effect.slow or confirmed.proposal.replaces is not None:
         return ratio
     return min(ratio, max(confirmed.statistic, 0.0))
 

@@ -17,12 +17,6 @@ Array = NDArray[np.float64]
 # Twice the log-likelihood that an effect of typical strength must be worth to be found or ruled out:
 # this many times what the best of the catalogue reaches by chance.
 _SURE = 2.5
-# Effects that begin at a level: data that stay below it can never show them.
-FROM_A_LEVEL = {
-    "saturation": "a limit that the command has reached would show, one beyond {command:.3g} {unit} cannot",
-    "speed_limit_voltage": "a supply that the drive has used up would show, a higher one cannot",
-    "slip": "a coupling that slips at the torques of this data would show, one that holds more cannot",
-}
 # Part of a trace that must not be the free parameters' own.
 _OWN_PART = 3e-3
 # Effects that are everyday and whose absence from the data is worth a verdict of its own.
@@ -42,18 +36,19 @@ class Gate:
         data may not have reached.
     why : dict
         One sentence by effect and site.
+    from_a_level : tuple of str
+        Effects that begin at a level, which the data may not have reached.
     """
 
     findings: tuple[str, ...]
     testable: dict[str, str]
     why: dict[str, str]
+    from_a_level: tuple[str, ...] = ()
 
     @property
     def untestable(self) -> tuple[str, ...]:
         """Effects that this data cannot show, or not beyond the level that it has reached."""
-        return tuple(
-            name for name, answer in self.testable.items() if answer == "no" or name.split("@")[0] in FROM_A_LEVEL
-        )
+        return tuple(name for name, answer in self.testable.items() if answer == "no" or name in self.from_a_level)
 
     @property
     def poor(self) -> bool:
@@ -86,15 +81,14 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
     testable, why = {}, {}
     for s in screened:
         testable[s.proposal.name], why[s.proposal.name] = _judge(s, facts, chance)
-    return Gate(tuple(findings), testable, why)
+    levels = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
+    return Gate(tuple(findings), testable, why, levels)
 
 
 @dataclass(frozen=True)
 class _Facts:
     seconds: float
     command_levels: int
-    command_most: float
-    unit: str
     reversals: int
     turns: float
     angle: bool
@@ -124,7 +118,7 @@ def _facts(model: Model, setting: Setting) -> _Facts:
         f"command up to {sizes.command_most:.3g} {model.input.unit}, motion over {reach}, "
         f"speed {speed:.3g} {unit}/s rms, {reversals} reversals"
     )
-    return _Facts(seconds, levels, sizes.command_most, model.input.unit, reversals, turns, angle, sentence)
+    return _Facts(seconds, levels, reversals, turns, angle, sentence)
 
 
 def _slow_reversals(output: Array, field: str, noise: float) -> int:
@@ -167,8 +161,9 @@ def _judge(s: Screened, facts: _Facts, chance: float) -> tuple[str, str]:
         return "no", f"at typical strength it would be {value}: no more than chance"
     if worth < _SURE * chance:
         return "weak", f"only a strong effect would show ({value})"
-    if name in FROM_A_LEVEL:
-        return "weak", FROM_A_LEVEL[name].format(command=facts.command_most, unit=facts.unit)
+    level = s.proposal.effect.from_a_level
+    if level:
+        return "weak", f"a {level} that this data has reached would show, one beyond it cannot"
     if name == "imbalance" and facts.turns < 1.0:
         return "weak", f"the motion covers {facts.turns:.2g} of a turn: it looks like an offset or a spring"
     return "yes", f"at typical strength it would be {value}"

@@ -14,16 +14,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from idloop.diagnose.candidate import Candidate, effect_parameters
+from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.confirm import MORE_ROUNDS, MOST_REFITS, Confirmed, starts
 from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, explained, holds
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.refit import Refit, refit_or_none
 from idloop.diagnose.screen import Screen, Screened, workers
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
@@ -43,21 +43,6 @@ _IDLE = 0.1
 _THOROUGH = 3
 # Choices of whole numbers, such as harmonics, that are searched for one effect.
 _STRUCTURES = 2
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One effect of a leap.
-
-    Attributes
-    ----------
-    added : Candidate
-    set : tuple of str
-        Effects that the data cannot tell from it, itself first.
-    """
-
-    added: Candidate
-    set: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -208,10 +193,8 @@ def _ends(
     @np.errstate(all="ignore")
     def search(values: Mapping[str, float], begun: Refit | None = None) -> Refit | None:
         theta = np.array([values.get(name, model.values[name]) for name in model.free])
-        try:
-            return refit(setting, model, [theta], begun or beside, rounds=1 if begun is None else MORE_ROUNDS)
-        except (IdloopError, np.linalg.LinAlgError):
-            return begun
+        rounds = 1 if begun is None else MORE_ROUNDS
+        return refit_or_none(setting, model, [theta], begun or beside, rounds) or begun
 
     with ThreadPoolExecutor(workers()) as pool:
         begun = _best_first(pool.map(search, choices))[:most]
@@ -236,7 +219,8 @@ def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: 
             fit for model, choices in searches for fit in _ends(setting, model, choices, base, _FINISHED)
         )
         if fits:
-            found.append((_confirmed(s, base, fits[0]), searches))
+            first = Confirmed(s.proposal, fits[0], 0.0, s.statistic, s.uneven).refitted(fits[0], base)
+            found.append((first, searches))
     found.sort(key=lambda pair: -pair[0].gain)
     for place, (first, searches) in enumerate(found[:_THOROUGH]):
         again = [first.fit]
@@ -244,13 +228,8 @@ def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: 
             around = [at for values in choices for at in _scattered(values, model, _NEAR, _NEAR_STARTS, seed)]
             again += _ends(setting, model, around, base, _FINISHED)
         fit = _best_first(again)[0]
-        found[place] = (replace(first, fit=fit, gain=max(fit.log_likelihood - base.log_likelihood, 0.0)), searches)
+        found[place] = (first.refitted(fit, base), searches)
     return sorted((c for c, _ in found), key=lambda c: -c.gain)
-
-
-def _confirmed(screened: Screened, base: Refit, fit: Refit) -> Confirmed:
-    gain = max(fit.log_likelihood - base.log_likelihood, 0.0)
-    return Confirmed(screened.proposal, fit, gain, screened.statistic, screened.uneven)
 
 
 def _searches(screened: Screened, base: Refit) -> list[tuple[Model, list[Mapping[str, float]]]]:

@@ -11,7 +11,6 @@ effects (`calibrate`): random errors are projected on the same traces.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.calibrate import exceedance
-from idloop.diagnose.confirm import CLEARLY_WORSE, MORE_ROUNDS, WORTH_FINISHING, Confirmed, starts
+from idloop.diagnose.confirm import MORE_ROUNDS, Confirmed, points, search, starts
 from idloop.diagnose.evidence import consistent, distinguishable, holds, statistic
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import Refit, refit
-from idloop.diagnose.screen import Screen, Screened, Trace, workers
+from idloop.diagnose.refit import Refit, refit, refit_or_none
+from idloop.diagnose.screen import Screen, Screened, Trace
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
-from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
@@ -110,7 +108,7 @@ class Pairs:
         while most > 1 and sum(min(len(g), most) for g in groups) > MOST_TRACES:
             most -= 1
         self.traces = [member for g in groups for member in g[:most]]
-        columns = np.column_stack([_direction(t) for _, t in self.traces]) if self.traces else np.zeros((1, 0))
+        columns = _columns([t for _, t in self.traces])
         self.alike = np.clip(columns.T @ columns, -1.0, 1.0)
         self._sided = np.array([p.one_sided for p, _ in self.traces], dtype=bool)
         close = np.abs(self.alike)
@@ -206,6 +204,11 @@ class Joined:
     first: tuple[Proposal, Trace]
     second: tuple[Proposal, Trace]
     trace: Trace
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Both, as ``effect@site``."""
+        return self.first[0].name, self.second[0].name
 
 
 @dataclass(frozen=True)
@@ -323,37 +326,14 @@ def confirm_pairs(
     list of Pair
         In order of falling gain; those that cannot be simulated are left out.
     """
-
-    # An error state does not travel into the threads of a pool.
-    @np.errstate(all="ignore")
-    def one(joined: Joined) -> Pair | None:
-        try:
-            return _confirm(setting, parent, joined)
-        except (IdloopError, np.linalg.LinAlgError):
-            return None
-
-    @np.errstate(all="ignore")
-    def finish(pair: Pair) -> Pair:
-        fit = _searched(setting, pair.together.fit.model, None, pair.together.fit)
-        if fit is None or fit.log_likelihood <= pair.together.fit.log_likelihood:
-            return pair
-        gain = max(fit.log_likelihood - parent.log_likelihood, 0.0)
-        return replace(pair, together=replace(pair.together, fit=fit, gain=gain))
-
-    found = []
-    with ThreadPoolExecutor(workers()) as pool:
-        for i, result in enumerate(pool.map(one, chosen)):
-            if result is not None:
-                found.append(result)
-            if report is not None:
-                report((i + 1) / len(chosen), f"{chosen[i].first[0].name} and {chosen[i].second[0].name}")
-        found.sort(key=lambda pair: -pair.together.gain)
-        if found:
-            most = found[0].together.gain
-            bar = min(WORTH_FINISHING * most, most - CLEARLY_WORSE)
-            front = [pair for pair in found if pair.together.gain >= bar]
-            found = sorted(pool.map(finish, front), key=lambda pair: -pair.together.gain) + found[len(front) :]
-    return found
+    found = search(
+        setting,
+        parent,
+        chosen,
+        lambda joined: _confirm(setting, parent, joined),
+        lambda share, joined: report(share, " and ".join(joined.names)) if report is not None else None,
+    )
+    return [Pair(joined.first[0], joined.second[0], confirmed) for joined, confirmed in found]
 
 
 def judge_pairs(
@@ -406,8 +386,7 @@ def judge_pairs(
     return None
 
 
-def _confirm(setting: Setting, parent: Refit, joined: Joined) -> Pair | None:
-    one, other = joined.first[0], joined.second[0]
+def _confirm(setting: Setting, parent: Refit, joined: Joined) -> Confirmed | None:
     choices: list[tuple[Trial, Trial]] = []
     for place in (-1, 0):
         # The last start has the size of the joint solution, the first one that of the trial.
@@ -416,23 +395,14 @@ def _confirm(setting: Setting, parent: Refit, joined: Joined) -> Pair | None:
             for i, (proposal, trace) in enumerate((joined.first, joined.second))
         ]
         choices.append((values[0], values[1]))
-    own = dict(zip(parent.model.free, parent.point, strict=False))
-    moved = {}
-    if joined.trace.shift is not None:
-        moved = {n: own[n] + d for n, d in zip(parent.model.free, joined.trace.shift, strict=True)}
-    tops = [_on_top(one, values, other) for values, _ in choices]
-    models = [top.model(values) for top, (_, values) in zip(tops, choices, strict=True) if top is not None]
+    tops = [_on_top(joined.first[0], values, joined.second[0]) for values, _ in choices]
     if tops[0] is None:
         return None
-    thetas = [
-        np.array([known.get(name, start.values[name]) for name in start.free])
-        for start in models
-        for known in (moved, own)
-    ]
+    models = [top.model(values) for top, (_, values) in zip(tops, choices, strict=True) if top is not None]
+    thetas = [theta for start in models for theta in points(parent, start, joined.trace.shift)]
     scale = np.max(np.abs(np.array(thetas)), axis=0)
     fit = refit(setting, models[0], thetas, parent, scale, rounds=1)
-    gain = max(fit.log_likelihood - parent.log_likelihood, 0.0)
-    return Pair(one, other, Confirmed(tops[0], fit, gain, joined.trace.statistic, joined.trace.uneven))
+    return Confirmed(tops[0], fit, 0.0, joined.trace.statistic, joined.trace.uneven).refitted(fit, parent)
 
 
 def _on_top(first: Proposal, values: Trial, second: Proposal) -> Proposal | None:
@@ -455,24 +425,18 @@ def _alone(setting: Setting, parent: Refit, proposal: Proposal, both: Refit) -> 
         np.array([values.get(name, model.values[name]) for name in model.free])
         for values in (found, {**before, **{n: v for n, v in found.items() if n.startswith(prefix)}})
     ]
-    return _searched(setting, model, thetas, parent)
+    return refit_or_none(setting, model, thetas, parent, rounds=MORE_ROUNDS)
 
 
-def _searched(setting: Setting, model: Model, thetas: Sequence[Array] | None, beside: Refit) -> Refit | None:
-    try:
-        return refit(setting, model, thetas, beside, rounds=MORE_ROUNDS)
-    except (IdloopError, np.linalg.LinAlgError):
-        return None
-
-
-def _direction(trace: Trace) -> Array:
-    direction = trace.sketch[:, 0]
-    return np.asarray(direction / max(float(np.linalg.norm(direction)), 1e-300))
+def _columns(traces: Sequence[Trace]) -> Array:
+    """Directions beside each other, shape (SKETCH, m)."""
+    found = [t.direction for t in traces if t.direction is not None]
+    return np.column_stack(found) if found else np.zeros((1, 0))
 
 
 def _shapes(traces: Sequence[Trace]) -> list[Trace]:
     """Traces of one effect that differ, the most different ones first."""
-    directions = np.column_stack([_direction(t) for t in traces])
+    directions = _columns(traces)
     alike = np.abs(directions.T @ directions)
     kept = [0]
     while len(kept) < len(traces):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idloop.diagnose.candidate import Candidate, effect_parameters
+from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.diagnosis import MISSING, UNKNOWN, diagnose_fitted
@@ -16,11 +15,11 @@ from idloop.diagnose.errors import model_errors
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.lattice import quantised
-from idloop.diagnose.leap import Rung, leap
+from idloop.diagnose.leap import leap
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
-from idloop.errors import IdloopError, InputError
+from idloop.errors import InputError
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -147,17 +146,19 @@ class _Climb:
                 rungs, fit = list(further.rungs), further.fit
             if fit is None:
                 break
-            for place, rung in enumerate(rungs):
-                if place > 0 and self.on_step is not None:
-                    self.on_step(ladder)
+            *before, last = rungs
+            for rung in before:
                 ladder = self._with(ladder, rung)
+                if self.on_step is not None:
+                    self.on_step(ladder)
             parent = fit
             if kind == "prediction":
                 # Where model error is what is left, a step that helped stays for the reader to see.
                 ladder, parent = self._without_needless(ladder, fit, setting)
                 # The order of the whitening that suited the model before need not suit it now.
                 parent = refit(setting, parent.model, None, parent, reconsider=True)
-                ladder = self._refreshed(ladder, with_stderr(parent, setting.records))
+                last = _with_values(last, with_stderr(parent, setting.records))
+            ladder = self._with(ladder, last)
             if self.on_step is not None:
                 self.on_step(ladder)
         for candidate in quantised(ladder.model, setting, self.effects):
@@ -189,30 +190,21 @@ class _Climb:
 
     def _without_needless(self, ladder: Ladder, parent: Refit, setting: Setting) -> tuple[Ladder, Refit]:
         """Take effects out again that a later one has made superfluous."""
-        for step in ladder.steps[1:-1]:
+        for step in ladder.steps[1:]:
             if step.added is None or step.added.name not in parent.model.effect_names or step.chosen_by == "user":
                 continue
             smaller = parent.model.without_effect(step.added.name)
-            tries = []
-            for beside in (parent, None):
-                with suppress(IdloopError, np.linalg.LinAlgError):
-                    tries.append(refit(setting, smaller, None, beside))
-            if not tries:
-                continue
-            without = max(tries, key=lambda fit: fit.log_likelihood)
-            if parent.log_likelihood - without.log_likelihood >= _NEEDLESS:
+            tries = [refit_or_none(setting, smaller, None, beside) for beside in (parent, None)]
+            without = max((fit for fit in tries if fit is not None), key=lambda fit: fit.log_likelihood, default=None)
+            if without is None or parent.log_likelihood - without.log_likelihood >= _NEEDLESS:
                 continue
             ladder, parent = replace(ladder, steps=tuple(s for s in ladder.steps if s is not step)), without
         return ladder, parent
 
-    def _refreshed(self, ladder: Ladder, fitted: Model) -> Ladder:
-        """The ladder with other values for the model of its last step."""
-        last = ladder.steps[-1]
-        if last.added is None:
-            return ladder
-        added = replace(last.added, model=fitted, parameters=effect_parameters(fitted, last.added.name))
-        last = replace(self._step(added, fitted), set=last.set, p_value=last.p_value, chosen_by=last.chosen_by)
-        return replace(ladder, steps=(*ladder.steps[:-1], last))
+
+def _with_values(rung: Rung, fitted: Model) -> Rung:
+    """A rung with other values for its model."""
+    return replace(rung, added=replace(rung.added, model=fitted, parameters=effect_parameters(fitted, rung.added.name)))
 
 
 def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:

@@ -238,6 +238,20 @@ def refit(
     return Refit(fitted, criterion, problem, point, value, step)
 
 
+def refit_or_none(
+    setting: Setting,
+    model: Model,
+    starts: Sequence[Array] | None = None,
+    beside: Refit | None = None,
+    rounds: int = _MOST_ROUNDS,
+) -> Refit | None:
+    """As `refit`; None where the model cannot be simulated."""
+    try:
+        return refit(setting, model, starts, beside, rounds=rounds)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+
+
 def transfer(setting: Setting, fit: Refit) -> Refit | None:
     """A fitted model on other records, its parameters and its noise as they are.
 

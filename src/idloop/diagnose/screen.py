@@ -81,6 +81,14 @@ class Trace:
     worth: float = 0.0
     shift: Array | None = None
 
+    @property
+    def direction(self) -> Array | None:
+        """Of length 1, sketched; None where the trace is not one direction."""
+        if self.sketch.shape[1] != 1:
+            return None
+        column = self.sketch[:, 0]
+        return np.asarray(column / max(float(np.linalg.norm(column)), 1e-300))
+
 
 @dataclass(frozen=True)
 class Screened:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnose.gate import FROM_A_LEVEL
 from idloop.diagnose.suggest import Suggestion, suggest
 from idloop.diagnose.suggest_effect import effect_rivals
 from idloop.diagnose.suggest_limits import Limits
 from idloop.diagnose.suggest_words import listed
 from idloop.errors import IdloopError
+from idloop.physics.effect import catalogue
 
 if TYPE_CHECKING:
     from idloop.diagnose.diagnosis import Diagnosis
@@ -156,9 +156,15 @@ def _for_the_unseen(
     """The experiment that shows most of the effects that the data cannot show."""
     plain = found.model
     rank = {name: place for place, name in enumerate(_EVERYDAY)}
-    skipped = _NEVER.union(FROM_A_LEVEL)
-    unseen = [name for name in found.untestable if name.partition("@")[0] not in skipped]
-    unseen += [name for name in _beyond(plain, records, limits) if name not in unseen]
+    known = catalogue(*plain.effect_folders)
+    seen, allowed = Limits().completed(plain, records), limits.completed(plain, records)
+    further = seen.command is not None and allowed.command is not None and allowed.command > _WIDER * seen.command
+    unseen = []
+    for name in found.untestable:
+        kind = name.partition("@")[0]
+        if kind not in _NEVER and (further or not any(effect.from_a_level for effect in known[kind])):
+            unseen.append(name)
+    unseen += [name for name in _over_a_turn(plain, seen, allowed) if name not in unseen]
     models: dict[str, Model] = {}
     for name in sorted(unseen, key=lambda name: rank.get(name.partition("@")[0], len(rank))):
         if len(models) == _MOST_UNSEEN:
@@ -175,18 +181,10 @@ def _for_the_unseen(
     return replace(answer, text=f"this data cannot show {listed(list(models))}; {answer.text}")
 
 
-def _beyond(model: Model, records: Sequence[Record], limits: Limits) -> list[str]:
-    """Effects that begin outside what the data cover, where the limits allow to go there."""
-    seen, allowed = Limits().completed(model, records), limits.completed(model, records)
-    names = []
-    if seen.command is not None and allowed.command is not None and allowed.command > _WIDER * seen.command:
-        names += [
-            "saturation@input",
-            "speed_limit_voltage@input",
-            *(f"slip@{coupling}" for coupling in model.couplings),
-        ]
-    if model.units.position == "rad" and seen.position is not None and allowed.position is not None:
-        covered, free = (high - low for low, high in (seen.position, allowed.position))
-        if covered < _TURN <= free:
-            names += [f"imbalance@{body}" for body in model.bodies[:1]]
-    return [name for name in names if name not in model.effect_names]
+def _over_a_turn(model: Model, seen: Limits, allowed: Limits) -> list[str]:
+    """What shows over a turn only, where less than one was covered and the limits allow it."""
+    if model.units.position != "rad" or seen.position is None or allowed.position is None:
+        return []
+    covered, free = (high - low for low, high in (seen.position, allowed.position))
+    name = f"imbalance@{model.bodies[0]}"
+    return [name] if covered < _TURN <= free and name not in model.effect_names else []

@@ -9,8 +9,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from idloop.estimate.observer import discretise
-
 if TYPE_CHECKING:
     from idloop.physics.engine import Linear
 
@@ -80,6 +78,9 @@ def settling_observer(
     -------
     SettlingObserver
     """
+    # Loaded on first use: verbs that fit nothing do without.
+    from scipy.linalg import expm
+
     m, p = len(linear.A), len(linear.C)
     noise = output_noise[measured]
     force = max(float(np.sqrt(disturbance_intensity)), 1e-300)
@@ -87,7 +88,7 @@ def settling_observer(
     augmented[:m, :m] = linear.A
     augmented[:m, m] = linear.G * force
     process = np.zeros((m + 1, m + 1))
-    transition = discretise(augmented, process, sample_time)[0]
+    transition = expm(augmented * sample_time)
     transition[m, m], process[m, m] = decay, sample_time
     output = np.hstack([linear.C[measured] / noise[:, None], np.zeros((len(measured), 1))])
     prior = np.square(start)

@@ -132,6 +132,8 @@ class Effect:
         Still an effect when the part of it that is another effect is switched off.
     degenerates_to : tuple of str
         Effects that this one imitates at the edge of its parameters.
+    slow : bool
+        A force that a disturbance with a long memory may stand for, so that only a refit shows it.
     needs_angle : bool
         Makes sense only where positions are angles.
     valid : callable
@@ -162,8 +164,16 @@ class Effect:
     contains: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     separable: bool = False
     degenerates_to: tuple[str, ...] = ()
+    slow: bool = False
     needs_angle: bool = False
     valid: Callable[[Mapping[str, float]], bool] = field(default=_always)
+
+    @property
+    def from_a_level(self) -> str:
+        """Parameter below which nothing happens, infinite without the effect; empty without one."""
+        if self.splits or not self.parameters:
+            return ""
+        return "" if math.isfinite(self.parameters[0].neutral) else self.parameters[0].name
 
     @property
     def strength(self) -> str:

@@ -21,6 +21,7 @@ EFFECT = Effect(
         ParameterSpec("rest", "{position}"),
     ),
     force=force,
+    slow=True,
     linear=True,
     rate=lambda values, inertia, stiffness: (values["stiffness"] / inertia) ** 0.5,
     looks_like=("imbalance",),

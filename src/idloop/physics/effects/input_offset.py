@@ -21,5 +21,6 @@ EFFECT = Effect(
     command=command,
     order=40,
     looks_like=("load_torque", "imbalance", "asymmetric_friction"),
+    slow=True,
     trials=lambda s: alternatives("offset", [0.05 * s.command]),
 )

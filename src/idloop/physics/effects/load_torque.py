@@ -20,5 +20,6 @@ EFFECT = Effect(
     parameters=(ParameterSpec("torque", "{force}"),),
     force=force,
     looks_like=("input_offset",),
+    slow=True,
     trials=lambda s: alternatives("torque", [0.05 * s.force]),
 )

@@ -19,6 +19,7 @@ EFFECT = Effect(
     text="A drag proportional to speed: lubricant, eddy currents, back-EMF.",
     parameters=(ParameterSpec("coefficient", "{force}·s/{position}", min=0.0),),
     force=force,
+    slow=True,
     linear=True,
     rate=lambda values, inertia, stiffness: values["coefficient"] / inertia,
     looks_like=("quadratic_drag",),
