@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from idloop.physics import Model, load_model, simulate
+from idloop.physics.engine import Engine
 
 TIME = np.arange(0.0, 5.0, 0.02)
 COMMAND = np.random.default_rng(3).uniform(-1.0, 1.0, len(TIME))
@@ -105,3 +106,63 @@ def test_friction_events_do_not_spoil_the_order() -> None:
             left -= step
         expected.append((x, v))
     np.testing.assert_allclose(run.output, expected, atol=1e-9)
+
+
+def chain_solution(model: Model, time: np.ndarray, command_time: np.ndarray, command: np.ndarray) -> np.ndarray:
+    """Output of a linear model by SciPy's matrix exponential, from event to event."""
+    from scipy.linalg import expm
+
+    linear = Engine(model).linearise()
+    states = len(linear.A)
+    augmented = np.zeros((states + 1, states + 1))
+    augmented[:states, :states], augmented[:states, states] = linear.A, linear.B
+    x, out, now = np.zeros(states + 1), [], time[0]
+    events = sorted([(t, 0, 0.0) for t in time] + [(t, 1, u) for t, u in zip(command_time, command, strict=True)])
+    for t, kind, value in events:
+        if t > time[-1]:
+            break
+        if t > now:
+            x, now = expm(augmented * (t - now)) @ x, t
+        if kind == 0:
+            out.append(linear.C @ x[:states])
+        else:
+            x[states] = value
+    return np.array(out)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0007])
+@pytest.mark.parametrize(("preset", "sample_time"), [("torsion", 0.005), ("lead_screw", 0.002)])
+def test_a_chain_quicker_than_its_samples_is_exact(preset: str, sample_time: float, late: float) -> None:
+    model = load_model(preset)
+    time = np.arange(200) * sample_time
+    command = np.repeat(np.random.default_rng(5).uniform(-1.0, 1.0, 20), 10)
+    run = Engine(model).simulate(None, time + late, command, time)
+    expected = chain_solution(model, time, time + late, command)
+    # stamps in floating point are even to about 1e-8 of a step
+    np.testing.assert_allclose(run, expected, atol=1e-6 * np.max(np.abs(expected)))
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "values"),
+    [
+        ("coulomb_friction", "load2", {"level": 0.02}),
+        ("stribeck_friction", "load1", {"coulomb": 0.02, "static": 0.03, "velocity": 0.5}),
+        ("load_dependent_friction", "load1", {"ratio": 0.2}),
+        ("quadratic_drag", "load3", {"coefficient": 1e-3}),
+        ("cogging", "load1", {"amplitude": 0.02, "harmonic": 12.0, "phase": 0.3}),
+        ("saturation", "input", {"limit": 2.0}),
+        ("actuator_lag", "input", {"time_constant": 0.02}),
+        ("backlash", "load1-load2", {"gap": 0.02}),
+        ("compliance", "load3", {"stiffness": 3.0, "damping": 1e-3, "split": 0.5}),
+    ],
+)
+def test_long_exact_steps_agree_with_short_ones(name: str, at: str, values: dict[str, float]) -> None:
+    model = load_model("torsion").with_effect(name, at, **values)
+    time = np.arange(500) * 0.004
+    command = np.repeat(np.random.default_rng(5).uniform(-5.0, 5.0, 25), 20)
+    engine = Engine(model)
+    even = engine.simulate(None, time, command, time)
+    # Stamps that are never even by a hair: every step is a short one.
+    hair = time + 4e-8 * np.arange(500) % 3.7e-6
+    short = engine.simulate(None, hair, command, hair)
+    np.testing.assert_allclose(even, short, atol=1e-3 * np.max(np.abs(short)))

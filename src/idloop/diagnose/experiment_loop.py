@@ -118,9 +118,10 @@ def _loop(stamp: int) -> Any:
         seen = np.zeros(inputs.shape[0])
         sent_time = np.zeros(instants.shape[0])
         sent = np.zeros(instants.shape[0])
+        flow = kernel.chain_flow(axis, instants[:1], instants)
         count = 0
         for k in range(instants.shape[0]):
-            kernel.run_to(axis, sent_time[:count], sent[:count], instants[k], state, history, work)
+            kernel.run_to(axis, sent_time[:count], sent[:count], instants[k], state, history, work, flow)
             kernel.measure(axis, state, history, noise[k], output[k])
             state[kernel.DISTURBANCE] = disturbance[k]
             if ticks[k]:

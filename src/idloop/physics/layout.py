@@ -138,7 +138,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
     numbers: list[float] = []
     next_state = kernel.FIRST + 3 * n
     input_delay = 0.0
-    rate = chain.linear_rate()
+    rate, beyond = chain.linear_rate(), 0.0
 
     for active in sorted(model.effects, key=lambda active: active.effect.order):
         effect = active.effect
@@ -160,7 +160,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
             inertia, stiffness = min(chain.inertia[site : site + 2]), chain.stiffness[site]
         elif effect.site == OUTPUT:
             site = output_of[active.at]
-        rate += effect.rate(own, inertia, stiffness)
+        beyond += effect.rate(own, inertia, stiffness)
         if effect.site == BODY:
             spatial[site] = max(spatial[site], effect.spatial_rate(own, inertia, stiffness))
         settle = effect.settle.address if effect.settle is not None else 0
@@ -177,7 +177,15 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
         viscous=np.asarray(chain.viscous, dtype=float),
         stiffness=np.asarray(chain.stiffness, dtype=float),
         damping=np.asarray(chain.damping, dtype=float),
-        constants=np.array([values["drive.gain"], input_delay, min(rate / STEP_ANGLE, MOST_STEPS), MOST_STEPS]),
+        constants=np.array(
+            [
+                values["drive.gain"],
+                input_delay,
+                min((rate + beyond) / STEP_ANGLE, MOST_STEPS),
+                MOST_STEPS,
+                beyond / STEP_ANGLE,
+            ]
+        ),
         spatial_rate=spatial / STEP_ANGLE,
         parameters=np.array([*numbers, 0.0]),
         input_hooks=_table(tables[INPUT]),
