@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 _Choice = TypeVar("_Choice")
 
 # Effects that are refitted: the best few, and no more that promise less than this part of the best.
-MOST_REFITS, LEAST_SHARE, FEWEST_REFITS = 8, 0.05, 3
+USUAL_REFITS, LEAST_SHARE, FEWEST_REFITS = 8, 0.05, 3
+# More of them where one effect at many bodies promises much the same; which body it is, only refits tell.
+MOST_REFITS, MUCH_THE_SAME = 20, 0.5
 # After a first round of search, effects that gained less than this part of the best and are worse
 # by this much log-likelihood are not searched further.
 WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
@@ -73,8 +75,10 @@ def promising(screened: Sequence[Screened], chance: float, fewest: int = FEWEST_
     ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)
     if not ranked:
         return []
-    bar = max(LEAST_SHARE * ranked[0].statistic, chance)
-    return [s for i, s in enumerate(ranked[:MOST_REFITS]) if i < fewest or s.statistic > bar]
+    best = ranked[0].statistic
+    bars = [0.0] * fewest + [max(LEAST_SHARE * best, chance)] * (USUAL_REFITS - fewest)
+    bars += [max(MUCH_THE_SAME * best, chance)] * (MOST_REFITS - len(bars))
+    return [s for s, bar in zip(ranked, bars, strict=False) if s.statistic > bar]
 
 
 def confirm(

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
-from idloop.diagnose.confirm import MORE_ROUNDS, MOST_REFITS, Confirmed, starts
+from idloop.diagnose.confirm import MORE_ROUNDS, USUAL_REFITS, Confirmed, starts
 from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, explained, holds
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.proposals import Proposal, proposals
@@ -211,7 +211,7 @@ def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: 
     What the screening says of a model that is far off is little: all values that it tried are starts.
     """
     screened = Screen(setting, base, seed).all(proposals(base.model, effects))
-    ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)[:MOST_REFITS]
+    ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)[:USUAL_REFITS]
     found = []
     for s in ranked:
         searches = _searches(s, base)

@@ -58,6 +58,8 @@ class Refit:
         Concentrated over the noise model, less one for each of the noise model's parameters.
     step : array, shape (k + m,)
         Difference steps that suit.
+    slopes : array, shape (n, k), or None
+        Jacobian of the whitened errors, roughly: where searches of neighbouring models begin.
     """
 
     model: Model
@@ -66,6 +68,7 @@ class Refit:
     point: Array
     log_likelihood: float
     step: Array
+    slopes: NDArray[np.float32] | None = None
 
     @property
     def parameters(self) -> int:
@@ -189,6 +192,7 @@ def refit(
         raise IdloopError("the model gives no finite output at its starting values; check signs and magnitudes")
     criterion.keep(start)
     step: Array | None = None
+    slopes = _slopes_of(beside, model) if beside is not None else None
     best, kept = -np.inf, None
     for round_ in range(rounds):
         criterion.retune(theta)
@@ -212,20 +216,23 @@ def refit(
             max_iterations=_ITERATIONS_PER_ROUND,
             tolerance=_PROMISE,
             quick=True,
+            jacobian=slopes if slopes is not None and slopes.shape == (problem.length, k + moving) else None,
+            draft=rounds == 1,
         )
-        theta, step = found.point[:k], found.step
+        theta, step, slopes = found.point[:k], found.step, found.jacobian
         nuisance = np.concatenate([found.point[k:], held])
         criterion.keep(nuisance)
         value = max(value, _weigh(problem, np.concatenate([theta, nuisance]), orders))
         if value > best:
-            kept = (theta, nuisance, np.concatenate([step, nuisance_size[moving:] * 1e-4]))
+            steps = np.concatenate([step, nuisance_size[moving:] * 1e-4])
+            kept = (theta, nuisance, steps, slopes[:, :k].astype(np.float32))
         gained = value - beside.log_likelihood if beside is not None else 0.0
         if value < best + max(_SETTLED, _SETTLED_PART * gained) and round_ > 0:
             break
         best = max(best, value)
     if kept is None:
         raise IdloopError("the search left the region in which the model can be simulated")
-    theta, nuisance, step = kept
+    theta, nuisance, step, rough = kept
     criterion.keep(nuisance)
     criterion.retune(theta)
     point = np.concatenate([theta, nuisance])
@@ -235,7 +242,19 @@ def refit(
         # What forgets quickly is no walk, which is what an observer elsewhere takes a disturbance for.
         walks = criterion.memory >= LONG_MEMORY
         fitted = replace(fitted, disturbance=float(np.sqrt(criterion.intensity)) if walks else None)
-    return Refit(fitted, criterion, problem, point, value, step)
+    return Refit(fitted, criterion, problem, point, value, step, rough)
+
+
+def _slopes_of(beside: Refit, model: Model) -> Array | None:
+    """Jacobian of a neighbouring model, in the order of this one's parameters; NaN for those that are new."""
+    if beside.slopes is None:
+        return None
+    places = {name: place for place, name in enumerate(beside.model.free)}
+    slopes = np.full((len(beside.slopes), len(model.free)), np.nan)
+    for column, name in enumerate(model.free):
+        if name in places:
+            slopes[:, column] = beside.slopes[:, places[name]]
+    return slopes
 
 
 def refit_or_none(

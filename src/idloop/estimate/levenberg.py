@@ -155,6 +155,8 @@ def minimise(
     tolerance: float = 1e-5,
     report: Callable[[int, float], None] | None = None,
     quick: bool = False,
+    jacobian: Array | None = None,
+    draft: bool = False,
 ) -> Minimum:
     """Minimise half the sum of squares inside a box.
 
@@ -177,6 +179,10 @@ def minimise(
     quick : bool
         One-sided differences, carried on by Broyden's update (Math. Comp. 19, 1965) while steps do
         what they promise; the Jacobian that is returned is then one of a point nearby.
+    jacobian : array, shape (n, k), optional
+        Of a search like this one, to start from; columns of NaN are not known yet.
+    draft : bool
+        Whether a search that such a Jacobian has led to its end is left at that.
 
     Returns
     -------
@@ -187,12 +193,13 @@ def minimise(
     cost = _half_square(residual)
     step = 1e-4 * scale if step is None else step
     damping, converged, iteration = 1e-3, False, 0
-    jacobian, fresh = np.zeros((len(residual), len(point))), False
-    follows = False
+    fresh, borrowed, known = False, jacobian is not None, jacobian is not None
+    if jacobian is not None:
+        jacobian, step = _completed(function, point, residual, lower, upper, step, scale, jacobian)
     while True:
-        if not follows and not (quick and (converged or iteration >= max_iterations)):
+        if jacobian is None or not known:
             jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick)
-            fresh = True
+            fresh, borrowed, known = True, False, True
         if converged or iteration >= max_iterations:
             break
         gradient = jacobian.T @ residual
@@ -215,19 +222,49 @@ def minimise(
                 point, residual, cost, accepted = trial, trial_residual, trial_cost, True
                 break
             damping *= 8.0
+        if converged and borrowed and not draft:
+            # Another search's Jacobian may promise nothing where this one's does.
+            converged, known = False, False
+            continue
         if not accepted and not converged and not fresh:
             # The updated Jacobian no longer serves: look afresh.
+            known = False
             continue
         fresh = False
         iteration += 1
         if report is not None:
             report(iteration, cost)
-        if converged and not accepted:
+        if not accepted:
             # The Jacobian at this very point is in hand already.
             break
-        if not accepted:
-            break
+        known = follows or (quick and iteration >= max_iterations)
     return Minimum(point, residual, jacobian, cost, iteration, converged, step)
+
+
+def _completed(
+    function: Callable[[Array], Array],
+    point: Array,
+    residual: Array,
+    lower: Array,
+    upper: Array,
+    step: Array,
+    scale: Array,
+    jacobian: Array,
+) -> tuple[Array, Array]:
+    """A Jacobian with its unknown columns filled by one-sided differences, and the steps used."""
+    jacobian, step = np.array(jacobian, dtype=float), step.copy()
+    missing = np.flatnonzero(~np.all(np.isfinite(jacobian), axis=0))
+
+    def along(part: Array) -> Array:
+        at = point.copy()
+        at[missing] = part
+        return function(at)
+
+    columns, step[missing] = difference_jacobian(
+        along, point[missing], residual, lower[missing], upper[missing], step[missing], scale[missing], False
+    )
+    jacobian[:, missing] = columns
+    return jacobian, step
 
 
 def _update(jacobian: Array, move: Array, change: Array, hessian: Array) -> None:

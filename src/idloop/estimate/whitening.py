@@ -55,26 +55,33 @@ def _filter(series: Any, coefficients: Any) -> Any:
     """Prediction errors of an autoregression."""
     n, p = series.shape
     order = coefficients.shape[0]
-    white = series[order:].copy()
+    # One series after the other in memory: sums along time then run several at once.
+    past = series.T.copy()
+    white = past[:, order:].copy()
     for j in range(p):
+        to = white[j]
         for k in range(1, order + 1):
             for q in range(p):
                 factor = coefficients[k - 1, j, q]
+                late = past[q, order - k : n - k]
                 for i in range(n - order):
-                    white[i, j] -= factor * series[i + order - k, q]
-    return white
+                    to[i] -= factor * late[i]
+    return white.T.copy()
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lagged_products(series: Any, total: Any) -> None:
     """Add Σ e_t e_{t−k}ᵀ of one record, k = 0..order, to ``total`` (order + 1, p, p)."""
     n, p = series.shape
+    by_output = series.T.copy()
     for k in range(min(total.shape[0], n)):
         for j in range(p):
+            now = by_output[j, k:]
             for q in range(p):
+                late = by_output[q, : n - k]
                 sum_ = 0.0
-                for i in range(k, n):
-                    sum_ += series[i, j] * series[i - k, q]
+                for i in range(n - k):
+                    sum_ += now[i] * late[i]
                 total[k, j, q] += sum_
 
 
