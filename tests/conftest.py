@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+if TYPE_CHECKING:
+    from idloop.diagnose import Diagnosis
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
@@ -35,6 +40,33 @@ def data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no measured data in {folder}: set IDLOOP_DATA to their folder")
     return folder
+
+
+@pytest.fixture(scope="session")
+def missing_pair() -> Diagnosis:
+    """Two effects that show only together on a plain axis, with the models that a ladder passes by."""
+    from idloop.diagnose import Candidate, Diagnosis, Gate
+    from idloop.physics import load_model
+
+    start = load_model("axis")
+    first = start.with_effects(["gain_asymmetry@input(ratio=0.02)"])
+    both = first.with_effects(["load_torque@axis(torque=-0.01)"])
+    gain = Candidate("gain_asymmetry", "input", "yes", "", "It pushes harder one way.", p_value=0.001, model=both)
+    load = Candidate("load_torque", "axis", "yes", "", "Something pulls.", p_value=0.001, model=both)
+    return Diagnosis(
+        model=start,
+        candidates=(gain, load),
+        set=(gain.name,),
+        verdict="missing",
+        gate=Gate((), {}, {}),
+        unknown=None,
+        criterion="prediction",
+        level=0.01,
+        fit=None,
+        pair=(gain.name, load.name),
+        rival_pairs=((gain.name, "input_offset@input"),),
+        alone=replace(gain, model=first),
+    )
 
 
 @pytest.fixture(scope="session")

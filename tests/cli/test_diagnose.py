@@ -9,8 +9,6 @@ import pytest
 from idloop.cli import main
 from idloop.cli._diagnosis import p_text, parameter_text
 from idloop.cli.diagnose import print_diagnosis
-from idloop.diagnose import Candidate, Diagnosis, Gate
-from idloop.physics import load_model
 
 
 def words(*arguments: object) -> list[str]:
@@ -91,25 +89,8 @@ def test_a_tiny_p_value_is_not_spelled_out():
     assert [p_text(p) for p in (None, 1e-5, 0.0123)] == ["-", "< 0.001", "0.012"]
 
 
-def test_two_effects_that_show_only_together_are_named_together(capsys):
-    model = load_model("axis")
-    first = Candidate("gain_asymmetry", "input", "yes", "", "It pushes harder one way.", p_value=1e-5, model=model)
-    second = Candidate("load_torque", "axis", "yes", "", "Something pulls.", p_value=1e-5, model=model)
-    found = Diagnosis(
-        model=model,
-        candidates=(first, second),
-        set=(first.name,),
-        verdict="missing",
-        gate=Gate((), {}, {}),
-        unknown=None,
-        criterion="prediction",
-        level=0.01,
-        fit=None,
-        pair=(first.name, second.name),
-        rival_pairs=((first.name, "input_offset@input"),),
-        alone=first,
-    )
-    print_diagnosis(found)
+def test_two_effects_that_show_only_together_are_named_together(missing_pair, capsys):
+    print_diagnosis(missing_pair)
     out = capsys.readouterr().out
     assert "only together: gain_asymmetry@input and load_torque@axis" in out
     assert "load_torque@axis: Something pulls." in out

@@ -6,34 +6,15 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop.diagnose import Candidate, Diagnosis, Gate, Ladder, Step
-from idloop.physics import load_model
+from idloop.diagnose import Ladder, Step
 from idloop_nodes.diagnosis_jobs import ADD_BEST, UNDO, DiagnosisJob
 from idloop_nodes.notebook import Notebook
 
 
-def test_both_effects_of_a_pair_are_added_and_taken_back_one_by_one():
-    start = load_model("axis")
-    first = start.with_effects(["gain_asymmetry@input(ratio=0.02)"])
-    both = first.with_effects(["load_torque@axis(torque=-0.01)"])
-    gain = Candidate("gain_asymmetry", "input", "yes", "", "", p_value=0.001, model=both)
-    load = Candidate("load_torque", "axis", "yes", "", "", p_value=0.001, model=both)
-    alone = Candidate("gain_asymmetry", "input", "yes", "", "", p_value=0.001, model=first)
-    found = Diagnosis(
-        model=start,
-        candidates=(gain, load),
-        set=(gain.name,),
-        verdict="missing",
-        gate=Gate((), {}, {}),
-        unknown=None,
-        criterion="prediction",
-        level=0.01,
-        fit=None,
-        pair=(gain.name, load.name),
-        rival_pairs=((gain.name, "input_offset@input"),),
-        alone=alone,
-    )
-    notebook = Notebook(Ladder((Step(None, start),)), found)
+def test_both_effects_of_a_pair_are_added_and_taken_back_one_by_one(missing_pair):
+    gain, load = missing_pair.candidates
+    start, first, both = missing_pair.model, missing_pair.alone.model, gain.model
+    notebook = Notebook(Ladder((Step(None, start),)), missing_pair)
     job = DiagnosisJob(1, ADD_BEST, 0, start)
     answer = notebook.add_best_effect(job, lambda share, text: None)
     assert answer.model is both
