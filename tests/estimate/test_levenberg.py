@@ -1,17 +1,52 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.estimate.levenberg import minimise
+from idloop.estimate.levenberg import Minimum, minimise
 
 WIDE = np.full(2, np.inf)
+INSTANTS = np.linspace(0.0, 3.0, 40)
+
+
+def rosenbrock(x: np.ndarray) -> np.ndarray:
+    return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
+
+
+def decaying(x: np.ndarray) -> np.ndarray:
+    """Misfit of a decaying exponential, with errors so that something is left at the minimum."""
+    errors = np.sin(40.0 * INSTANTS)
+    return np.asarray(20.0 * (x[0] * np.exp(-x[1] * INSTANTS) - 2.0 * np.exp(-1.5 * INSTANTS)) + errors)
+
+
+def counted(
+    function: Callable[[np.ndarray], np.ndarray],
+    start: list[float],
+    low: list[float],
+    high: list[float],
+    quick: bool,
+    tolerance: float = 1e-12,
+) -> tuple[Minimum, int]:
+    """Minimum and how often the function was evaluated for it."""
+    count = 0
+
+    def evaluated(x: np.ndarray) -> np.ndarray:
+        nonlocal count
+        count += 1
+        return function(x)
+
+    found = minimise(
+        evaluated, np.array(start), np.array(low), np.array(high), np.ones(len(start)),
+        max_iterations=200, tolerance=tolerance, quick=quick,
+    )  # fmt: skip
+    return found, count
 
 
 def test_rosenbrock() -> None:
     found = minimise(
-        lambda x: np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]]),
-        np.array([-1.2, 1.0]), -WIDE, WIDE, np.ones(2), max_iterations=200, tolerance=1e-14,
+        rosenbrock, np.array([-1.2, 1.0]), -WIDE, WIDE, np.ones(2), max_iterations=200, tolerance=1e-14,
     )  # fmt: skip
     assert found.point == pytest.approx([1.0, 1.0], abs=1e-4)
 
@@ -63,3 +98,50 @@ def test_values_that_cannot_be_simulated_are_stepped_around() -> None:
         np.array([4.0]), np.array([-np.inf]), np.array([np.inf]), np.ones(1), tolerance=1e-12,
     )  # fmt: skip
     assert found.point[0] == pytest.approx(0.01, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("function", "start", "low", "high", "expected"),
+    [
+        (rosenbrock, [-1.2, 1.0], [-9.0, -9.0], [9.0, 9.0], [1.0, 1.0]),
+        (rosenbrock, [3.0, 3.0], [-9.0, -9.0], [9.0, 9.0], [1.0, 1.0]),
+        (rosenbrock, [0.5, 1.0], [-9.0, -9.0], [0.8, 9.0], [0.8, 0.64]),
+        (rosenbrock, [0.5, 1.0], [-9.0, -9.0], [9.0, 0.5], None),
+        (decaying, [1.0, 0.3], [0.0, 0.0], [9.0, 9.0], None),
+        (decaying, [4.0, 0.9], [0.0, 0.0], [9.0, 1.0], None),
+        (decaying, [3.0, 1.0], [2.5, 0.0], [9.0, 9.0], None),
+    ],
+)
+def test_a_quick_search_ends_at_the_same_minimum_with_fewer_evaluations(
+    function: Callable[[np.ndarray], np.ndarray],
+    start: list[float],
+    low: list[float],
+    high: list[float],
+    expected: list[float] | None,
+) -> None:
+    plain, many = counted(function, start, low, high, quick=False)
+    quick, few = counted(function, start, low, high, quick=True)
+    assert quick.converged
+    assert quick.point == pytest.approx(plain.point if expected is None else expected, abs=1e-4)
+    assert quick.cost == pytest.approx(plain.cost, rel=1e-6, abs=1e-10)
+    assert few < 0.5 * many
+
+
+@given(st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3), st.integers(0, 1000))
+def test_a_quick_search_ends_well_within_a_standard_error(start: list[float], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix, errors = np.eye(30, 3) + 0.3 * rng.normal(size=(30, 3)), rng.normal(size=30)
+
+    def bent(x: np.ndarray) -> np.ndarray:
+        return 20.0 * (matrix @ x + 0.2 * np.sin(matrix @ x))
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        return np.asarray(bent(x) - bent(np.array([1.0, -0.5, 0.2])) + errors)
+
+    unbounded = [-np.inf] * 3, [np.inf] * 3
+    plain, many = counted(residual, start, *unbounded, quick=False, tolerance=1e-5)
+    quick, few = counted(residual, start, *unbounded, quick=True, tolerance=1e-5)
+    # In the log-likelihood a third of a standard error is 0.05.
+    assert quick.cost == pytest.approx(plain.cost, abs=0.05)
+    assert few < many
+    np.testing.assert_array_equal(quick.residual, residual(quick.point))
