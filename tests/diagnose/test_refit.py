@@ -1,0 +1,96 @@
+"""Refits find out by themselves how strong a disturbance is and how long it remembers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, transfer
+from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.estimate.innovations import WALK, WHITE
+from idloop.physics import Model, load_model
+from idloop.physics.simulation import simulate
+from idloop.records import Record
+
+STEP = 0.01
+# Decades of a sample: less than ten samples.
+SHORT_MEMORY = 1.0
+
+
+def disturbed(machine: Model, force: np.ndarray, seed: int) -> Record:
+    """Open-loop record of a machine under random steps, pushed by a force that is held from sample to sample."""
+    rng = np.random.default_rng(seed)
+    time = STEP * np.arange(len(force))
+    command = rng.normal(size=len(force) // 25 + 1).repeat(25)[: len(force)]
+    noise = rng.normal(size=(len(force), 2)) * [o.noise for o in machine.outputs]
+    output = simulate(machine, time, command + force, time, noise=noise).output
+    names, units = tuple(o.name for o in machine.outputs), tuple(o.unit for o in machine.outputs)
+    return Record("run", time, command, time, output, "axis.effort", machine.input.unit, names, units)
+
+
+@pytest.fixture(scope="module")
+def start() -> Model:
+    """The plain axis, a third off."""
+    model = load_model("axis")
+    return model.with_values({p.name: 0.7 * p.value for p in model.parameters if p.free})
+
+
+def under_both(start: Model, seed: int) -> dict[str, Setting]:
+    """The same run under two disturbances: forgotten at once, and never."""
+    shocks = np.random.default_rng(seed).normal(size=600)
+    forces = {"white": 0.05 * shocks, "walk": 0.01 * np.cumsum(shocks)}
+    return {
+        name: prepare_setting(start, [disturbed(load_model("axis"), force, seed + 50)], "prediction")
+        for name, force in forces.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def settings(start: Model) -> dict[str, Setting]:
+    return under_both(start, 4)
+
+
+@pytest.fixture(scope="module")
+def found(start: Model, settings: dict[str, Setting]) -> dict[str, Refit]:
+    return {name: refit(setting, start) for name, setting in settings.items()}
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_white_disturbance_ends_with_a_short_memory_and_a_walk_with_a_long_one(start: Model, seed: int) -> None:
+    fits = {name: refit(setting, start) for name, setting in under_both(start, seed).items()}
+    assert fits["white"].criterion.memory < SHORT_MEMORY
+    assert fits["walk"].criterion.memory >= LONG_MEMORY
+    for fit in fits.values():
+        assert fit.model.values["axis.inertia"] == pytest.approx(0.01, rel=0.02)
+
+
+def test_an_observer_elsewhere_is_told_of_a_walk_only(found: dict[str, Refit]) -> None:
+    assert found["white"].model.disturbance is None
+    assert found["walk"].model.disturbance == pytest.approx(0.01 / np.sqrt(STEP), rel=0.5)
+
+
+@pytest.mark.parametrize(("name", "exponent", "memory"), [("white", -8.0, WALK), ("walk", 2.0, WHITE)])
+def test_a_search_beside_a_model_of_quite_another_disturbance_finds_its_own(
+    name: str, exponent: float, memory: float, start: Model, settings: dict[str, Setting], found: dict[str, Refit]
+) -> None:
+    fit = found[name]
+    neighbour = replace(fit, point=np.array([*fit.point[: fit.parameters], exponent, memory]))
+    again = refit(settings[name], start, None, neighbour)
+    assert again.log_likelihood == pytest.approx(fit.log_likelihood, abs=5.0)
+    assert (again.criterion.memory >= LONG_MEMORY) == (name == "walk")
+
+
+@pytest.mark.parametrize("name", ["white", "walk"])
+def test_no_other_disturbance_explains_the_record_better(
+    name: str, settings: dict[str, Setting], found: dict[str, Refit]
+) -> None:
+    fit = found[name]
+    theta, values = fit.point[: fit.parameters], []
+    for exponent in np.arange(-8.0, 3.0, 1.0):
+        for memory in (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0):
+            other = transfer(settings[name], replace(fit, point=np.array([*theta, exponent, memory])))
+            assert other is not None
+            values.append(other.log_likelihood)
+    assert max(values) < fit.log_likelihood + 0.5
+    # It matters which one.
+    assert np.median(values) < fit.log_likelihood - 10.0
