@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
 
 from idloop.estimate.levenberg import Minimum, minimise
 
@@ -145,3 +146,26 @@ def test_a_quick_search_ends_well_within_a_standard_error(start: list[float], se
     assert quick.cost == pytest.approx(plain.cost, abs=0.05)
     assert few < many
     np.testing.assert_array_equal(quick.residual, residual(quick.point))
+
+
+@given(seed=st.integers(0, 10_000), quick=st.booleans())
+def test_the_minimum_in_a_box_is_that_of_scipy(seed: int, quick: bool) -> None:
+    random = np.random.default_rng(seed)
+    matrix = random.standard_normal((6, 3)) * 10.0 ** random.uniform(-1.0, 1.0, 3)
+    offset, start = 5.0 * random.standard_normal(6), random.uniform(-1.0, 1.0, 3)
+    one = np.ones(3)
+    found = minimise(lambda x: matrix @ x - offset, start, -one, one, one, quick=quick)
+    assert found.cost == pytest.approx(lsq_linear(matrix, offset, (-1.0, 1.0), tol=1e-12).cost, abs=1e-3)
+
+
+@pytest.mark.parametrize("quick", [False, True])
+@pytest.mark.parametrize(
+    ("start", "low", "high"), [([0.5, 0.2], [-9.0, -9.0], [0.8, 9.0]), ([-2.0, 2.0], [-3.0, -3.0], [0.8, 3.0])]
+)
+def test_a_step_bent_by_the_box_is_no_convergence(
+    start: list[float], low: list[float], high: list[float], quick: bool
+) -> None:
+    found = minimise(
+        rosenbrock, np.array(start), np.array(low), np.array(high), np.ones(2), max_iterations=100, quick=quick
+    )
+    assert found.point == pytest.approx([0.8, 0.64], abs=1e-3)

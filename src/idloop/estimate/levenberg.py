@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 
 # A step that brings at least this part of the decrease that it promised leaves a Jacobian worth keeping.
 _FAITHFUL = 0.25
+_MOST_DAMPING = 1e8
 
 
 @dataclass(frozen=True)
@@ -208,8 +209,12 @@ def minimise(
         for _ in range(12 if fresh else 2):
             move, predicted = _step(gradient, hessian, damping, point, lower, upper)
             if predicted <= tolerance or np.all(np.abs(move) <= 1e-10 * scale):
-                converged = True
-                break
+                # A step bent by the box may promise nothing while a shorter one does.
+                if predicted >= 0.0 or damping > _MOST_DAMPING:
+                    converged = True
+                    break
+                damping *= 8.0
+                continue
             trial = np.clip(point + move, lower, upper)
             trial_residual = function(trial)
             trial_cost = _half_square(trial_residual)
@@ -282,24 +287,25 @@ def _half_square(residual: Array) -> float:
 def _step(
     gradient: Array, hessian: Array, damping: float, point: Array, lower: Array, upper: Array
 ) -> tuple[Array, float]:
-    """Damped Gauss-Newton step in the box, by dropping directions that leave it."""
+    """Damped Gauss-Newton step in the box: what would leave it goes to its bound, the others make the best of that."""
     size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    low, high = lower - point, upper - point
+    damped = hessian + np.diag((damping + 1e-12) * size**2)
     move = np.zeros_like(point)
     free = np.diag(hessian) > 1e-300
-    free &= ~((point <= lower) & (gradient > 0)) & ~((point >= upper) & (gradient < 0))
+    free &= ~((low >= 0.0) & (gradient > 0.0)) & ~((high <= 0.0) & (gradient < 0.0))
     for _ in range(len(point)):
         index = np.flatnonzero(free)
         if len(index) == 0:
             break
-        scaled = hessian[np.ix_(index, index)] / np.outer(size[index], size[index])
-        scaled[np.diag_indices_from(scaled)] += damping + 1e-12
-        move[:] = 0.0
-        move[index] = -np.linalg.solve(scaled, gradient[index] / size[index]) / size[index]
-        target = point + move
-        leaving = free & ((target < lower) | (target > upper)) & ((point <= lower) | (point >= upper))
+        held = np.where(free, 0.0, move)
+        scaled = damped[np.ix_(index, index)] / np.outer(size[index], size[index])
+        move[index] = -np.linalg.solve(scaled, (gradient + damped @ held)[index] / size[index]) / size[index]
+        leaving = free & ((move < low) | (move > high))
         if not np.any(leaving):
             break
+        move = np.clip(move, low, high)
         free &= ~leaving
-    move = np.clip(point + move, lower, upper) - point
+    move = np.clip(move, low, high)
     predicted = -float(gradient @ move + 0.5 * move @ hessian @ move)
     return move, predicted
