@@ -14,6 +14,7 @@ from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screened, Trace, workers
 from idloop.diagnose.setting import Setting
+from idloop.diagnose.unevenness import unevenness
 from idloop.errors import IdloopError
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
@@ -30,6 +31,8 @@ MOST_REFITS, MUCH_THE_SAME = 20, 0.5
 WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
 # Trial values from which a search starts: of effects with a strength to scale, and without.
 _FEW, _MANY = 2, 12
+# Rounds of a search that takes the errors for white.
+_ROUGH_ROUNDS = 2
 # Phases from which a search for a wave starts.
 _PHASES = (0.0, 1.5707963267948966, 3.141592653589793, -1.5707963267948966)
 
@@ -48,6 +51,9 @@ class Confirmed:
         Score statistic of the screening.
     uneven : float
         How much more the errors vary along the effect's trace than elsewhere, at least 1.
+    allowance : float
+        What of twice the gain may be the noise model's doing, where the score test has no say; infinite
+        where it has.
     """
 
     proposal: Proposal
@@ -55,10 +61,26 @@ class Confirmed:
     gain: float
     statistic: float
     uneven: float = 1.0
+    allowance: float = float("inf")
 
     def refitted(self, fit: Refit, parent: Refit) -> Confirmed:
         """The same with another fit."""
-        return replace(self, fit=fit, gain=max(fit.log_likelihood - parent.log_likelihood, 0.0))
+        uneven = self.uneven
+        if self.proposal.effect.slow:
+            # The parent's noise may have taken the very force for its own; what is left beside the effect counts.
+            uneven = _uneven_beside(fit, self.proposal.name)
+        return replace(self, fit=fit, gain=max(fit.log_likelihood - parent.log_likelihood, 0.0), uneven=uneven)
+
+
+def _uneven_beside(fit: Refit, name: str) -> float:
+    """Unevenness of a fitted model's errors along the trace of one of its effects."""
+    errors = fit.residual()
+    if fit.slopes is None or len(fit.slopes) != len(errors):
+        return 1.0
+    own = [place for place, free in enumerate(fit.model.free) if free.startswith(f"{name}.")]
+    others = [place for place in range(fit.slopes.shape[1]) if place not in own]
+    directions, _ = np.linalg.qr(np.asarray(fit.slopes[:, [*others, *own]], dtype=float))
+    return unevenness(directions[:, len(others) :], errors)
 
 
 def promising(screened: Sequence[Screened], chance: float, fewest: int = FEWEST_REFITS) -> list[Screened]:
@@ -86,6 +108,7 @@ def confirm(
     parent: Refit,
     chosen: Sequence[Screened],
     report: Callable[[float, str], None] | None = None,
+    wide: bool = False,
 ) -> list[Confirmed]:
     """Refit the parent with each of some effects.
 
@@ -96,6 +119,8 @@ def confirm(
     chosen : sequence of Screened
     report : callable, optional
         Called with the share done and a text.
+    wide : bool
+        Start from trial values of all strengths, where the screening cannot tell which is near.
 
     Returns
     -------
@@ -106,7 +131,7 @@ def confirm(
         setting,
         parent,
         chosen,
-        lambda screened: _confirm(setting, parent, screened),
+        lambda screened: _confirm(setting, parent, screened, wide),
         lambda share, screened: report(share, screened.proposal.name) if report is not None else None,
     )
     return [confirmed for _, confirmed in found]
@@ -173,25 +198,40 @@ def _falling_gain(found: tuple[_Choice, Confirmed]) -> float:
     return -found[1].gain
 
 
-def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
+def _confirm(setting: Setting, parent: Refit, screened: Screened, wide: bool) -> Confirmed | None:
     proposal = screened.proposal
     # Where nothing says how strong an effect is, no trace tells how far the search has to go.
-    count = _FEW if proposal.effect.strength else _MANY
+    count = _FEW if proposal.effect.strength and not wide else _MANY
     traces = sorted(screened.traces, key=lambda t: -t.statistic)[:count]
     best: Refit | None = None
-    for number, group in enumerate(_by_structure(proposal, traces)):
-        model, starts = group
+    for model, starts in _by_structure(proposal, traces):
         thetas = [theta for values, shift in starts for theta in points(parent, proposal.model(values), shift)]
         scale = np.max(np.abs(np.array(thetas)), axis=0)
-        found = refit(setting, model, thetas, parent, scale, rounds=1)
-        if best is None or found.log_likelihood > best.log_likelihood:
+        found = refit_or_none(setting, model, thetas, parent, scale, rounds=1)
+        if found is not None and wide:
+            found = _from_afar(setting, parent, found)
+        if found is not None and (best is None or found.log_likelihood > best.log_likelihood):
             best = found
-        # A second shape is only worth its time while the first explains nothing.
-        if number == 0 and best.log_likelihood - parent.log_likelihood > 0.25 * screened.statistic:
+        # Another shape is only worth its time while none has explained anything.
+        if best is not None and best.log_likelihood - parent.log_likelihood > 0.25 * screened.statistic > 0.0:
             break
     if best is None:
         return None
     return Confirmed(proposal, best, 0.0, screened.statistic, screened.uneven).refitted(best, parent)
+
+
+def _from_afar(setting: Setting, parent: Refit, found: Refit) -> Refit:
+    """A better fit by way of one that takes the errors for white, with a disturbance of its own.
+
+    Where a whitening of many lags makes up for anything, the way to the optimum is long and winding.
+    """
+    orders = parent.problem.orders
+    try:
+        rough = refit(setting, found.model, rounds=_ROUGH_ROUNDS, orders=[0] * len(orders))
+        again = refit(setting, rough.model, beside=rough, rounds=1, orders=orders)
+    except (IdloopError, np.linalg.LinAlgError):
+        return found
+    return max(found, again, key=lambda fit: fit.log_likelihood)
 
 
 def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
@@ -216,11 +256,17 @@ def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
 
 
 def _by_structure(proposal: Proposal, traces: list[Trace]) -> list[tuple[Model, list[tuple[Trial, Array | None]]]]:
-    """Start values by what a search cannot move: whole numbers such as harmonics."""
+    """Start values by what a search cannot move: whole numbers such as harmonics.
+
+    Without a strength to scale, the best trace goes by itself: of the others one may look better before
+    the search than it ever does after it.
+    """
     found: dict[tuple[tuple[str, float], ...], list[tuple[Trial, Array | None]]] = {}
     integers = [spec.name for spec in proposal.effect.parameters if spec.integer]
-    for trace in traces:
+    for place, trace in enumerate(traces):
         key = tuple((name, trace.trials[0].get(name, 0.0)) for name in integers)
+        if not proposal.effect.strength:
+            key = (*key, ("first", float(place == 0)))
         found.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace))
     return [(proposal.model(values[0][0]), values) for values in found.values()]
 

@@ -13,7 +13,7 @@ from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.confirm import Confirmed, confirm, promising
+from idloop.diagnose.confirm import USUAL_REFITS, Confirmed, confirm, promising
 from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
@@ -40,6 +40,9 @@ Progress = Callable[[float, str], None]
 
 # Correlation of two traces from which on they are taken for one.
 ALIKE = 0.95
+# A whitening of so many lags that makes the errors' deviations smaller by more than this [log] has swallowed
+# an effect; what an effect's refit must then gain beyond the usual threshold, as a multiple of it.
+MANY_LAGS, MUCH_COLOUR, ALLOWANCE = 6, 0.05, 3.0
 
 MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
 
@@ -265,12 +268,22 @@ def diagnose_fitted(
     # Of what the score test does not hold for significant, a ladder needs no refit.
     chosen = promising(screened, bar, 0) if rungs else promising(screened, null.threshold(0.5))
     chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
-    confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.3 * share, f"refitting with {text}"))
+    judged, swallowed = {s.proposal.name for s in chosen}, _swallowed(parent)
+    if swallowed:
+        chosen += [s for s in screened if s.traces and s not in chosen]
+    confirmed = confirm(
+        setting, parent, chosen, lambda share, text: tell(0.55 + 0.3 * share, f"refitting with {text}"), swallowed
+    )
+    if swallowed:
+        confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = _same_footing(setting, parent, confirmed, bar)
     ranked = rank(confirmed, null, share * level)
     significant = [
         c for c in ranked if _p_value(null, statistic(c), share) < level and consistent(parent, c, setting.kind)
     ]
+    # A wide search looks at much that is not worth showing.
+    shown = judged | {c.proposal.name for c in significant}
+    ranked = [c for place, c in enumerate(ranked) if place < USUAL_REFITS or c.proposal.name in shown]
     if held_out is not None:
         significant = [c for c in significant if holds(held_out, parent, c)]
     best = _plainest(significant) if rungs else (significant[0] if significant else None)
@@ -324,6 +337,17 @@ def diagnose_fitted(
         rival_pairs=tuple(p.names for p in pair.rivals) if pair else (),
         alone=alone,
     )
+
+
+def _swallowed(parent: Refit) -> bool:
+    """Whether the noise model explains what no noise would.
+
+    A free whitening imitates a filter, a resonance or a sensor's error so well that its innovations show
+    no effect any more. Noise of few lags is taken for noise.
+    """
+    if not isinstance(parent.criterion, InnovationCriterion):
+        return False
+    return max(parent.problem.orders, default=0) >= MANY_LAGS and parent.coloured > MUCH_COLOUR
 
 
 def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:

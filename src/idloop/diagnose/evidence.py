@@ -34,12 +34,14 @@ def statistic(confirmed: Confirmed) -> float:
     A ratio may be the noise model's doing, which the refit has a choice of and the score test, whose
     chance is known, has not: the smaller of the two counts. A slow linear force alone is judged by the
     ratio, which is chi-squared for it; so is what takes a plainer effect's place, which has absorbed
-    as much of it as it could, so that its own trial values lie far from where it is best.
+    as much of it as it could, so that its own trial values lie far from where it is best. Where the
+    noise model of the parent has swallowed the very errors that the score test looks at, a ratio
+    counts by what it has beyond an allowance.
     """
     ratio = 2.0 * confirmed.gain / confirmed.uneven
     if confirmed.proposal.effect.slow or confirmed.proposal.replaces is not None:
         return ratio
-    return min(ratio, max(confirmed.statistic, 0.0))
+    return max(min(ratio, max(confirmed.statistic, 0.0)), 2.0 * confirmed.gain - confirmed.allowance)
 
 
 def consistent(parent: Refit, confirmed: Confirmed, kind: str) -> bool:

@@ -194,7 +194,7 @@ def _ends(
     def search(values: Mapping[str, float], begun: Refit | None = None) -> Refit | None:
         theta = np.array([values.get(name, model.values[name]) for name in model.free])
         rounds = 1 if begun is None else MORE_ROUNDS
-        return refit_or_none(setting, model, [theta], begun or beside, rounds) or begun
+        return refit_or_none(setting, model, [theta], begun or beside, rounds=rounds) or begun
 
     with ThreadPoolExecutor(workers()) as pool:
         begun = _best_first(pool.map(search, choices))[:most]

@@ -84,6 +84,16 @@ class Refit:
         """Whitened errors in units of their standard deviation, in one vector."""
         return self.problem.frozen_residual(self.point)
 
+    @property
+    def coloured(self) -> float:
+        """What the whitening explains of the errors: log of the ratio of deviations, the most of all groups."""
+        found = 0.0
+        for group, weight in zip(self.problem.errors(self.point), self.problem.weights, strict=True):
+            raw = np.concatenate(group) @ weight.T
+            sign, log_determinant = np.linalg.slogdet(raw.T @ raw / len(raw))
+            found = max(found, float(0.5 * log_determinant / len(weight)) if sign > 0 else 0.0)
+        return found
+
     def contributions(self) -> list[Array]:
         """Log-likelihood of every instant, by group of outputs and record.
 
@@ -142,6 +152,7 @@ def refit(
     scale: Array | None = None,
     rounds: int = _MOST_ROUNDS,
     reconsider: bool = False,
+    orders: list[int] | None = None,
 ) -> Refit:
     """Maximise the likelihood of a model's free parameters and its noise.
 
@@ -159,6 +170,8 @@ def refit(
         Most rounds of the search; one tells promising models from others.
     reconsider : bool
         Choose the order of the whitening anew instead of the neighbour's.
+    orders : list of int, optional
+        Orders of the whitening instead of the neighbour's, one for each group of outputs.
 
     Returns
     -------
@@ -181,7 +194,8 @@ def refit(
         if isinstance(criterion, SimulationCriterion):
             criterion.initial.scale = beside.criterion.initial.scale  # type: ignore[attr-defined]
     # Neighbours are compared with one order of whitening, so that each contains the other's noise.
-    orders = beside.problem.orders if beside is not None and not reconsider else None
+    if orders is None and beside is not None and not reconsider:
+        orders = beside.problem.orders
     best, theta = -np.inf, choices[0]
     for choice in choices:
         cold = beside is None and len(choices) > 1
@@ -262,11 +276,12 @@ def refit_or_none(
     model: Model,
     starts: Sequence[Array] | None = None,
     beside: Refit | None = None,
+    scale: Array | None = None,
     rounds: int = _MOST_ROUNDS,
 ) -> Refit | None:
     """As `refit`; None where the model cannot be simulated."""
     try:
-        return refit(setting, model, starts, beside, rounds=rounds)
+        return refit(setting, model, starts, beside, scale, rounds)
     except (IdloopError, np.linalg.LinAlgError):
         return None
 

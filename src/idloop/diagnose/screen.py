@@ -20,6 +20,7 @@ from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import Refit, residual_or_infinite
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import Setting
+from idloop.diagnose.unevenness import unevenness
 from idloop.errors import IdloopError
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.levenberg import difference_jacobian
@@ -31,10 +32,6 @@ Array = NDArray[np.float64]
 SKETCH = 4096
 # A trace of which less than this part is left after projection is the free parameters' own.
 LEAST_LEFT = 1e-5
-# Stretches of the errors whose sums say how far their serial correlation reaches.
-_STRETCHES = 60
-# Ratio of variances that sixty stretches of white errors hardly ever show.
-_SERIAL = 1.4
 # Trials worth more than this are made weaker, where an effect has a strength that can be.
 MOST_DETECTABLE = 1e5
 
@@ -159,7 +156,6 @@ class Screen:
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         rows = len(self.errors)
         self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
-        self.stretches = np.unique(np.linspace(0, rows, _STRETCHES + 1).astype(np.int64)[:-1])
         self._edges = np.unique(np.linspace(0, rows, SKETCH + 1).astype(np.int64)[:-1])
 
     @np.errstate(all="ignore")
@@ -271,14 +267,7 @@ class Screen:
         scores = -(q.T @ self.errors)
         size = np.zeros(len(trials))
         size[useful] = np.linalg.solve(r, scores)
-        after = self.errors + q @ scores
-        variance = max(float(np.mean(after**2)), 1e-300)
-        uneven = max(1.0, float(np.max((q**2).T @ after**2)) / variance)
-        # Where a trace runs slowly, a faint colour of the errors adds up that no whitening has seen.
-        sums = np.add.reduceat(q * after[:, None], self.stretches, axis=0)
-        serial = float(np.max(np.sum(sums**2, axis=0))) / variance
-        if serial > _SERIAL:
-            uneven = max(uneven, serial)
+        uneven = unevenness(q, self.errors + q @ scores)
         statistic = float(scores @ scores) / uneven
         if np.any(size[np.asarray(sides)] < 0.0):
             statistic = 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.curves import CURVES, KNOTS, Curve
+from idloop.diagnose.unevenness import stretches
 from idloop.physics.effect import INPUT
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ def _learn(screen: Screen, curve: Curve) -> _Fit | None:
     variance = float(rest @ rest) / freedom
     # Uneven variance along the curve makes it look surer than it is.
     meat = (left * rest[:, None] ** 2).T @ left
-    sums = np.add.reduceat(left * rest[:, None], screen.stretches, axis=0)
+    sums = np.add.reduceat(left * rest[:, None], stretches(len(rest)), axis=0)
     uneven = max(1.0, *(float(np.max(np.linalg.eigvalsh(m))) / variance for m in (meat, sums.T @ sums)))
     solve = (right.T / weight) / size[known][:, None] * curve.step
     value, spread = np.zeros(KNOTS), np.zeros(KNOTS)
