@@ -76,6 +76,19 @@ def test_nothing_is_named_where_nothing_is_hidden(start: Model, disturbance: flo
     assert found.verdict == "adequate"
 
 
+def test_what_the_noise_model_has_swallowed_is_named(start: Model) -> None:
+    hidden = "velocity_filter@velocity[axis](time_constant=0.04)"
+    record = record_of(load_model("axis").with_effects([hidden]), 1)
+    setting = prepare_setting(start, [record], "prediction")
+    parent = refit(setting, start)
+    # This is what makes it hard: a whitening of many lags explains the effect, and nothing else does.
+    assert max(parent.problem.orders) >= 10
+    assert parent.coloured > 0.5
+    found = diagnose(start, [record])
+    assert found.best is not None
+    assert found.best.name == hidden.split("(", maxsplit=1)[0]
+
+
 def test_twins_come_as_a_set(start: Model) -> None:
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.05)"])
     found = diagnose(start, [record_of(machine, 2)])

@@ -33,6 +33,8 @@ WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
 _FEW, _MANY = 2, 12
 # Rounds of a search that takes the errors for white.
 _ROUGH_ROUNDS = 2
+# Effects that are looked at behind a noise model that has swallowed one.
+_BEHIND_NOISE = 6
 # Phases from which a search for a wave starts.
 _PHASES = (0.0, 1.5707963267948966, 3.141592653589793, -1.5707963267948966)
 
@@ -108,7 +110,7 @@ def confirm(
     parent: Refit,
     chosen: Sequence[Screened],
     report: Callable[[float, str], None] | None = None,
-    wide: bool = False,
+    afar: Sequence[Screened] = (),
 ) -> list[Confirmed]:
     """Refit the parent with each of some effects.
 
@@ -119,8 +121,8 @@ def confirm(
     chosen : sequence of Screened
     report : callable, optional
         Called with the share done and a text.
-    wide : bool
-        Start from trial values of all strengths, where the screening cannot tell which is near.
+    afar : sequence of Screened
+        More of them, of which no trace tells how strong they are: from `behind_noise`.
 
     Returns
     -------
@@ -130,8 +132,8 @@ def confirm(
     found = search(
         setting,
         parent,
-        chosen,
-        lambda screened: _confirm(setting, parent, screened, wide),
+        [*chosen, *afar],
+        lambda screened: _confirm(setting, parent, screened, screened in afar),
         lambda share, screened: report(share, screened.proposal.name) if report is not None else None,
     )
     return [confirmed for _, confirmed in found]
@@ -232,6 +234,52 @@ def _from_afar(setting: Setting, parent: Refit, found: Refit) -> Refit:
     except (IdloopError, np.linalg.LinAlgError):
         return found
     return max(found, again, key=lambda fit: fit.log_likelihood)
+
+
+def behind_noise(
+    setting: Setting,
+    parent: Refit,
+    screened: Sequence[Screened],
+    report: Callable[[float, str], None] | None = None,
+) -> list[Screened]:
+    """Effects that explain most when the errors are taken for white, and no whitening can make up for them.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+        Of which the noise model has swallowed an effect.
+    screened : sequence of Screened
+    report : callable, optional
+        Called with the share done and a text.
+
+    Returns
+    -------
+    list of Screened
+        The best few.
+    """
+    try:
+        bare = refit(setting, parent.model, orders=[0] * len(parent.problem.orders), rounds=_ROUGH_ROUNDS)
+    except (IdloopError, np.linalg.LinAlgError):
+        return []
+
+    @np.errstate(all="ignore")
+    def gain(one: Screened) -> float:
+        models = [one.proposal.model(trace.trials[0]) for trace in one.traces]
+        if not models:
+            return 0.0
+        thetas = [points(bare, model, None)[0] for model in models]
+        fit = refit_or_none(setting, models[0], thetas, bare, np.max(np.abs(np.array(thetas)), axis=0), rounds=1)
+        return fit.log_likelihood - bare.log_likelihood if fit is not None else 0.0
+
+    gains = []
+    with ThreadPoolExecutor(workers()) as pool:
+        for i, (one, gained) in enumerate(zip(screened, pool.map(gain, screened), strict=True)):
+            gains.append(gained)
+            if report is not None:
+                report((i + 1) / len(screened), one.proposal.name)
+    order = np.argsort(gains)[::-1][:_BEHIND_NOISE]
+    return [screened[place] for place in order if gains[place] > 0.0]
 
 
 def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:

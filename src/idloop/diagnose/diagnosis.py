@@ -13,7 +13,7 @@ from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.confirm import USUAL_REFITS, Confirmed, confirm, promising
+from idloop.diagnose.confirm import Confirmed, behind_noise, confirm, promising
 from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
@@ -268,22 +268,22 @@ def diagnose_fitted(
     # Of what the score test does not hold for significant, a ladder needs no refit.
     chosen = promising(screened, bar, 0) if rungs else promising(screened, null.threshold(0.5))
     chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
-    judged, swallowed = {s.proposal.name for s in chosen}, _swallowed(parent)
-    if swallowed:
-        chosen += [s for s in screened if s.traces and s not in chosen]
+    hidden: list[Screened] = []
+    if _swallowed(parent):
+        hidden = behind_noise(
+            setting, parent, screened, lambda share, text: tell(0.55 + 0.1 * share, f"looking behind the noise: {text}")
+        )
+    chosen = [s for s in chosen if s not in hidden]
     confirmed = confirm(
-        setting, parent, chosen, lambda share, text: tell(0.55 + 0.3 * share, f"refitting with {text}"), swallowed
+        setting, parent, chosen, lambda share, text: tell(0.65 + 0.2 * share, f"refitting with {text}"), hidden
     )
-    if swallowed:
+    if hidden:
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = _same_footing(setting, parent, confirmed, bar)
     ranked = rank(confirmed, null, share * level)
     significant = [
         c for c in ranked if _p_value(null, statistic(c), share) < level and consistent(parent, c, setting.kind)
     ]
-    # A wide search looks at much that is not worth showing.
-    shown = judged | {c.proposal.name for c in significant}
-    ranked = [c for place, c in enumerate(ranked) if place < USUAL_REFITS or c.proposal.name in shown]
     if held_out is not None:
         significant = [c for c in significant if holds(held_out, parent, c)]
     best = _plainest(significant) if rungs else (significant[0] if significant else None)
@@ -292,7 +292,7 @@ def diagnose_fitted(
     rivals = tied(best, significant[1:]) if best is not None else []
     if best is not None:
         # What leaves the same trace is as likely, whatever the score said of the two.
-        alike = [s for s in _alike(best, screened) if s not in chosen]
+        alike = [s for s in _alike(best, screened) if s not in [*chosen, *hidden]]
         if alike:
             rivals += tied(best, confirm(setting, parent, alike))
     pair: MissingPair | None = None
