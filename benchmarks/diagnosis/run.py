@@ -21,6 +21,7 @@ import traceback
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +163,14 @@ def _diagnosed(case: Case, settings: Settings) -> dict[str, Any]:
     return row
 
 
+def _keep_to_one_core(cores: Any) -> None:
+    """As many workers as cores: threads of the one must not slow the other."""
+    if hasattr(os, "sched_setaffinity"):
+        own, core = sorted(os.sched_getaffinity(0)), cores.get()
+        os.sched_setaffinity(0, {own[core % len(own)]})
+        Finalize(None, cores.put, (core,), exitpriority=100)
+
+
 def done_already(path: Path | None, level: float, suite: int) -> set[str]:
     """Ids of the cases that the file holds."""
     if path is None or not path.exists():
@@ -192,7 +201,10 @@ def run(cases: Iterable[Case], settings: Settings, jobs: int, path: Path | None)
                 take(attempt(case, settings))
         else:
             context = multiprocessing.get_context("spawn")
-            with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=40) as pool:
+            cores = context.Queue()
+            for core in range(jobs):
+                cores.put(core)
+            with ProcessPoolExecutor(jobs, context, _keep_to_one_core, (cores,), max_tasks_per_child=40) as pool:
                 for job in as_completed([pool.submit(attempt, case, settings) for case in cases]):
                     take(job.result())
     if path is not None:

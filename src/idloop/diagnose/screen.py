@@ -296,5 +296,6 @@ def _weakest(proposal: Proposal, scales: Scales) -> list[list[Trial]]:
 
 
 def workers() -> int:
-    """Threads that work on refits at once."""
-    return max(min(os.cpu_count() or 1, 8), 1)
+    """Threads that work on refits at once: one for each core that this process may use."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(min(cores, 8), 1)
