@@ -21,7 +21,6 @@ import traceback
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from case import Case
+
+_BATCH = 80
 
 
 def chosen(only: Sequence[str], categories: Sequence[str], count: int | None) -> list[Case]:
@@ -168,7 +169,6 @@ def _keep_to_one_core(cores: Any) -> None:
     if hasattr(os, "sched_setaffinity"):
         own, core = sorted(os.sched_getaffinity(0)), cores.get()
         os.sched_setaffinity(0, {own[core % len(own)]})
-        Finalize(None, cores.put, (core,), exitpriority=100)
 
 
 def done_already(path: Path | None, level: float, suite: int) -> set[str]:
@@ -201,12 +201,16 @@ def run(cases: Iterable[Case], settings: Settings, jobs: int, path: Path | None)
                 take(attempt(case, settings))
         else:
             context = multiprocessing.get_context("spawn")
-            cores = context.Queue()
-            for core in range(jobs):
-                cores.put(core)
-            with ProcessPoolExecutor(jobs, context, _keep_to_one_core, (cores,), max_tasks_per_child=40) as pool:
-                for job in as_completed([pool.submit(attempt, case, settings) for case in cases]):
-                    take(job.result())
+            # Fresh workers every so often: compiled code and figures pile up in a process.
+            for first in range(0, len(cases), _BATCH):
+                cores = context.Queue()
+                for core in range(jobs):
+                    cores.put(core)
+                with ProcessPoolExecutor(jobs, context, _keep_to_one_core, (cores,)) as pool:
+                    for job in as_completed(
+                        [pool.submit(attempt, case, settings) for case in cases[first : first + _BATCH]]
+                    ):
+                        take(job.result())
     if path is not None:
         output.close()
 
