@@ -102,6 +102,14 @@ def test_what_stays_open_gets_an_experiment(hidden, tmp_path, capsys):
     assert abs(build_signal(**suggested["signal"]).value).max() <= 1.5 + 1e-9
     assert "next experiment: this data cannot show dead_zone@input" in capsys.readouterr().out
     assert "adds_to: command" in (folder / "next.yaml").read_text(encoding="utf-8")
+    figure = folder / "next.png"
+    assert figure.stat().st_size > 10_000
+    again = words("refine", "--resume", folder, "--no-suggest", "--most", 0)
+    assert main.run(again) == 0
+    assert figure.exists()
+    (folder / "next.yaml").write_text("# another experiment", encoding="utf-8")
+    assert main.run(again) == 0
+    assert not figure.exists()
 
 
 def test_no_experiment_is_worked_out_when_none_is_wanted(hidden, capsys):

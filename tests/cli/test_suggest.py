@@ -27,12 +27,14 @@ def rivals(hidden, tmp_path_factory):
 
 
 def test_the_experiment_is_a_file_that_builds_a_signal(hidden, rivals, tmp_path, capsys):
-    file = tmp_path / "next.yaml"
+    file, figure = tmp_path / "next.yaml", tmp_path / "next.png"
     limits = ("--max-command", 1.8, "--position-range", -2, 2, "--duration", 4)
-    arguments = words("suggest", *rivals, hidden.two, *limits, "--output", file, "--json")
+    arguments = words("suggest", *rivals, hidden.two, *limits, "--output", file, "--plot", figure, "--json")
     assert main.run(arguments) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["schema"] == "idloop/suggest/1"
+    assert document["plot"] == str(figure)
+    assert figure.stat().st_size > 10_000
     assert document["discrimination"] > 10.0
     assert [outcome["rival"] for outcome in document["outcomes"]] == ["dead_zone@input", "saturation@input"]
     text = file.read_text(encoding="utf-8")
@@ -69,13 +71,15 @@ def test_an_effect_is_made_visible(hidden, capsys):
 
 
 def test_where_nothing_is_open_nothing_is_suggested(hidden, tmp_path, capsys):
-    folder, file = tmp_path / "ladder", tmp_path / "next.yaml"
+    folder, file, figure = tmp_path / "ladder", tmp_path / "next.yaml", tmp_path / "next.png"
     refined = words("refine", hidden.model, hidden.levels, "--output", folder)
     assert main.run(refined) == 0
     capsys.readouterr()
-    assert main.run(words("suggest", "--ladder", folder, "--output", file, "--json")) == 0
-    assert json.loads(capsys.readouterr().out)["experiment"] is None
+    assert main.run(words("suggest", "--ladder", folder, "--output", file, "--plot", figure, "--json")) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["experiment"] is document["output"] is document["plot"] is None
     assert not file.exists()
+    assert not figure.exists()
 
 
 @pytest.mark.parametrize(
@@ -90,6 +94,7 @@ def test_where_nothing_is_open_nothing_is_suggested(hidden, tmp_path, capsys):
         (["--ladder", "nowhere"], "ladder.json"),
         (["--ladder", "nowhere", "--between", "MODEL", "MODEL"], "--between"),
         (["MODEL", "BAG", "--output", "nowhere/a.yaml"], "nowhere"),
+        (["MODEL", "BAG", "--plot", "a.txt"], ".svg"),
     ),
 )
 def test_wrong_use_is_one_line(arguments, word, hidden, capsys):

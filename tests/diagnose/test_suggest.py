@@ -106,8 +106,19 @@ def test_the_answer_is_plain_json_and_names_both_cases(suggestion):
     assert document["discrimination"] > 30.0
     assert [outcome["rival"] for outcome in document["outcomes"]] == ["dead_zone@input", "saturation@input"]
     assert document["outcomes"][0]["errors"]["saturation@input"]["motor.position"]["unit"] == "rad"
+    # What the figure needs is no part of it.
+    assert set(document) == {
+        "signal", "adds_to", "duration", "discrimination", "outcomes", "text", "limits", "start",
+    }  # fmt: skip
     assert build_signal(**document["signal"]).duration == pytest.approx(document["duration"])
     assert "if dead_zone@input:" in suggestion.summary()
+
+
+def test_it_carries_the_rivals_and_the_noise_that_a_figure_shows(tie, suggestion):
+    _, rivals = tie
+    assert [label for label, _ in suggestion.rivals] == [outcome.rival for outcome in suggestion.outcomes]
+    assert [model for _, model in suggestion.rivals] == rivals
+    assert suggestion.noise == pytest.approx(NOISE)
 
 
 def test_progress_runs_from_nothing_to_the_end(tie):

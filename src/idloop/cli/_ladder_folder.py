@@ -14,10 +14,11 @@ from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
+    from idloop.diagnose.suggest import Suggestion
     from idloop.physics import Model
     from idloop.records import Record
 
-FILES = ("model.yaml", "ladder.json", "ladder.png", "compare.png", "next.yaml")
+FILES = ("model.yaml", "ladder.json", "ladder.png", "compare.png", "next.yaml", "next.png")
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,14 @@ def write_ladder(folder: Path, kept: Kept) -> None:
     write_text(folder / "ladder.json", json.dumps(to_json(document), indent=2, ensure_ascii=False) + "\n")
 
 
-def write_all(folder: Path, kept: Kept, records: Sequence[Record], validation: Sequence[Record]) -> None:
-    """Write everything: ladder, model, figures and the next experiment."""
+def write_all(
+    folder: Path,
+    kept: Kept,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    suggestion: Suggestion | None = None,
+) -> None:
+    """Write everything: ladder, model, figures and the next experiment with what its rivals would show."""
     from idloop.cli._assessment import make_panel, save_figure
     from idloop.report.ladder import plot_ladder
     from idloop.report.style import save
@@ -112,11 +119,7 @@ def write_all(folder: Path, kept: Kept, records: Sequence[Record], validation: S
     ladder = kept.ladder
     write_ladder(folder, kept)
     save(plot_ladder(ladder, noise_floor(ladder.model, validation or records)), folder / "ladder.png")
-    following = folder / "next.yaml"
-    if ladder.suggested_experiment is not None:
-        write_text(following, experiment_text(ladder.suggested_experiment))
-    else:
-        following.unlink(missing_ok=True)
+    _write_next(folder, ladder, suggestion)
     labelled = [("start", ladder.steps[0].model)]
     if len(ladder.steps) > 1:
         labelled.append((f"{len(ladder.steps) - 1} effects" if len(ladder.steps) > 2 else "1 effect", ladder.model))
@@ -128,6 +131,23 @@ def write_all(folder: Path, kept: Kept, records: Sequence[Record], validation: S
             last = rows[-1][1]
     if last is not None:
         save_figure(panels, last, folder / "compare.png")
+
+
+def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> None:
+    """Write the next experiment and its figure; what lies there of another one goes."""
+    from idloop.report.style import save
+
+    file, figure = folder / "next.yaml", folder / "next.png"
+    before = file.read_text(encoding="utf-8") if file.is_file() else None
+    text = None if ladder.suggested_experiment is None else experiment_text(ladder.suggested_experiment)
+    if text is None:
+        file.unlink(missing_ok=True)
+    else:
+        write_text(file, text)
+    if suggestion is not None:
+        save(suggestion.plot(), figure)
+    elif text is None or text != before:
+        figure.unlink(missing_ok=True)
 
 
 def noise_floor(model: Model, records: Sequence[Record]) -> dict[str, float]:

@@ -35,7 +35,7 @@ from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
-    from idloop.diagnose.suggest import Limits
+    from idloop.diagnose.suggest import Limits, Suggestion
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -119,13 +119,16 @@ def command(
         if target is not None:
             write_ladder(target, Kept(ladder, tuple(bags), tuple(unseen), folder))
 
+    suggestion: Suggestion | None = None
     with progress(f"refining {model.name}") as update:
         climb = _Climb(records, validation, level, criterion, only, seed, most, update, keep)
         ladder = climb(model, kept.ladder if kept is not None else None, undo=undo, add=add)
         if not no_suggest and not (undo and add is None):
-            ladder = _with_suggestion(ladder, records, limits, duration, seed, update)
+            suggestion = _suggestion(ladder, records, limits, duration, seed, update)
+            if suggestion is not None:
+                ladder = replace(ladder, suggested_experiment=suggestion.to_dict())
     if target is not None:
-        write_all(target, Kept(ladder, tuple(bags), tuple(unseen), folder), records, validation)
+        write_all(target, Kept(ladder, tuple(bags), tuple(unseen), folder), records, validation, suggestion)
     if as_json:
         print_json({**ladder.to_dict(), "output": target})
         return
@@ -199,15 +202,15 @@ def _sources(sources: Sequence[str], kept: Kept | None) -> tuple[Model, Sequence
 # ---------------------------------------------------------------- the next experiment
 
 
-def _with_suggestion(
+def _suggestion(
     ladder: Ladder,
     records: Sequence[Record],
     limits: Limits,
     duration: float | None,
     seed: int,
     update: Callable[..., None],
-) -> Ladder:
-    """The ladder with the experiment that would settle what is open, if anything is.
+) -> Suggestion | None:
+    """The experiment that would settle what is open, if anything is.
 
     Limits that the user has set ask what lies beyond the data so far.
     """
@@ -216,13 +219,12 @@ def _with_suggestion(
     tied = any(len(step.set) > 1 for step in ladder.steps)
     wider = any(limit is not None for limit in limits.to_dict().values())
     if not tied and not wider and ladder.verdict != "not_excited":
-        return ladder
+        return None
     try:
-        found = suggest_next(ladder, records, limits, duration=duration, seed=seed, progress=update)
+        return suggest_next(ladder, records, limits, duration=duration, seed=seed, progress=update)
     except IdloopError as error:
         log(f"no experiment can be suggested: {error}")
-        return ladder
-    return ladder if found is None else replace(ladder, suggested_experiment=found.to_dict())
+        return None
 
 
 # ---------------------------------------------------------------- the table

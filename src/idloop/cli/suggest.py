@@ -14,6 +14,7 @@ from idloop.cli._common import (
     check_folder,
     json_option,
     log,
+    plot_option,
     print_json,
     progress,
     read_records,
@@ -40,7 +41,7 @@ SCHEMA = "idloop/suggest/1"
 EXAMPLE = """\b
 Examples:
   idloop suggest dc_motor bags/train --max-command 3 --output next.yaml
-  idloop suggest --between dead_zone.yaml friction.yaml bags/train
+  idloop suggest --between dead_zone.yaml friction.yaml bags/train --plot next.png
   idloop suggest --ladder runs/refined --position-range -3 3
   idloop suggest fitted.yaml bags/train --show imbalance@motor --position-range -7 7
 \b
@@ -67,6 +68,7 @@ Run it: the excitation node takes the file as its parameter `experiment`, then c
 @seed_option
 @click.option("--output", type=click.Path(path_type=Path), metavar="NEXT.yaml", help="Write the experiment.")
 @click.option("--force", is_flag=True, help="Overwrite the file of --output.")
+@plot_option
 @json_option
 def command(
     sources: tuple[str, ...],
@@ -85,13 +87,15 @@ def command(
     seed: int,
     output: Path | None,
     force: bool,
+    plot: Path | None,
     as_json: bool,
 ) -> None:
     """Choose the experiment that best separates rival models of the data in BAG, within limits.
 
     With several MODELs these are the rivals, each fitted to BAG first. With one, it is diagnosed, and the effects
     that tie are the rivals; where none tie, effects that the data cannot show are asked for. Limits that are not
-    given are the largest command and motion in the data.
+    given are the largest command and motion in the data. The figure of --plot shows what is sent in, what each rival
+    would show, and by how much they differ beside the noise.
     """
     if output is not None and check_folder(output, "--output").exists() and not force:
         raise InputError(f"--output {output}: the file is there already, name another or add --force")
@@ -109,9 +113,15 @@ def command(
     if found is not None and output is not None:
         write_text(output, experiment_text(found.to_dict()))
         log(f"written: {output}")
+    if found is not None and plot is not None:
+        from idloop.report.style import save
+
+        save(found.plot(), plot)
+        log(f"written: {plot}")
     if as_json:
         document = {"experiment": None} if found is None else found.to_dict()
-        print_json({"schema": SCHEMA, **document, "output": output if found is not None else None})
+        written = {"output": output, "plot": plot} if found is not None else {"output": None, "plot": None}
+        print_json({"schema": SCHEMA, **document, **written})
         return
     click.echo(found.summary() if found is not None else "nothing is open: no effects tie, and the data show them all")
 

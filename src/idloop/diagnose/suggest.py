@@ -7,7 +7,7 @@ with the rivals themselves: each in turn is taken as the truth, and the others a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,8 +20,11 @@ from idloop.diagnose.suggest_search import Choice, Search
 from idloop.diagnose.suggest_setup import Setup
 from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, describe_visible, outcomes_of
 from idloop.errors import IdloopError, InputError
+from idloop.estimate.dataset import output_noise, prepare
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -57,6 +60,12 @@ class Suggestion:
         Of the loop that it was computed for.
     sample_time : float
         Of the measurements [s].
+    rivals : tuple of (str, Model)
+        What sets each rival apart, as in `outcomes`, and the rival itself; for the figure, not in `to_dict`.
+    noise : tuple of float
+        Standard deviation of each output's measurement noise [output unit]; likewise.
+    against_first : bool
+        Whether every rival is told from the first one only; likewise.
     """
 
     signal: dict[str, Any]
@@ -69,6 +78,9 @@ class Suggestion:
     start: float
     controller: dict[str, Any] | None
     sample_time: float
+    rivals: tuple[tuple[str, Model], ...] = field(repr=False)
+    noise: tuple[float, ...] = field(repr=False)
+    against_first: bool = False
 
     @property
     def experiment(self) -> Experiment:
@@ -92,6 +104,13 @@ class Suggestion:
         """Return the text for the terminal."""
         lines = [describe_signal(self.signal, self.adds_to), self.text]
         return "\n".join([*lines, *(f"  {outcome.text}" for outcome in self.outcomes)])
+
+    def plot(self) -> Any:
+        """Draw what is sent in and what each rival would show; returns the figure."""
+        # Results draw themselves by the reports, which know them: hence here and not above.
+        from idloop.report.suggestion import plot_suggestion
+
+        return plot_suggestion(self)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -156,10 +175,13 @@ def suggest(
     if choice is None:
         raise InputError("limits: no experiment keeps every rival inside them; widen the position range or velocity")
     tell(0.97, "expected outcomes")
-    return _suggestion(prepared, setup, choice, against_first=against_first)
+    noise = output_noise(prepared[0].model, prepare(prepared[0].model, records))
+    return _suggestion(prepared, setup, choice, noise, against_first=against_first)
 
 
-def _suggestion(rivals: Sequence[Rival], setup: Setup, choice: Choice, *, against_first: bool) -> Suggestion:
+def _suggestion(
+    rivals: Sequence[Rival], setup: Setup, choice: Choice, noise: NDArray[np.float64], *, against_first: bool
+) -> Suggestion:
     experiment = setup.experiment(choice.design, choice.level, choice.duration)
     outcomes = outcomes_of(rivals, experiment, choice.gains, against_first=against_first)
     return Suggestion(
@@ -173,6 +195,9 @@ def _suggestion(rivals: Sequence[Rival], setup: Setup, choice: Choice, *, agains
         setup.start,
         dict(setup.controller) if setup.controller is not None else None,
         setup.sample_time,
+        tuple((rival.label, rival.model) for rival in rivals),
+        tuple(map(float, noise)),
+        against_first,
     )
 
 

@@ -107,7 +107,7 @@ def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[
         return f"if {truth}: {other} explains it just as well"
     return (
         f"if {truth}: {other}, refitted, misses {name} by {worst['value']:.3g} {worst['unit']} RMS "
-        f"(noise {worst['noise']:.2g}) and falls behind by {_units(gain)} in log-likelihood"
+        f"(noise {worst['noise']:.2g}) and falls behind by {lead_text(gain)} in log-likelihood"
     )
 
 
@@ -115,7 +115,7 @@ def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, sc
     """What the experiment is expected to decide, in one or two sentences."""
     names = " and ".join(rival.label for rival in rivals) if len(rivals) == 2 else f"{len(rivals)} rivals"
     if score >= DECISIVE:
-        return f"expected to tell {names} apart: the right one leads by about {_units(score)} in log-likelihood"
+        return f"expected to tell {names} apart: the right one leads by about {lead_text(score)} in log-likelihood"
     model = rivals[0].model
     bounds = []
     if limits.command is not None:
@@ -127,7 +127,7 @@ def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, sc
         bounds.append(f"velocity up to {limits.velocity:.3g} {unit}/s")
     return (
         f"no experiment of {experiment.duration:.3g} s within these limits ({', '.join(bounds) or 'none'}) is expected "
-        f"to tell {names} apart (at best {_units(score)} in log-likelihood): widen them"
+        f"to tell {names} apart (at best {lead_text(score)} in log-likelihood): widen them"
     )
 
 
@@ -166,6 +166,6 @@ def _short(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _units(gain: float) -> str:
-    """A log-likelihood for the reader: no digits that mean nothing."""
+def lead_text(gain: float) -> str:
+    """Text of a log-likelihood for the reader: no digits that mean nothing."""
     return f"{gain:.1f}" if gain < DECISIVE else f"{float(f'{gain:.2g}'):.0f}"
