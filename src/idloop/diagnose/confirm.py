@@ -110,7 +110,7 @@ def confirm(
     parent: Refit,
     chosen: Sequence[Screened],
     report: Callable[[float, str], None] | None = None,
-    afar: Sequence[Screened] = (),
+    afar: bool = False,
 ) -> list[Confirmed]:
     """Refit the parent with each of some effects.
 
@@ -121,8 +121,8 @@ def confirm(
     chosen : sequence of Screened
     report : callable, optional
         Called with the share done and a text.
-    afar : sequence of Screened
-        More of them, of which no trace tells how strong they are: from `behind_noise`.
+    afar : bool
+        No trace tells how strong they are: those of `behind_noise`.
 
     Returns
     -------
@@ -132,8 +132,8 @@ def confirm(
     found = search(
         setting,
         parent,
-        [*chosen, *afar],
-        lambda screened: _confirm(setting, parent, screened, screened in afar),
+        chosen,
+        lambda screened: _confirm(setting, parent, screened, afar),
         lambda share, screened: report(share, screened.proposal.name) if report is not None else None,
     )
     return [confirmed for _, confirmed in found]
@@ -200,17 +200,17 @@ def _falling_gain(found: tuple[_Choice, Confirmed]) -> float:
     return -found[1].gain
 
 
-def _confirm(setting: Setting, parent: Refit, screened: Screened, wide: bool) -> Confirmed | None:
+def _confirm(setting: Setting, parent: Refit, screened: Screened, afar: bool) -> Confirmed | None:
     proposal = screened.proposal
     # Where nothing says how strong an effect is, no trace tells how far the search has to go.
-    count = _FEW if proposal.effect.strength and not wide else _MANY
+    count = _FEW if proposal.effect.strength and not afar else _MANY
     traces = sorted(screened.traces, key=lambda t: -t.statistic)[:count]
     best: Refit | None = None
     for model, starts in _by_structure(proposal, traces):
         thetas = [theta for values, shift in starts for theta in points(parent, proposal.model(values), shift)]
         scale = np.max(np.abs(np.array(thetas)), axis=0)
         found = refit_or_none(setting, model, thetas, parent, scale, rounds=1)
-        if found is not None and wide:
+        if found is not None and afar:
             found = _from_afar(setting, parent, found)
         if found is not None and (best is None or found.log_likelihood > best.log_likelihood):
             best = found

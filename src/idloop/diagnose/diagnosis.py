@@ -33,6 +33,7 @@ from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
 from idloop.errors import InputError
 from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.whitening import choose_order
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -268,16 +269,18 @@ def diagnose_fitted(
     # Of what the score test does not hold for significant, a ladder needs no refit.
     chosen = promising(screened, bar, 0) if rungs else promising(screened, null.threshold(0.5))
     chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
+    confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.2 * share, f"refitting with {text}"))
     hidden: list[Screened] = []
-    if _swallowed(parent):
+    swallowed = _swallowed(parent)
+    if swallowed and (not confirmed or _swallowed(confirmed[0].fit)):
         hidden = behind_noise(
-            setting, parent, screened, lambda share, text: tell(0.55 + 0.1 * share, f"looking behind the noise: {text}")
+            setting, parent, screened, lambda share, text: tell(0.75 + 0.05 * share, f"looking behind noise: {text}")
         )
-    chosen = [s for s in chosen if s not in hidden]
-    confirmed = confirm(
-        setting, parent, chosen, lambda share, text: tell(0.65 + 0.2 * share, f"refitting with {text}"), hidden
-    )
-    if hidden:
+        confirmed += confirm(
+            setting, parent, hidden, lambda share, text: tell(0.8 + 0.05 * share, f"refitting with {text}"), afar=True
+        )
+        confirmed = list({c.proposal.name: c for c in sorted(confirmed, key=lambda c: c.gain)}.values())
+    if swallowed:
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = _same_footing(setting, parent, confirmed, bar)
     ranked = rank(confirmed, null, share * level)
@@ -339,15 +342,16 @@ def diagnose_fitted(
     )
 
 
-def _swallowed(parent: Refit) -> bool:
+def _swallowed(fit: Refit) -> bool:
     """Whether the noise model explains what no noise would.
 
     A free whitening imitates a filter, a resonance or a sensor's error so well that its innovations show
     no effect any more. Noise of few lags is taken for noise.
     """
-    if not isinstance(parent.criterion, InnovationCriterion):
+    if not isinstance(fit.criterion, InnovationCriterion):
         return False
-    return max(parent.problem.orders, default=0) >= MANY_LAGS and parent.coloured > MUCH_COLOUR
+    lags = max(choose_order(group) for group in fit.problem.errors(fit.point))
+    return lags >= MANY_LAGS and fit.coloured > MUCH_COLOUR
 
 
 def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 # Integration steps per sample, and per second, that a model may take in a diagnosis: what is
 # faster than this lies beyond what the samples can show and would only cost time.
 _STEPS_PER_SAMPLE, _STEPS_PER_SECOND = 25.0, 5000.0
+# Steps per sample for what is not the chain's own, such as bristles that give way at full speed.
+_OWN_STEPS = 8.0
 
 # Motion quicker than this many half-turns per sample is kept stable, not followed: the integration
 # takes steps of two radians instead of one.
@@ -56,6 +58,7 @@ class FrugalEngine(RememberingEngine):
     def __init__(self, model: Model, sample_time: float, speed: float) -> None:
         super().__init__(model)
         self._most = max(_STEPS_PER_SAMPLE / sample_time, _STEPS_PER_SECOND)
+        self._most_own = max(_OWN_STEPS / sample_time, _STEPS_PER_SECOND)
         self._unseen = _UNSEEN * np.pi / sample_time
         self._speed = speed
 
@@ -69,8 +72,9 @@ class FrugalEngine(RememberingEngine):
             own = {name[len(prefix) :]: value for name, value in values.items() if name.startswith(prefix)}
             if not active.effect.valid(own):
                 raise IdloopError(f"these values make no {active.effect.name}")
-        rate = float(layout.axis.constants[kernel.RATE]) + self._speed * float(np.max(layout.axis.spatial_rate))
-        if rate > self._most:
+        along = self._speed * float(np.max(layout.axis.spatial_rate))
+        rate, own_rate = float(layout.axis.constants[kernel.RATE]), float(layout.axis.constants[kernel.BEYOND])
+        if rate + along > self._most or own_rate + along > self._most_own:
             raise IdloopError("these values make the model faster than the samples can show")
         own = layout.axis.constants[kernel.RATE]
         layout.axis.constants[kernel.RATE] = max(own / _COARSE, min(own, self._unseen))
