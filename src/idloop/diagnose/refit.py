@@ -33,7 +33,9 @@ _COLD = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
 _WEAKER = -2.0
 # How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
 # In the first round of a search, and in those that follow.
-_FAR, _NEAR, _FINEST, _MOST_PROBES = 0.8, 0.3, 0.2, 8
+_FAR, _NEAR, _FINEST, _FARTHEST, _MOST_PROBES = 0.8, 0.3, 0.1, 2.0, 10
+# Samples of long records that the first rounds look at to find the disturbance roughly.
+_GLIMPSE = 10_000
 # Decades of samples from which on a disturbance passes for a random walk.
 LONG_MEMORY = 2.0
 # Promised rise of the log-likelihood at which a round ends.
@@ -205,6 +207,7 @@ def refit(
     if not np.isfinite(best):
         raise IdloopError("the model gives no finite output at its starting values; check signs and magnitudes")
     criterion.keep(start)
+    glimpse = criterion.glimpse(_GLIMPSE) if isinstance(criterion, InnovationCriterion) else None
     step: Array | None = None
     slopes = _slopes_of(beside, model) if beside is not None else None
     best, kept = -np.inf, None
@@ -212,8 +215,10 @@ def refit(
         criterion.retune(theta)
         # The first round moves the parameters so far that its best disturbance need not be near the next.
         early = round_ < 2
-        probes = (_COLD if beside is None else _aside(criterion)) if early else ()
+        probes: Sequence[Disturbance] = (_COLD if beside is None else _aside(criterion)) if early else ()
         reach = _FAR if round_ == 0 else _NEAR
+        if early and glimpse is not None:
+            probes, reach = [_glimpsed(glimpse, setting, criterion, theta, orders, probes, reach)], _NEAR * round_
         value = _tune(criterion, problem, theta, orders, probes, reach)
         if value == -np.inf:
             break
@@ -380,14 +385,35 @@ def _tune(
                 if value(*at) > known[best]:
                     break  # the other way lies lower
             best = max(known, key=known.__getitem__)
-        if best == here:
-            value(*_vertex(known, best, reach))
-            best = max(known, key=known.__getitem__)
-            reach *= 0.4
+        if best != here:
+            reach = min(2.0 * reach, _FARTHEST)
+            continue
+        # Intensity and memory go together along a ridge: only a bowl through all neighbours shows its way.
+        value(best[0] + reach, best[1] + reach)
+        value(*_vertex(known, best, reach))
+        best = max(known, key=known.__getitem__)
+        reach *= 0.4
         if reach < _FINEST:
             break
     criterion.exponent, criterion.memory = best
     return _weigh(problem, np.append(theta, best), orders)
+
+
+def _glimpsed(
+    glimpse: InnovationCriterion,
+    setting: Setting,
+    criterion: Criterion,
+    theta: Array,
+    orders: list[int] | None,
+    probes: Sequence[Disturbance],
+    reach: float,
+) -> Disturbance:
+    """The disturbance that suits a part of the data."""
+    glimpse.keep(criterion.nuisance()[0])
+    glimpse.retune(theta)
+    problem = Problem(glimpse, len(theta), None if setting.whiteners is None else list(setting.whiteners))
+    _tune(glimpse, problem, theta, orders, probes, reach)
+    return glimpse.exponent, glimpse.memory
 
 
 def _aside(criterion: Criterion) -> list[Disturbance]:
@@ -398,16 +424,17 @@ def _aside(criterion: Criterion) -> list[Disturbance]:
     return [(here + _WEAKER, criterion.memory), *((here, memory) for memory in _MEMORIES)]
 
 
-def _vertex(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
-    """Where parabolas through the best point and those beside it are highest, in each direction by itself."""
-    place = list(best)
-    for i in range(2):
-        beside = []
-        for sign in (-1.0, 1.0):
-            at = list(best)
-            at[i] += sign * reach
-            beside.append(known.get((at[0], at[1]), -np.inf) - known[best])
-        bend = beside[0] + beside[1]
-        if np.isfinite(bend) and bend < 0.0:
-            place[i] += 0.5 * reach * (beside[0] - beside[1]) / bend
-    return place
+def _vertex(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> Disturbance:
+    """Where the bowl through the best point, those beside it and one corner is highest, within twice the reach."""
+
+    def beside(first: float, second: float) -> float:
+        return known.get((best[0] + first * reach, best[1] + second * reach), -np.inf) - known[best]
+
+    east, west, north, south, corner = beside(1, 0), beside(-1, 0), beside(0, 1), beside(0, -1), beside(1, 1)
+    slope = 0.5 * np.array([east - west, north - south])
+    cross = corner - east - north
+    bend = np.array([[east + west, cross], [cross, north + south]])
+    if not np.all(np.isfinite(bend)) or bend[0, 0] >= 0.0 or np.linalg.det(bend) <= 0.0:
+        return best
+    move = np.clip(-np.linalg.solve(bend, slope), -2.0, 2.0) * reach
+    return best[0] + float(move[0]), best[1] + float(move[1])

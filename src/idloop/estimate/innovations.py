@@ -8,6 +8,8 @@ and every sample counts for every model.
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +30,8 @@ Array = NDArray[np.float64]
 LEAST_EXPONENT, MOST_EXPONENT = -10.0, 10.0
 # Decades of the time, in samples, over which the disturbance remembers: white, and for ever.
 WHITE, WALK = -1.0, 5.0
+# Fewest samples of a record that a glimpse takes.
+_LEAST_GLIMPSE = 500
 # First guesses of the initial motion may be wrong by this many times their typical size.
 _START_SPREAD = 3.0
 
@@ -90,6 +94,31 @@ class InnovationCriterion:
     def adopt(self, other: InnovationCriterion) -> None:
         """Use the observers of a neighbouring model with the same linear part."""
         self._linear, self._chain, self._observers = other._linear, other._chain, other._observers
+
+    def glimpse(self, samples: int) -> InnovationCriterion | None:
+        """The same on a stretch from the middle of every record; None where it would not be much shorter.
+
+        Parameters
+        ----------
+        samples : int
+            About so many of all records together.
+        """
+        total = sum(len(d.time) for d in self.data)
+        if total < 2 * samples:
+            return None
+        stretches = [_middle(d, samples / total) for d in self.data]
+        if not all(np.any(np.isfinite(d.output)) for d in stretches) or output_groups(stretches) != self.groups:
+            return None
+        short = copy(self)
+        short.look_at(stretches)
+        return short
+
+    def look_at(self, data: list[Data]) -> None:
+        """Read other records of the same outputs; the unit of the intensity stays."""
+        self.data = data
+        self.initial = InitialStates(self.engine, data, float(np.sqrt(self.unit * self._longest)))
+        self._observers = {}
+        self._rows = [[_usable(d, group) for d in data] for group in self.groups]
 
     def nuisance(self) -> tuple[Array, Array, Array, Array]:
         """Exponent and memory, their range and size."""
@@ -159,6 +188,15 @@ def _scalings(covariance: Array, group: list[int]) -> Array:
     own = covariance[:, group][:, :, group]
     roots = np.linalg.cholesky(own)
     return np.asarray(roots[-1] @ np.linalg.inv(roots[:-1]))
+
+
+def _middle(data: Data, share: float) -> Data:
+    """A share of a record, from its middle."""
+    count = max(round(share * len(data.time)), min(len(data.time), _LEAST_GLIMPSE))
+    first = (len(data.time) - count) // 2
+    part = slice(first, first + count)
+    gaps = data.gaps[(data.gaps > first) & (data.gaps < first + count)] - first
+    return replace(data, time=data.time[part], output=data.output[part], gaps=gaps)
 
 
 def _usable(data: Data, group: list[int]) -> NDArray[np.bool_]:
