@@ -6,8 +6,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.innovations import InnovationCriterion
 from idloop.physics import Engine, load_model, simulate
 from idloop.physics.engine import Linear
+from idloop.records import Record
 
 STEP = 0.01
 TIME = STEP * np.arange(150)
@@ -73,3 +76,41 @@ def test_what_is_forgotten_at_once_pushes_for_one_sample(engine: Engine) -> None
     reached = 20.0 / friction * (1.0 - np.exp(-friction * STEP))
     assert seen[10, 1] == 1.0
     assert -seen[50, 1] == pytest.approx(reached * np.exp(-friction * 39 * STEP), rel=1e-6)
+
+
+def records(lengths: list[int], gap: int | None = None) -> list[Record]:
+    """Records of the motor; after sample ``gap`` the recorder was away for a while."""
+    found = []
+    for length in lengths:
+        time = STEP * np.arange(length)
+        if gap is not None:
+            time[gap:] += 1.0
+        command = np.sign(np.sin(0.9 * time))
+        model = load_model("dc_motor")
+        output = simulate(model, time, command, time).output
+        names, units = tuple(o.name for o in model.outputs), tuple(o.unit for o in model.outputs)
+        found.append(Record("run", time, command, time, output, "motor.effort", "V", names, units))
+    return found
+
+
+def criterion(lengths: list[int], gap: int | None = None) -> InnovationCriterion:
+    setting = prepare_setting(load_model("dc_motor"), records(lengths, gap), "prediction")
+    made = setting.criterion(load_model("dc_motor"))
+    assert isinstance(made, InnovationCriterion)
+    return made
+
+
+def test_a_glimpse_is_the_middle_of_each_record() -> None:
+    whole = criterion([8000, 4000], gap=3900)
+    short = whole.glimpse(3000)
+    assert short is not None
+    assert [len(d.time) for d in short.data] == [2000, 1000]
+    assert [d.time[0] for d in short.data] == [whole.data[0].time[3000], whole.data[1].time[1500]]
+    assert [list(d.gaps) for d in short.data] == [[900], []]
+    # the disturbance is measured in the same unit, and the whole is left alone
+    assert short.intensity == whole.intensity
+    assert [len(d.time) for d in whole.data] == [8000, 4000]
+
+
+def test_short_records_have_no_glimpse() -> None:
+    assert criterion([3000]).glimpse(2000) is None
