@@ -22,8 +22,8 @@ from traps import TRAPS
 
 # Half of the simulations share nothing with idloop.
 SIMULATORS = ("idloop", "mujoco", "idloop", "equations")
-# Most samples of all training recordings of a case together.
-MOST_SAMPLES = 24000
+# Most samples of all training recordings of a case together, with one body and with four; shortest recording [s].
+MOST_SAMPLES, MOST_SAMPLES_OF_FOUR, SHORTEST = 12000, 6000, 6.0
 CLEAN_PER_KIND = 28
 SHARES = (0.005, 0.01, 0.02, 0.05)
 
@@ -43,10 +43,10 @@ def _rate_and_duration(machine: str, random: np.random.Generator, bags: int, lon
     rate = float(random.choice(MACHINES[machine].rates))
     low, high = _DURATIONS[rate]
     duration = float(random.uniform(low, high))
-    # four sensors make a sample four times as dear
-    budget = MOST_SAMPLES if "torsion" not in machine else MOST_SAMPLES // 2
+    # four bodies make a sample four times as dear
+    budget = MOST_SAMPLES_OF_FOUR if machine.startswith(("torsion", "lead_screw")) else MOST_SAMPLES
     duration = min(duration, longest, budget / (rate * bags))
-    return rate, float(round(max(duration, 10.0)))
+    return rate, float(round(max(duration, SHORTEST)))
 
 
 def _disturbed(random: np.random.Generator) -> Disturbance:
