@@ -139,7 +139,7 @@ def test_a_user_has_the_next_experiment_run_and_climbs(operator):
 
 
 def test_a_suggestion_beyond_the_limits_is_refused_and_an_experiment_can_be_stopped(operator):
-    operator.until(lambda: operator.got["estimator/prediction"])
+    operator.until(lambda: operator.got["estimator/prediction"] and operator.got["excitation"])
     refused = operator.set("excitation", "experiment", "{signal: {name: square, amplitude: 9.0, duration: 5.0}}")
     assert not refused.successful
     assert "limit.amplitude" in refused.reason
