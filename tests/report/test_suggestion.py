@@ -221,6 +221,6 @@ def test_two_rivals_that_agree_in_everything_can_be_drawn():
 
 @pytest.mark.parametrize("suffix", (".png", ".svg"))
 def test_equal_figures_are_equal_files(suffix, tmp_path):
-    one, two = (style.save(suggestion().plot(), tmp_path / f"{name}{suffix}") for name in ("one", "two"))
+    one, two = (style.save(plot_suggestion(suggestion()), tmp_path / f"{name}{suffix}") for name in ("one", "two"))
     assert one.stat().st_size > 10_000
     assert one.read_bytes() == two.read_bytes()

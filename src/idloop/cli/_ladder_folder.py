@@ -136,6 +136,7 @@ def write_all(
 def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> None:
     """Write the next experiment and its figure; what lies there of another one goes."""
     from idloop.report.style import save
+    from idloop.report.suggestion import plot_suggestion
 
     file, figure = folder / "next.yaml", folder / "next.png"
     before = file.read_text(encoding="utf-8") if file.is_file() else None
@@ -145,7 +146,7 @@ def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> 
     else:
         write_text(file, text)
     if suggestion is not None:
-        save(suggestion.plot(), figure)
+        save(plot_suggestion(suggestion), figure)
     elif text is None or text != before:
         figure.unlink(missing_ok=True)
 

@@ -115,8 +115,9 @@ def command(
         log(f"written: {output}")
     if found is not None and plot is not None:
         from idloop.report.style import save
+        from idloop.report.suggestion import plot_suggestion
 
-        save(found.plot(), plot)
+        save(plot_suggestion(found), plot)
         log(f"written: {plot}")
     if as_json:
         document = {"experiment": None} if found is None else found.to_dict()

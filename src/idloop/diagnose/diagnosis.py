@@ -295,7 +295,8 @@ def diagnose_fitted(
     rivals = tied(best, significant[1:]) if best is not None else []
     if best is not None:
         # What leaves the same trace is as likely, whatever the score said of the two.
-        alike = [s for s in _alike(best, screened) if s not in [*chosen, *hidden]]
+        tried = {c.proposal.name for c in confirmed}
+        alike = [s for s in _alike(best, screened) if s.proposal.name not in tried]
         if alike:
             rivals += tied(best, confirm(setting, parent, alike))
     pair: MissingPair | None = None
@@ -350,8 +351,9 @@ def _swallowed(fit: Refit) -> bool:
     """
     if not isinstance(fit.criterion, InnovationCriterion):
         return False
-    lags = max(choose_order(group) for group in fit.problem.errors(fit.point))
-    return lags >= MANY_LAGS and fit.coloured > MUCH_COLOUR
+    if fit.coloured <= MUCH_COLOUR:
+        return False
+    return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
 
 
 def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:

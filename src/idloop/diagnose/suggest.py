@@ -105,13 +105,6 @@ class Suggestion:
         lines = [describe_signal(self.signal, self.adds_to), self.text]
         return "\n".join([*lines, *(f"  {outcome.text}" for outcome in self.outcomes)])
 
-    def plot(self) -> Any:
-        """Draw what is sent in and what each rival would show; returns the figure."""
-        # Results draw themselves by the reports, which know them: hence here and not above.
-        from idloop.report.suggestion import plot_suggestion
-
-        return plot_suggestion(self)
-
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def suggest(

@@ -51,6 +51,7 @@ def difference_jacobian(
     step: Array,
     scale: Array,
     central: bool = True,
+    known: Array | None = None,
 ) -> tuple[Array, Array]:
     """Jacobian by central differences; the steps settle at a tenth of a standard error.
 
@@ -70,6 +71,8 @@ def difference_jacobian(
         Typical size of each parameter.
     central : bool
         False takes one-sided differences at half the cost, away from the bound.
+    known : array, shape (n, k), optional
+        Columns that are taken as they are; those of NaN are computed.
 
     Returns
     -------
@@ -81,6 +84,9 @@ def difference_jacobian(
     jacobian = np.empty((len(residual), k))
     step = step.copy()
     for i in range(k):
+        if known is not None and np.all(np.isfinite(known[:, i])):
+            jacobian[:, i] = known[:, i]
+            continue
         for _ in range(4):
             column, change = (_column if central else _one_sided)(function, point, residual, lower, upper, i, step[i])
             norm = float(np.linalg.norm(change))
@@ -196,7 +202,7 @@ def minimise(
     damping, converged, iteration = 1e-3, False, 0
     fresh, borrowed, known = False, jacobian is not None, jacobian is not None
     if jacobian is not None:
-        jacobian, step = _completed(function, point, residual, lower, upper, step, scale, jacobian)
+        jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick, jacobian)
     while True:
         if jacobian is None or not known:
             jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick)
@@ -244,32 +250,6 @@ def minimise(
             break
         known = follows or (quick and iteration >= max_iterations)
     return Minimum(point, residual, jacobian, cost, iteration, converged, step)
-
-
-def _completed(
-    function: Callable[[Array], Array],
-    point: Array,
-    residual: Array,
-    lower: Array,
-    upper: Array,
-    step: Array,
-    scale: Array,
-    jacobian: Array,
-) -> tuple[Array, Array]:
-    """A Jacobian with its unknown columns filled by one-sided differences, and the steps used."""
-    jacobian, step = np.array(jacobian, dtype=float), step.copy()
-    missing = np.flatnonzero(~np.all(np.isfinite(jacobian), axis=0))
-
-    def along(part: Array) -> Array:
-        at = point.copy()
-        at[missing] = part
-        return function(at)
-
-    columns, step[missing] = difference_jacobian(
-        along, point[missing], residual, lower[missing], upper[missing], step[missing], scale[missing], False
-    )
-    jacobian[:, missing] = columns
-    return jacobian, step
 
 
 def _update(jacobian: Array, move: Array, change: Array, hessian: Array) -> None:

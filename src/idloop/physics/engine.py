@@ -256,11 +256,7 @@ class Engine:
         """Linear part: inertia, viscous friction, springs and the effects that are linear."""
         layout = self.layout(theta)
         axis, n = layout.axis, layout.bodies
-        stiff, damp = np.zeros((n, n)), np.diag(axis.viscous)
-        pattern = np.array([[1.0, -1.0], [-1.0, 1.0]])
-        for i in range(n - 1):
-            stiff[i : i + 2, i : i + 2] += axis.stiffness[i] * pattern
-            damp[i : i + 2, i : i + 2] += axis.damping[i] * pattern
+        a = axis.chain.copy()
         values = dict(self._values)
         if theta is not None:
             values.update(zip(self.free, (float(v) for v in theta), strict=True))
@@ -271,10 +267,9 @@ class Engine:
                 numbers = [values[f"{active.name}.{spec.name}"] for spec in effect.parameters]
                 i = body_of[active.at]
                 at_rest = effect.force(0.0, 0.0, axis.inertia[i], 0.0, [], numbers)
-                stiff[i, i] += at_rest - effect.force(1.0, 0.0, axis.inertia[i], 0.0, [], numbers)
-                damp[i, i] += at_rest - effect.force(0.0, 1.0, axis.inertia[i], 0.0, [], numbers)
-        inverse = 1.0 / axis.inertia[:, None]
-        a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse * stiff, -inverse * damp]])
+                for state, motion in ((i, (1.0, 0.0)), (n + i, (0.0, 1.0))):
+                    force = effect.force(*motion, axis.inertia[i], 0.0, [], numbers)
+                    a[n + i, state] += (force - at_rest) / axis.inertia[i]
         g = np.zeros(2 * n)
         g[n] = 1.0 / axis.inertia[0]
         c = np.zeros((len(self.model.outputs), 2 * n))

@@ -56,6 +56,7 @@ class Axis(NamedTuple):
     viscous: Any  # (n,)
     stiffness: Any  # (n-1,)
     damping: Any  # (n-1,)
+    chain: Any  # (2n, 2n) d(positions, velocities)/dt of the bare chain
     constants: Any  # gain, input delay [s], steps per second that the model needs, at most, and without its chain
     spatial_rate: Any  # (n,) fastest change along the position [1/position unit]
     parameters: Any  # (k,) of all active equations
@@ -728,19 +729,7 @@ def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
 def exponentials(axis: Axis, duration: float, matrices: Any) -> None:
     """Matrices of all levels: functions phi of the chain, by Taylor series of a small step, doubled up."""
     n = axis.inertia.shape[0]
-    unit = np.eye(2 * n)
-    chain = np.zeros((2 * n, 2 * n))
-    for i in range(n):
-        chain[i, n + i] = 1.0
-        chain[n + i, n + i] = -axis.viscous[i]
-    for j in range(n - 1):
-        for at, sign in ((j, 1.0), (j + 1, -1.0)):
-            chain[n + at, j] -= sign * axis.stiffness[j]
-            chain[n + at, j + 1] += sign * axis.stiffness[j]
-            chain[n + at, n + j] -= sign * axis.damping[j]
-            chain[n + at, n + j + 1] += sign * axis.damping[j]
-    for i in range(n):
-        chain[n + i] /= axis.inertia[i]
+    unit, chain = np.eye(2 * n), axis.chain
     halvings = LEVELS
     largest = np.max(np.abs(chain).sum(axis=1))
     while largest * duration > 0.5 * 2.0**halvings and halvings < 40:

@@ -92,8 +92,8 @@ class _Chain:
             self.stiffness.append(values[f"{name}.stiffness"])
             self.damping.append(values[f"{name}.damping"])
 
-    def linear_rate(self) -> float:
-        """Fastest rate of the bare chain [rad/s]."""
+    def matrix(self) -> NDArray[np.float64]:
+        """Of the bare chain's motion, d(positions, velocities)/dt, shape (2 n, 2 n)."""
         n = len(self.inertia)
         stiff, damp = np.zeros((n, n)), np.diag(np.asarray(self.viscous, dtype=float))
         for i, (k, c) in enumerate(zip(self.stiffness, self.damping, strict=True)):
@@ -101,10 +101,14 @@ class _Chain:
             stiff[i : i + 2, i : i + 2] += k * pattern
             damp[i : i + 2, i : i + 2] += c * pattern
         inverse = 1.0 / np.asarray(self.inertia)[:, None]
-        matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse * stiff, -inverse * damp]])
-        if not np.all(np.isfinite(matrix)):
-            return float("inf")
-        return float(np.max(np.abs(np.linalg.eigvals(matrix))))
+        return np.block([[np.zeros((n, n)), np.eye(n)], [-inverse * stiff, -inverse * damp]])
+
+
+def _fastest(matrix: NDArray[np.float64]) -> float:
+    """Fastest rate of a motion [rad/s]."""
+    if not np.all(np.isfinite(matrix)):
+        return float("inf")
+    return float(np.max(np.abs(np.linalg.eigvals(matrix))))
 
 
 def _table(rows: list[list[int]]) -> NDArray[np.int64]:
@@ -138,7 +142,8 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
     numbers: list[float] = []
     next_state = kernel.FIRST + 3 * n
     input_delay = 0.0
-    rate, beyond = chain.linear_rate(), 0.0
+    matrix = chain.matrix()
+    rate, beyond = _fastest(matrix), 0.0
 
     for active in sorted(model.effects, key=lambda active: active.effect.order):
         effect = active.effect
@@ -177,6 +182,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
         viscous=np.asarray(chain.viscous, dtype=float),
         stiffness=np.asarray(chain.stiffness, dtype=float),
         damping=np.asarray(chain.damping, dtype=float),
+        chain=matrix,
         constants=np.array(
             [
                 values["drive.gain"],
