@@ -20,7 +20,7 @@ from paper_torsion import (
     TorsionCase,
 )
 
-from idloop.report import style
+from idloop import drawing
 
 # Stretch of the A6 record that is drawn [s].
 SHOWN = (10.0, 16.0)
@@ -31,34 +31,34 @@ def a6(rows: Sequence[DcMotorRow], path: Path) -> Path:
     from matplotlib.figure import Figure
 
     row = rows[0]
-    with style.styled():
+    with drawing.styled():
         figure = Figure(figsize=(11.0, 3.3), layout="constrained")
         drift, fits, motion = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.35))
         amplitude = np.array(list(THESIS))
         theirs, ours = thesis_gains(), {u: row.drift.gain(u) for u in THESIS}
-        drift.plot(amplitude, list(theirs.values()), "o", color=style.MEASURED, label="published linear fits")
-        drift.plot(amplitude, list(ours.values()), "s", color=style.MODELS[1], mfc="none", label="linear fits here")
+        drift.plot(amplitude, list(theirs.values()), "o", color=drawing.MEASURED, label="published linear fits")
+        drift.plot(amplitude, list(ours.values()), "s", color=drawing.MODELS[1], mfc="none", label="linear fits here")
         fine = np.linspace(0.21, 0.46, 100)
         values = row.found.ladder.model.values
         width = values.get("dead_zone@input.width", 0.0)
         gain = values["drive.gain"] / values["motor.viscous_friction"]
         label = f"the one model: {gain:.2f} (1 − {width:.3f} V / u)"
-        drift.plot(fine, gain * (1.0 - width / fine), color=style.MODELS[0], label=label)
+        drift.plot(fine, gain * (1.0 - width / fine), color=drawing.MODELS[0], label=label)
         drift.set(xlabel="amplitude u [V]", ylabel="apparent gain b/a [rad/(s V)]", ylim=(0.0, None))
         drift.set_title("Linear fits drift with the amplitude", loc="left")
         drift.legend(loc="lower right")
         for index, (name, by_amplitude) in enumerate(row.fits.items()):
-            colour = (style.MODELS[1], style.MODELS[0], style.MEASURED)[index]
+            colour = (drawing.MODELS[1], drawing.MODELS[0], drawing.MEASURED)[index]
             dashes, marker = ("-", "-", ":")[index], ("o", "o", "")[index]
             position = [p for p, _ in by_amplitude.values()]
             fits.plot(list(by_amplitude), position, marker=marker, markersize=4, color=colour, ls=dashes, label=name)
-        fits.axvspan(UNSEEN - 0.015, UNSEEN + 0.015, color=style.BAND, alpha=0.25, linewidth=0, label="never fitted")
+        fits.axvspan(UNSEEN - 0.015, UNSEEN + 0.015, color=drawing.BAND, alpha=0.25, linewidth=0, label="never fitted")
         fits.set(xlabel="amplitude u [V]", ylabel="FIT of the position in free run [%]", ylim=(None, 100.0))
         fits.set_title("One model for every amplitude", loc="left")
         fits.legend(loc="lower right")
         _motion(motion, row)
         motion.set_title(f"Free run at {UNSEEN} V, which was never fitted", loc="left")
-        return style.save(figure, path)
+        return drawing.save(figure, path)
 
 
 def _motion(axes: Any, row: DcMotorRow) -> None:
@@ -66,10 +66,12 @@ def _motion(axes: Any, row: DcMotorRow) -> None:
 
     record = row.records[UNSEEN]
     inside = (record.time >= SHOWN[0]) & (record.time <= SHOWN[1])
-    axes.plot(record.time[inside], record.output[inside, 0], ".", color=style.MEASURED, markersize=3, label="measured")
+    axes.plot(
+        record.time[inside], record.output[inside, 0], ".", color=drawing.MEASURED, markersize=3, label="measured"
+    )
     for index, name in ((1, "one linear model"), (0, "with the effects")):
         simulated = compare(row.models[name], record).simulated
-        axes.plot(record.time[inside], simulated[inside, 0], color=style.MODELS[index], label=name)
+        axes.plot(record.time[inside], simulated[inside, 0], color=drawing.MODELS[index], label=name)
     axes.set(xlabel="time [s]", ylabel="position [rad]")
     _legend_above(axes)
 
@@ -80,7 +82,7 @@ def b2(cases: Sequence[TorsionCase], path: Path) -> Path:
 
     count = len(cases)
     names = [f"{case.name}, {100 * case.share:.0f} %" for case in cases]
-    with style.styled():
+    with drawing.styled():
         figure = Figure(figsize=(11.0, 0.42 * count + 1.6), layout="constrained")
         parameters, forces = figure.subplots(1, 2, sharey=True)
         place = {effect: i for i, effect in enumerate(CASES["all"])}
@@ -91,20 +93,20 @@ def b2(cases: Sequence[TorsionCase], path: Path) -> Path:
                     if np.isfinite(estimate.deviations) and abs(estimate.true) > 0.0:
                         _estimate(parameters, y, rung.hidden, estimate, place, drawn)
             errors = {name: worth.force for name, worth in case.found.worth.items()}
-            forces.plot([errors[LINEAR], errors[ONE]], [y, y], color=style.BAND, linewidth=1.0)
+            forces.plot([errors[LINEAR], errors[ONE]], [y, y], color=drawing.BAND, linewidth=1.0)
             if not case.found.right:
                 said = "not all found" if case.found.missed else "one too many"
                 forces.annotate(
                     said, (errors[LINEAR], y), (6, 0), textcoords="offset points", fontsize=7.5, va="center"
                 )
         for name, marker, colour in (
-            (LINEAR, "o", style.MODELS[1]),
-            (ONE, "o", style.MODELS[0]),
-            (TRUE, "|", style.MEASURED),
+            (LINEAR, "o", drawing.MODELS[1]),
+            (ONE, "o", drawing.MODELS[0]),
+            (TRUE, "|", drawing.MEASURED),
         ):
             values = [case.found.worth[name].force for case in cases]
             forces.plot(values, range(count), marker, color=colour, markersize=9 if marker == "|" else 5, label=name)
-        parameters.axvline(0.0, color=style.MEASURED, linewidth=0.6)
+        parameters.axvline(0.0, color=drawing.MEASURED, linewidth=0.6)
         parameters.set_yticks(range(count), names)
         parameters.invert_yaxis()
         parameters.set(xlabel="error of the parameter, ± 2 standard errors [% of its true value]")
@@ -115,7 +117,7 @@ def b2(cases: Sequence[TorsionCase], path: Path) -> Path:
         forces.set(xlabel="error of the drive's torque on validation [%]")
         forces.set_title("What they are worth", loc="left")
         forces.legend(loc="upper left", bbox_to_anchor=(0.0, -0.12), ncols=3)
-        return style.save(figure, path)
+        return drawing.save(figure, path)
 
 
 def _estimate(axes: Any, y: int, hidden: str | None, estimate: Any, place: dict[str, int], drawn: set[str]) -> None:
@@ -127,7 +129,7 @@ def _estimate(axes: Any, y: int, hidden: str | None, estimate: Any, place: dict[
     offset = 0.12 * (index - 2) + (0.06 if estimate.name == "phase" else 0.0)
     axes.errorbar(
         error, y + offset, xerr=200.0 * estimate.stderr / abs(estimate.true), fmt="o", markersize=4, capsize=2,
-        color=style.MODELS[index], label=label,
+        color=drawing.MODELS[index], label=label,
     )  # fmt: skip
 
 
@@ -135,10 +137,10 @@ def b9(rows: Sequence[AmplitudeRow], path: Path) -> Path:
     """FIT by amplitude of linear models and of the one model, and the free run at the large amplitude."""
     from matplotlib.figure import Figure
 
-    with style.styled():
+    with drawing.styled():
         figure = Figure(figsize=(11.0, 3.3 * len(rows)), layout="constrained")
         grid = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(1.0, 1.0, 1.5))
-        colours = (style.MODELS[4], style.MODELS[1], style.MODELS[0], style.MEASURED)
+        colours = (drawing.MODELS[4], drawing.MODELS[1], drawing.MODELS[0], drawing.MEASURED)
         for (fits, forces, motion), row in zip(grid, rows, strict=True):
             for colour, (name, by_amplitude) in zip(colours, row.worths.items(), strict=True):
                 at = [100.0 * amplitude for amplitude in by_amplitude]
@@ -154,7 +156,7 @@ def b9(rows: Sequence[AmplitudeRow], path: Path) -> Path:
             _plain(forces.yaxis)
             forces.set(xlabel="amplitude [%]", ylabel="error of the drive's torque [%]")
             _free_run(motion, row)
-        return style.save(figure, path)
+        return drawing.save(figure, path)
 
 
 def _free_run(axes: Any, row: AmplitudeRow) -> None:
@@ -163,10 +165,10 @@ def _free_run(axes: Any, row: AmplitudeRow) -> None:
     record = row.shown
     inside = record.time >= 0.0
     column = record.output_names.index("load2.position")
-    axes.plot(record.time[inside], record.output[inside, column], color=style.MEASURED, label="measured")
+    axes.plot(record.time[inside], record.output[inside, column], color=drawing.MEASURED, label="measured")
     for index, name in ((4, LINEAR_SMALL), (0, ONE)):
         simulated = compare(row.models[name], record).simulated
-        axes.plot(record.time[inside], simulated[inside, column], color=style.MODELS[index], label=name)
+        axes.plot(record.time[inside], simulated[inside, column], color=drawing.MODELS[index], label=name)
     axes.set(xlabel="time [s]", ylabel="angle of the second load [rad]")
     axes.set_title(f"Free run at {100 * LARGE:.0f} %", loc="left")
     _legend_above(axes)

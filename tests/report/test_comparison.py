@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from idloop import drawing
 from idloop.errors import IdloopError
-from idloop.report import style
 from idloop.report.comparison import Panel, plot_comparison
 
 TIME = np.linspace(0.0, 2.0, 41)
@@ -72,13 +72,13 @@ def test_the_band_is_drawn_where_it_is_known():
 
 @pytest.mark.parametrize("suffix", (".png", ".svg", ".pdf"))
 def test_equal_figures_are_equal_files(suffix, tmp_path):
-    one, two = (style.save(figure(panel()), tmp_path / f"{name}{suffix}") for name in ("one", "two"))
+    one, two = (drawing.save(figure(panel()), tmp_path / f"{name}{suffix}") for name in ("one", "two"))
     assert one.stat().st_size > 1000
     assert one.read_bytes() == two.read_bytes()
 
 
 def test_long_records_become_images_inside_vector_files():
-    time = np.linspace(0.0, 1.0, 2 * style.RASTERISE_FROM)
+    time = np.linspace(0.0, 1.0, 2 * drawing.RASTERISE_FROM)
     long = panel(time=time, output=np.zeros((len(time), 2)), modelled={}, notes={})
     assert figure(long).axes[0].lines[0].get_rasterized()
     assert not figure(panel()).axes[0].lines[0].get_rasterized()
@@ -86,11 +86,11 @@ def test_long_records_become_images_inside_vector_files():
 
 def test_a_file_that_cannot_be_written_is_said(tmp_path):
     with pytest.raises(IdloopError, match="cannot write"):
-        style.save(figure(panel()), tmp_path / "nowhere" / "a.png")
+        drawing.save(figure(panel()), tmp_path / "nowhere" / "a.png")
 
 
 def test_a_pure_number_has_a_dash_for_its_unit():
-    assert style.label("ratio", "") == "ratio [-]"
+    assert drawing.label("ratio", "") == "ratio [-]"
 
 
 def test_drawing_leaves_the_settings_of_the_user_alone():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from idloop import drawing
 from idloop.diagnose import Candidate, Ladder, Step, UnknownStructure
 from idloop.physics import load_model
-from idloop.report import style
 from idloop.report.ladder import p_text, plot_ladder, plot_unknown, step_label
 
 MODEL = load_model("dc_motor")
@@ -90,6 +90,6 @@ def test_training_alone_is_called_by_the_name_of_the_output():
 
 
 def test_equal_figures_are_equal_files(tmp_path):
-    files = [style.save(plot_ladder(ladder(unknown=UNKNOWN)), tmp_path / f"{name}.png") for name in "ab"]
+    files = [drawing.save(plot_ladder(ladder(unknown=UNKNOWN)), tmp_path / f"{name}.png") for name in "ab"]
     assert files[0].read_bytes() == files[1].read_bytes()
     assert files[0].stat().st_size > 10_000

@@ -9,10 +9,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 
+from idloop import drawing
 from idloop.diagnose.suggest import Limits, Suggestion
 from idloop.diagnose.suggest_words import Outcome
 from idloop.physics import load_model
-from idloop.report import style
 from idloop.report.suggestion import plot_suggestion
 
 MOTOR = load_model("dc_motor")
@@ -221,6 +221,6 @@ def test_two_rivals_that_agree_in_everything_can_be_drawn():
 
 @pytest.mark.parametrize("suffix", (".png", ".svg"))
 def test_equal_figures_are_equal_files(suffix, tmp_path):
-    one, two = (style.save(plot_suggestion(suggestion()), tmp_path / f"{name}{suffix}") for name in ("one", "two"))
+    one, two = (drawing.save(plot_suggestion(suggestion()), tmp_path / f"{name}{suffix}") for name in ("one", "two"))
     assert one.stat().st_size > 10_000
     assert one.read_bytes() == two.read_bytes()

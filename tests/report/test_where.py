@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idloop import drawing
 from idloop.physics import load_model, simulate
 from idloop.records import Record
-from idloop.report import style
 from idloop.report.where import plot_where
 from idloop.validate import Where, compare
 
@@ -115,7 +115,7 @@ def test_a_variable_that_was_left_out_says_why(found):
 @pytest.mark.parametrize("suffix", (".png", ".svg"))
 def test_equal_figures_are_equal_files(found, suffix, tmp_path):
     one, two = (
-        style.save(only(found[0][1], "drive force").plot(), tmp_path / f"{name}{suffix}") for name in ("one", "two")
+        drawing.save(only(found[0][1], "drive force").plot(), tmp_path / f"{name}{suffix}") for name in ("one", "two")
     )
     assert one.stat().st_size > 10000
     assert one.read_bytes() == two.read_bytes()

@@ -86,7 +86,7 @@ def print_where(rows: Iterable[tuple[str, Comparison]]) -> None:
 
 def save_where(rows: Sequence[tuple[str, Comparison]], path: Path) -> None:
     """Write the figure of where the models fail, all on one record."""
-    from idloop.report.style import save
+    from idloop.drawing import save
     from idloop.report.where import plot_where
 
     save(plot_where([(label, comparison.where) for label, comparison in rows]), path)
@@ -125,8 +125,8 @@ def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
 
 def save_figure(panels: Sequence[Panel], comparison: Comparison, path: Path) -> None:
     """Write the comparison figure of records that have the outputs of `comparison`."""
+    from idloop.drawing import save
     from idloop.report.comparison import plot_comparison
-    from idloop.report.style import save
 
     record = comparison.record
     save(plot_comparison(panels, record.output_names, record.output_units, record.input_name, record.input_unit), path)

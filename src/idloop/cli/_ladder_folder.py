@@ -112,8 +112,8 @@ def write_all(
 ) -> None:
     """Write everything: ladder, model, figures and the next experiment with what its rivals would show."""
     from idloop.cli._assessment import make_panel, save_figure
+    from idloop.drawing import save
     from idloop.report.ladder import plot_ladder
-    from idloop.report.style import save
     from idloop.validate import compare
 
     ladder = kept.ladder
@@ -135,7 +135,7 @@ def write_all(
 
 def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> None:
     """Write the next experiment and its figure; what lies there of another one goes."""
-    from idloop.report.style import save
+    from idloop.drawing import save
     from idloop.report.suggestion import plot_suggestion
 
     file, figure = folder / "next.yaml", folder / "next.png"

@@ -207,8 +207,8 @@ def noise_floor(model: Model, records: list[Record]) -> dict[str, dict[str, floa
 def write_files(outcome: Outcome, folder: Path, unseen: Record) -> dict[str, Path]:
     """Write model, ladder and figures; `idloop refine --resume` goes on from them."""
     from idloop.cli._assessment import make_panel, save_figure
+    from idloop.drawing import save
     from idloop.report.ladder import plot_ladder
-    from idloop.report.style import save
     from idloop.validate import compare
 
     ladder = outcome.ladder

@@ -129,10 +129,10 @@ def command(bag: Path, *, command_topic: str | None, distro: str | None, plot: P
 
     inspection = inspect_bag(bag, command=command_topic, distro=distro)
     if plot is not None:
-        from idloop.report import style
+        from idloop import drawing
         from idloop.report.recording import plot_recording
 
-        style.save(plot_recording(inspection), plot)
+        drawing.save(plot_recording(inspection), plot)
     if as_json:
         print_json(inspection.to_dict())
     else:

@@ -114,7 +114,7 @@ def command(
         write_text(output, experiment_text(found.to_dict()))
         log(f"written: {output}")
     if found is not None and plot is not None:
-        from idloop.report.style import save
+        from idloop.drawing import save
         from idloop.report.suggestion import plot_suggestion
 
         save(plot_suggestion(found), plot)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.report import style
+from idloop import drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,17 +69,17 @@ def plot_comparison(
     Returns
     -------
     matplotlib Figure
-        For `idloop.report.style.save`.
+        For `idloop.drawing.save`.
     """
-    with style.styled():
+    with drawing.styled():
         heights = (2.0, 1.2) * len(output_names) + (1.2,)
-        figure, axes = style.new_figure(len(heights), len(panels), heights)
+        figure, axes = drawing.new_figure(len(heights), len(panels), heights)
         for column, panel in enumerate(panels):
             _draw_panel(axes[:, column], panel, output_names)
         for row, (name, unit) in enumerate(zip(output_names, output_units, strict=True)):
-            axes[2 * row, 0].set_ylabel(style.label(name, unit))
-            axes[2 * row + 1, 0].set_ylabel(style.label("residual", unit))
-        axes[-1, 0].set_ylabel(style.label(input_name, input_unit))
+            axes[2 * row, 0].set_ylabel(drawing.label(name, unit))
+            axes[2 * row + 1, 0].set_ylabel(drawing.label("residual", unit))
+        axes[-1, 0].set_ylabel(drawing.label(input_name, input_unit))
         figure.align_ylabels(axes[:, 0])
     return figure
 
@@ -88,21 +88,21 @@ def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
     axes[0].set_title(panel.title, loc="left", fontweight="bold", pad=20)  # clear of the legend
     for row in range(len(output_names)):
         top, below = axes[2 * row], axes[2 * row + 1]
-        style.line(top, panel.time, panel.output[:, row], color=style.MEASURED, linewidth=1.6, label="measured")
-        below.axhline(0.0, color=style.MEASURED, linewidth=0.6)
+        drawing.line(top, panel.time, panel.output[:, row], color=drawing.MEASURED, linewidth=1.6, label="measured")
+        below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
         for index, (label, modelled) in enumerate(panel.modelled.items()):
-            look = style.model_look(index)
+            look = drawing.model_look(index)
             note = panel.notes.get(label)
             text = f"{label} ({note[row]})" if note else label
-            style.line(top, panel.time, modelled[:, row], label=text, **look)
-            style.line(below, panel.time, panel.output[:, row] - modelled[:, row], **look)
+            drawing.line(top, panel.time, modelled[:, row], label=text, **look)
+            drawing.line(below, panel.time, panel.output[:, row] - modelled[:, row], **look)
         if panel.band is not None and np.isfinite(panel.band[row]):
             half = float(panel.band[row])
-            below.axhspan(-half, half, color=style.BAND, alpha=0.25, linewidth=0, label="95 % band of the noise")
+            below.axhspan(-half, half, color=drawing.BAND, alpha=0.25, linewidth=0, label="95 % band of the noise")
             _legend_above(below, 1)
         _legend_above(top, 1 + len(panel.modelled))
-    style.steps(axes[-1], panel.input_time, panel.input, color=style.COMMAND)
-    axes[-1].set_xlabel(style.label("time", "s"))
+    drawing.steps(axes[-1], panel.input_time, panel.input, color=drawing.COMMAND)
+    axes[-1].set_xlabel(drawing.label("time", "s"))
 
 
 def _legend_above(axes: Any, entries: int) -> None:

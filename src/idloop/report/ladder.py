@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.report import style
+from idloop import drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,14 +29,14 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
     Returns
     -------
     matplotlib Figure
-        For `idloop.report.style.save`.
+        For `idloop.drawing.save`.
     """
     from matplotlib.figure import Figure
 
     forces = any(_force(step, kind) is not None for step in ladder.steps for kind in ("train", "validation"))
     rows = 1 + forces + (ladder.unknown is not None)
     width = 4.2 + _STEP_WIDTH * len(ladder.steps)
-    with style.styled():
+    with drawing.styled():
         figure = Figure(figsize=(width, 2.4 * rows + 1.3), layout="constrained")
         axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
         _draw_errors(axes[0], ladder, floor or {})
@@ -71,8 +71,8 @@ def plot_unknown(unknown: UnknownStructure) -> Figure:
     -------
     matplotlib Figure
     """
-    with style.styled():
-        figure, axes = style.new_figure(1, 1, (2.6,))
+    with drawing.styled():
+        figure, axes = drawing.new_figure(1, 1, (2.6,))
         _draw_unknown(axes[0, 0], unknown)
     return figure
 
@@ -83,7 +83,7 @@ def _draw_errors(axes: Any, ladder: Ladder, floor: Mapping[str, float]) -> None:
     names = list(dict.fromkeys(name for step in ladder.steps for name in step.train.get("nrmse", {})))
     unseen = any(step.validation for step in ladder.steps)
     for index, name in enumerate(names):
-        colour = style.MODELS[index % len(style.MODELS)]
+        colour = drawing.MODELS[index % len(drawing.MODELS)]
         for kind, look in (("train", (0, (4, 2))), ("validation", "-")):
             values = np.array([_measure(step, kind, "nrmse", name) for step in ladder.steps])
             if np.any(np.isfinite(values)):
@@ -100,7 +100,7 @@ def _draw_forces(axes: Any, ladder: Ladder) -> None:
         found = [_force(step, kind) for step in ladder.steps]
         values = np.array([np.nan if value is None else 100.0 * value for value in found])
         if np.any(np.isfinite(values)):
-            axes.plot(places, values, color=style.COMMAND, linestyle=look, marker="o", markersize=3.5, label=kind)
+            axes.plot(places, values, color=drawing.COMMAND, linestyle=look, marker="o", markersize=3.5, label=kind)
     _scale(axes, "force error [%]")
 
 
@@ -158,12 +158,12 @@ def p_text(p_value: float) -> str:
 
 def _draw_unknown(axes: Any, unknown: UnknownStructure) -> None:
     at, force, band = (np.asarray(v, dtype=float) for v in (unknown.at, unknown.force, unknown.band))
-    colour = style.MODELS[1]
-    axes.axhline(0.0, color=style.MEASURED, linewidth=0.6)
-    axes.fill_between(at, force - band, force + band, color=style.BAND, alpha=0.35, linewidth=0, label="95 % band")
+    colour = drawing.MODELS[1]
+    axes.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
+    axes.fill_between(at, force - band, force + band, color=drawing.BAND, alpha=0.35, linewidth=0, label="95 % band")
     axes.plot(at, force, color=colour, label="remaining force")
-    axes.set_xlabel(style.label(unknown.variable, unknown.unit))
-    axes.set_ylabel(style.label("force", unknown.force_unit))
+    axes.set_xlabel(drawing.label(unknown.variable, unknown.unit))
+    axes.set_ylabel(drawing.label("force", unknown.force_unit))
     axes.set_title(f"explains {100.0 * unknown.share:.0f} % of what is left", loc="left")
     _legend_beside(axes)
 

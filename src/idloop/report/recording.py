@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop import drawing
 from idloop.records.excitation import power_spectrum
 from idloop.records.inspection import Inspection, columns_of
-from idloop.report import style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +28,7 @@ def plot_recording(inspection: Inspection) -> Figure:
     Returns
     -------
     matplotlib Figure
-        For `idloop.report.style.save`.
+        For `idloop.drawing.save`.
     """
     from matplotlib.figure import Figure
 
@@ -36,7 +36,7 @@ def plot_recording(inspection: Inspection) -> Figure:
     commands = [(inspection.command_topic, name) for name in inspection.commands]
     rows = commands + signals
     start = min((int(stream.stamp_ns.min()) for stream in inspection.streams.values()), default=0)
-    with style.styled():
+    with drawing.styled():
         height = 1.6 * (len(rows) + 1) + 0.9
         figure = Figure(figsize=(7.5, height), layout="constrained")
         grid = figure.add_gridspec(len(rows) + 1, 2)
@@ -46,13 +46,13 @@ def plot_recording(inspection: Inspection) -> Figure:
             first = first or axes
             stream = inspection.streams[topic]
             time = (stream.stamp_ns - start) * 1e-9
-            draw = style.steps if topic == inspection.command_topic else style.line
-            color = style.COMMAND if topic == inspection.command_topic else style.MEASURED
+            draw = drawing.steps if topic == inspection.command_topic else drawing.line
+            color = drawing.COMMAND if topic == inspection.command_topic else drawing.MEASURED
             draw(axes, time, columns_of(stream)[name], color=color)
-            axes.set_ylabel(style.label(name, _unit(inspection, name)))
+            axes.set_ylabel(drawing.label(name, _unit(inspection, name)))
             axes.set_title(topic, loc="left")
         if first is not None:
-            figure.axes[len(rows) - 1].set_xlabel(style.label("time", "s"))
+            figure.axes[len(rows) - 1].set_xlabel(drawing.label("time", "s"))
         _draw_spectrum(figure.add_subplot(grid[len(rows), 0]), inspection)
         _draw_intervals(figure.add_subplot(grid[len(rows), 1]), inspection)
     return figure
@@ -72,12 +72,12 @@ def _draw_spectrum(axes: Any, inspection: Inspection) -> None:
             continue
         frequency, power = power_spectrum((stamp[known] - stamp[0]) * 1e-9, value[known])
         shown = slice(1, None)  # the mean has been removed
-        style.line(axes, frequency[shown], power[shown], label=name, **style.model_look(index))
+        drawing.line(axes, frequency[shown], power[shown], label=name, **drawing.model_look(index))
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_title("power of the command", loc="left")
-    axes.set_xlabel(style.label("frequency", "Hz"))
-    axes.set_ylabel(style.label("share per line", None))
+    axes.set_xlabel(drawing.label("frequency", "Hz"))
+    axes.set_ylabel(drawing.label("share per line", None))
 
 
 def _draw_intervals(axes: Any, inspection: Inspection) -> None:
@@ -89,10 +89,10 @@ def _draw_intervals(axes: Any, inspection: Inspection) -> None:
         share = np.arange(1, step.size + 1) / step.size
         median = float(np.median(step))
         widest = [min(widest[0], float(step.min()), 0.9 * median), max(widest[1], float(step.max()), 1.1 * median)]
-        style.line(axes, np.sort(step), share, label=topic, **style.model_look(index))
+        drawing.line(axes, np.sort(step), share, label=topic, **drawing.model_look(index))
     axes.set_title("intervals between stamps", loc="left")
-    axes.set_xlabel(style.label("interval", "ms"))
-    axes.set_ylabel(style.label("share below", None))
+    axes.set_xlabel(drawing.label("interval", "ms"))
+    axes.set_ylabel(drawing.label("share below", None))
     if axes.get_legend_handles_labels()[0]:
         # Not closer than this: rounding of the stamps would look like jitter.
         axes.set_xlim(*widest)

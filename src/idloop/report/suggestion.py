@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.report import style
+from idloop import drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,13 +93,13 @@ def plot_suggestion(suggestion: Suggestion) -> Figure:
     Returns
     -------
     matplotlib Figure
-        For `idloop.report.style.save`.
+        For `idloop.drawing.save`.
     """
     experiment = suggestion.experiment
     records = [experiment.run(model) for _, model in suggestion.rivals]
     rows = [*_sent(suggestion, records), *_outputs(suggestion, records)]
     whole, stretch = (0.0, experiment.duration), _stretch(rows, experiment.duration)
-    with style.styled(), style.short_numbers():
+    with drawing.styled(), drawing.short_numbers():
         figure, grid = _new_page(suggestion, rows, (_ALONE,) if stretch is None else _PAIR)
         for row, axes in zip(rows, grid, strict=True):
             _draw(axes[0], row, whole, limits=row.limits, dense=stretch is not None)
@@ -107,12 +107,12 @@ def plot_suggestion(suggestion: Suggestion) -> Figure:
             if row.entries:
                 _legend(axes[0], row, _ALONE if stretch is None else _PAIR[0])
             if stretch is not None:
-                axes[0].axvspan(*stretch, color=style.MODELS[4], alpha=0.25, linewidth=0.0, zorder=0.5)
+                axes[0].axvspan(*stretch, color=drawing.MODELS[4], alpha=0.25, linewidth=0.0, zorder=0.5)
                 _draw(axes[1], row, stretch)
         for axes in grid[:-1].flat:
             axes.tick_params(labelbottom=False)
         for axes in grid[-1]:
-            axes.set_xlabel(style.label("time", "s"))
+            axes.set_xlabel(drawing.label("time", "s"))
         if stretch is not None:
             grid[0, 1].set_title(f"where they differ most: {stretch[0]:.3g} .. {stretch[1]:.3g} s", loc="left")
     return figure
@@ -232,19 +232,19 @@ def _sent(suggestion: Suggestion, records: list[Record]) -> list[_Row]:
     model, limits = suggestion.rivals[0][1], suggestion.limits
     most = () if limits.command is None else (-limits.command, limits.command)
     signal, unit = suggestion.experiment.built, _sent_unit(suggestion)
-    look = {"color": style.COMMAND, "linewidth": 1.1}
+    look = {"color": drawing.COMMAND, "linewidth": 1.1}
     reference = records[0].reference
     if reference is not None:
         scale = _followed(suggestion)[1]
-        row = _Row("sent", style.label("reference", unit), [_Curve(signal.time, reference[:, 0], look, held=True)])
+        row = _Row("sent", drawing.label("reference", unit), [_Curve(signal.time, reference[:, 0], look, held=True)])
         rows = [_limited(row, _scaled(limits.position, scale), unit)]
     else:
         name = model.input.name if suggestion.controller is None else "excitation"
-        row = _Row("sent", style.label(name, unit), [_Curve(signal.time, signal.value, look, held=True)])
+        row = _Row("sent", drawing.label(name, unit), [_Curve(signal.time, signal.value, look, held=True)])
         rows = [_limited(row, most, unit) if suggestion.controller is None else row]
     if suggestion.controller is not None:
         curves = [_Curve(r.input_time, r.input, _look(i), held=True) for i, r in enumerate(records)]
-        row = _Row("sent", style.label(model.input.name, model.input.unit), curves)
+        row = _Row("sent", drawing.label(model.input.name, model.input.unit), curves)
         rows += [_limited(row, most, model.input.unit), _differences(curves, model.input.unit)]
     return rows
 
@@ -255,7 +255,7 @@ def _outputs(suggestion: Suggestion, records: list[Record]) -> list[_Row]:
     rows = []
     for column, output in enumerate(model.outputs):
         curves = [_Curve(r.time, r.output[:, column], _look(i)) for i, r in enumerate(records)]
-        row = _Row("output", style.label(output.name, output.unit), curves)
+        row = _Row("output", drawing.label(output.name, output.unit), curves)
         own: tuple[float, ...] = ()
         if output.field == "position":
             own = _scaled(limits.position, output.scale)
@@ -275,7 +275,7 @@ def _differences(curves: list[_Curve], unit: str, band: float | None = None) -> 
             entries.append((f"RMS {_with_unit(float(np.sqrt(np.mean(apart[index].value ** 2))), unit)}", str(index)))
     if band is not None:
         entries.append((f"±{_DEVIATIONS:g}σ of the noise (±{_with_unit(band, unit)})", "band"))
-    return _Row("difference", style.label("difference", unit), apart, band=band, entries=entries)
+    return _Row("difference", drawing.label("difference", unit), apart, band=band, entries=entries)
 
 
 def _with_unit(value: float, unit: str) -> str:
@@ -314,7 +314,7 @@ def _scaled(limits: tuple[float, float] | None, scale: float) -> tuple[float, ..
 
 def _look(index: int) -> dict[str, Any]:
     """The first rival is wide and below, so that one that agrees with it is seen on it."""
-    return {**style.model_look(index), "linewidth": 2.2 if index == 0 else 1.1, "alpha": 0.6 if index == 0 else 1.0}
+    return {**drawing.model_look(index), "linewidth": 2.2 if index == 0 else 1.1, "alpha": 0.6 if index == 0 else 1.0}
 
 
 def _reach(curves: list[_Curve], stretch: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -372,8 +372,8 @@ def _turns(curve: _Curve) -> Array:
 # ---------------------------------------------------------------- drawing
 
 
-_LIMIT: dict[str, Any] = {"color": style.MEASURED, "linewidth": 0.9, "linestyle": (0, (6, 2, 1, 2))}
-_BAND: dict[str, Any] = {"facecolor": style.BAND, "alpha": 0.4, "edgecolor": style.COMMAND, "linewidth": 0.5}
+_LIMIT: dict[str, Any] = {"color": drawing.MEASURED, "linewidth": 0.9, "linestyle": (0, (6, 2, 1, 2))}
+_BAND: dict[str, Any] = {"facecolor": drawing.BAND, "alpha": 0.4, "edgecolor": drawing.COMMAND, "linewidth": 0.5}
 _LEGEND: dict[str, Any] = {
     "borderaxespad": 0.0, "borderpad": 0.0, "handlelength": 2.6, "columnspacing": 1.2, "fontsize": _LEGEND_SIZE,
 }  # fmt: skip
@@ -393,7 +393,7 @@ def _draw(
             look |= {"linewidth": 1.0}
         if dense:  # dashes and widths are lost
             look |= {"linewidth": 0.7, "linestyle": "-", "alpha": 0.8}
-        (style.steps if curve.held else style.line)(axes, curve.time, curve.value, **look)
+        (drawing.steps if curve.held else drawing.line)(axes, curve.time, curve.value, **look)
     low, high = _reach(row.curves, stretch)
     if row.band is not None:
         low, high = min(low, -1.3 * row.band), max(high, 1.3 * row.band)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.report import style
+from idloop import drawing
 from idloop.validate.breakdown import Breakdown
 from idloop.validate.variables import TITLES, VARIABLES
 from idloop.validate.where import ErrorMap, Where
@@ -43,7 +43,7 @@ def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
     Returns
     -------
     matplotlib Figure
-        For `idloop.report.style.save`.
+        For `idloop.drawing.save`.
     """
     from matplotlib.figure import Figure
 
@@ -51,7 +51,7 @@ def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
     width = sum(room + wide for room, wide in _COLUMNS) + _RIGHT
     block_height = sum(room + tall for room, tall in _ROWS) + _BELOW
     height = block_height * max(len(names), 1) + _HEAD
-    with style.styled(), style.short_numbers():
+    with drawing.styled(), drawing.short_numbers():
         figure = Figure(figsize=(width, height))
         figure.text(
             0.12 / width, 1.0 - 0.12 / height, f"Where the model fails on {models[0][1].record}",
@@ -93,7 +93,7 @@ def _draw_block(axes: Any, maps: list[Named]) -> None:
         if variable not in {"time", "frequency"}:
             means.append(below)
         for index, one, breakdown in drawn:
-            color = style.model_look(index)["color"]
+            color = drawing.model_look(index)["color"]
             _draw_shares(top, breakdown, _legend_entry(maps, index), color, first=index == drawn[0][0])
             _draw_values(below, one, breakdown, color, rank=len(maps) == 1)
         _label(top, below, drawn[0][2], maps[0][1].unit)
@@ -101,8 +101,8 @@ def _draw_block(axes: Any, maps: list[Named]) -> None:
     _link(shares)
     _link(means)
     if means:
-        means[0].set_ylabel(style.label("mean ± rms", maps[0][1].unit))
-    axes[0, 0].set_ylabel(style.label("share", "%"))
+        means[0].set_ylabel(drawing.label("mean ± rms", maps[0][1].unit))
+    axes[0, 0].set_ylabel(drawing.label("share", "%"))
     axes[0, 0].set_title(_title(maps), loc="left", fontweight="bold", pad=6)
     entries = axes[0, 0].get_legend_handles_labels()
     axes[0, -1].legend(
@@ -150,7 +150,7 @@ def _draw_shares(axes: Any, breakdown: Breakdown, label: str, color: str, first:
     places = _places(breakdown)
     if first:
         axes.stairs(
-            100.0 * breakdown.usual, places, fill=True, color=style.BAND, alpha=0.45,
+            100.0 * breakdown.usual, places, fill=True, color=drawing.BAND, alpha=0.45,
             label="usual share (of the time; along frequency of the signal's power)",
         )  # fmt: skip
     axes.stairs(100.0 * breakdown.error, places, color=color, linewidth=1.6, label=label)
@@ -161,7 +161,7 @@ def _draw_shares(axes: Any, breakdown: Breakdown, label: str, color: str, first:
 def _draw_values(axes: Any, one: ErrorMap, breakdown: Breakdown, color: str, rank: bool) -> None:
     """Error over time, rms over frequency, mean and rms over everything else."""
     if breakdown.variable == "time":
-        style.line(axes, one.time, one.error, color=color, linewidth=0.7)
+        drawing.line(axes, one.time, one.error, color=color, linewidth=0.7)
         if rank:
             _mark_worst(axes, one, color)
         return
@@ -177,10 +177,10 @@ def _draw_values(axes: Any, one: ErrorMap, breakdown: Breakdown, color: str, ran
 
 def _mark_worst(axes: Any, one: ErrorMap, color: str) -> None:
     for number, stretch in enumerate(one.loud_stretches[:_RANKED], start=1):
-        axes.axvspan(stretch.start, stretch.stop, color=style.MODELS[1], alpha=0.25, linewidth=0.0)
+        axes.axvspan(stretch.start, stretch.stop, color=drawing.MODELS[1], alpha=0.25, linewidth=0.0)
         axes.annotate(
             str(number), (0.5 * (stretch.start + stretch.stop), 1.0), xycoords=("data", "axes fraction"),
-            ha="center", va="bottom", fontsize=7.5, color=style.MODELS[1],
+            ha="center", va="bottom", fontsize=7.5, color=drawing.MODELS[1],
         )  # fmt: skip
 
 
@@ -188,14 +188,14 @@ def _label(top: Any, below: Any, breakdown: Breakdown, unit: str) -> None:
     """Name and unit under each column, ticks that fit its bins."""
     variable = breakdown.variable
     top.tick_params(labelbottom=False)
-    below.set_xlabel(style.label(TITLES[variable], "sign" if variable == "direction" else breakdown.unit))
+    below.set_xlabel(drawing.label(TITLES[variable], "sign" if variable == "direction" else breakdown.unit))
     if variable == "frequency":
-        below.set_ylabel(style.label("rms", unit))
+        below.set_ylabel(drawing.label("rms", unit))
         below.set_ylim(bottom=0.0)
     elif variable == "time":
-        below.set_ylabel(style.label("error", unit))
+        below.set_ylabel(drawing.label("error", unit))
     if variable != "frequency":
-        below.axhline(0.0, color=style.MEASURED, linewidth=0.6)
+        below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     for axes in (top, below):
         if variable == "direction":
             axes.set_xticks(np.arange(3) + 0.5, ["−", "0", "+"])
@@ -204,7 +204,7 @@ def _label(top: Any, below: Any, breakdown: Breakdown, unit: str) -> None:
             if len(breakdown.names) == len(breakdown.edges):
                 axes.annotate(
                     "before", (len(breakdown.names) - 0.5, 1.0), xycoords=("data", "axes fraction"), ha="center",
-                    va="top", fontsize=7.0, color=style.COMMAND, rotation=90,
+                    va="top", fontsize=7.0, color=drawing.COMMAND, rotation=90,
                 )  # fmt: skip
         elif variable == "position" and breakdown.circular:
             axes.set_xticks(np.arange(0.0, 361.0, 90.0))
@@ -213,7 +213,14 @@ def _label(top: Any, below: Any, breakdown: Breakdown, unit: str) -> None:
 def _leave_out(top: Any, below: Any, title: str, why: str) -> None:
     """Say in place of the panels why they are not there."""
     top.text(
-        0.5, 0.5, f"{title}:\n{why}", transform=top.transAxes, ha="center", va="center", color=style.COMMAND, wrap=True
+        0.5,
+        0.5,
+        f"{title}:\n{why}",
+        transform=top.transAxes,
+        ha="center",
+        va="center",
+        color=drawing.COMMAND,
+        wrap=True,
     )
     for axes in (top, below):
         axes.set_axis_off()

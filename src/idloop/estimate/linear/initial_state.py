@@ -1,0 +1,44 @@
+"""The state at the first sample, by least squares over the response that it leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimate.linear.propagate import respond
+
+Array = NDArray[np.float64]
+
+_LONGEST = 20_000  # samples: a mode that has not died away by then drifts in everything that follows as well
+
+
+def initial_state(a: Array, c: Array, rest: Array) -> Array:
+    """State that explains best what the model's response from rest leaves of the outputs.
+
+    Parameters
+    ----------
+    a, c : ndarray, shapes (n, n), (p, n)
+        Of the model; of the predictor (A - K C) for prediction.
+    rest : ndarray, shape (N, p)
+        Measured output minus the response from the zero state.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Of smallest norm where the outputs do not show the whole state.
+    """
+    order = a.shape[0]
+    if order == 0 or rest.shape[0] == 0:
+        return np.zeros(order)
+    used = rest[:_LONGEST]
+    none = np.zeros((used.shape[0], 1))
+    b, d = np.zeros((order, 1)), np.zeros((c.shape[0], 1))
+    free = np.stack([respond(a, b, c, d, unit, none) for unit in np.eye(order)], axis=-1)
+    # A free response that overflows says nothing beyond the samples before it.
+    finite = np.all(np.isfinite(free) & (np.abs(free) < 1e12), axis=(1, 2))
+    last = used.shape[0] if finite.all() else int(np.argmin(finite))
+    columns = free[:last].reshape(-1, order)
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0.0] = 1.0
+    solution: Array = np.linalg.lstsq(columns / scale, used[:last].ravel(), rcond=None)[0] / scale
+    return solution

@@ -1,0 +1,211 @@
+"""Records on an even grid: what the discrete-time (black-box) estimators read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+_EVEN = 0.05  # stamps within 5 % of a period are jitter of the clock, not another grid
+_SHORTEST = 20  # samples: a shorter stretch between two holes carries no dynamics
+
+
+@dataclass(frozen=True, eq=False)
+class SampledData:
+    """One unbroken stretch of an experiment at a constant sample time.
+
+    Attributes
+    ----------
+    name : str
+        Record that it comes from.
+    input : ndarray, shape (n, m)
+        Commands, constant from their sample to the next [`input_units`].
+    output : ndarray, shape (n, p)
+        Measurements at the samples [`output_units`], all known.
+    sample_time : float
+        Period [s].
+    input_names, input_units, output_names, output_units : tuple of str
+        Of the columns.
+    start : float
+        Instant of the first sample on the record's time axis [s].
+    reference : ndarray, shape (n,), or None
+        What the controller followed, the excitation included, in the unit of the position.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not belong together, or values that are not finite.
+    """
+
+    name: str
+    input: Array
+    output: Array
+    sample_time: float
+    input_names: tuple[str, ...] = ("input",)
+    input_units: tuple[str, ...] = ("-",)
+    output_names: tuple[str, ...] = ("output",)
+    output_units: tuple[str, ...] = ("-",)
+    start: float = 0.0
+    reference: Array | None = None
+
+    def __post_init__(self) -> None:
+        for what, value, names in (
+            ("input", self.input, self.input_names),
+            ("output", self.output, self.output_names),
+        ):
+            if value.ndim != 2 or value.shape != (len(self), len(names)):
+                raise InputError(
+                    f"{self.name}: {what} of shape {value.shape}; it must be (samples, {what}s) ="
+                    f" ({len(self)}, {len(names)})"
+                )
+            if not np.all(np.isfinite(value)):
+                raise InputError(f"{self.name}: {what} holds NaN or infinite samples; cut them out first")
+        if not self.sample_time > 0:
+            raise InputError(f"{self.name}: sample time {self.sample_time:g} s; it must be positive")
+
+    def __len__(self) -> int:
+        return int(self.output.shape[0])
+
+    @property
+    def time(self) -> Array:
+        """Instants of the samples [s], shape (n,)."""
+        return np.asarray(self.start + self.sample_time * np.arange(len(self)), dtype=float)
+
+    def part(self, first: int, last: int) -> SampledData:
+        """Samples `first` to `last - 1`."""
+        return replace(
+            self,
+            input=self.input[first:last],
+            output=self.output[first:last],
+            start=self.start + first * self.sample_time,
+            reference=None if self.reference is None else self.reference[first:last],
+        )
+
+    def outputs(self, columns: Sequence[int]) -> SampledData:
+        """Only some of the outputs."""
+        return replace(
+            self,
+            output=self.output[:, list(columns)],
+            output_names=tuple(self.output_names[c] for c in columns),
+            output_units=tuple(self.output_units[c] for c in columns),
+        )
+
+
+def sampled(record: Record, sample_time: float | None = None, *, antialias: bool = True) -> list[SampledData]:
+    """Put a record on an even grid; each hole in the measurements begins a new stretch.
+
+    The command of a sample is its mean up to the next sample, which for a command held at the samples is the
+    command itself. To a period of twice the recorded one or more both sides are filtered alike before, without
+    phase and below 80 % of the new half sample rate, so that the model between them stays what it is.
+
+    Parameters
+    ----------
+    record : Record
+    sample_time : float, optional
+        Period [s]; the record's own by default.
+    antialias : bool
+        Filter before a coarser grid is taken.
+
+    Returns
+    -------
+    list of SampledData
+        In the order of time.
+
+    Raises
+    ------
+    InputError
+        Nothing longer than 20 samples is left, or the period does not suit the record.
+    """
+    period = record.sample_time if sample_time is None else float(sample_time)
+    source = record
+    if antialias and period >= 2 * record.sample_time:
+        source = record.filtered(None, 0.4 / period, inputs=True)
+    steps = np.diff(source.time)
+    measured = np.isfinite(source.output)
+    # Sensors that take turns are interpolated; a row that lacks all of them is a hole.
+    rows = bool(np.all(measured.all(axis=1) == measured.any(axis=1)))
+    even = bool(np.all(np.abs(steps - period) <= _EVEN * period))
+    grid = source if even and rows else source.resample(period, antialias=False)
+    command = np.append(grid.input_mean(grid.time), grid.input_at(grid.time[-1:]))
+    command[~np.isfinite(grid.input_at(grid.time))] = np.nan
+    known = np.all(np.isfinite(grid.output), axis=1) & np.isfinite(command)
+    stretches = [stretch for stretch in _runs(known) if stretch.stop - stretch.start >= _SHORTEST]
+    if not stretches:
+        raise InputError(
+            f"{record.name}: no stretch of {_SHORTEST} samples in which every output is measured;"
+            " record for longer or leave out the output that is missing"
+        )
+    reference = _reference(grid)
+    return [
+        SampledData(
+            name=record.name,
+            input=command[stretch, None],
+            output=grid.output[stretch],
+            sample_time=period,
+            input_names=(record.input_name,),
+            input_units=(record.input_unit,),
+            output_names=record.output_names,
+            output_units=record.output_units,
+            start=float(grid.time[stretch.start]),
+            reference=None if reference is None else reference[stretch],
+        )
+        for stretch in stretches
+    ]
+
+
+def together(data: SampledData | Sequence[SampledData]) -> list[SampledData]:
+    """Check that experiments can be identified together.
+
+    Returns
+    -------
+    list of SampledData
+
+    Raises
+    ------
+    InputError
+        No data, or other signals or sample times than the first.
+    """
+    several = [data] if isinstance(data, SampledData) else list(data)
+    if not several:
+        raise InputError("no data to identify from; give at least one record")
+    first = several[0]
+    for other in several[1:]:
+        if (other.input_names, other.output_names) != (first.input_names, first.output_names):
+            raise InputError(
+                f"{other.name}: signals {other.input_names + other.output_names} differ from those of {first.name}"
+            )
+        if abs(other.sample_time - first.sample_time) > 1e-3 * first.sample_time:
+            raise InputError(
+                f"{other.name}: sample time {other.sample_time:g} s, but {first.name} has {first.sample_time:g} s;"
+                " resample them to one"
+            )
+    return several
+
+
+def _runs(known: NDArray[np.bool_]) -> list[slice]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(np.int8), [0]])))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _reference(record: Record) -> Array | None:
+    """Position that the controller follows at each sample: the reference and what the excitation adds to it."""
+    from idloop.records.filtering import resample_held
+
+    total: Array | None = None
+    for when, what in (
+        (record.reference_time, record.reference),
+        (record.excitation_time, record.excitation),
+    ):
+        if when is None or what is None or not np.any(np.isfinite(what[:, 0])):
+            continue
+        # Before its first sample, and where it says nothing, a signal adds nothing.
+        held = np.nan_to_num(resample_held(when, what[:, 0], record.time))
+        total = held if total is None else total + held
+    return total
