@@ -1,0 +1,126 @@
+"""Noise and nonlinear distortion of a measured response, told apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LineLevels:
+    """What the outputs show at one kind of lines.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (g,)
+        [Hz].
+    level : ndarray, shape (g, p)
+        Peak amplitude of the line, averaged over the periods [output unit].
+    noise : ndarray, shape (g, p)
+        What noise alone leaves of it, root mean square [output unit].
+    """
+
+    frequency: Array
+    level: Array
+    noise: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {"frequency": self.frequency, "level": self.level, "noise": self.noise}
+
+
+@dataclass(frozen=True, eq=False)
+class Distortion:
+    """Where the uncertainty of a best linear approximation comes from.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (f,)
+        Excited lines [Hz].
+    noise : ndarray, shape (f, p)
+        Standard error of the response from noise alone [output unit / input unit].
+    total : ndarray, shape (f, p)
+        Standard error from noise and stochastic nonlinear distortion [output unit / input unit].
+    stochastic : ndarray, shape (f, p)
+        Root mean square of the stochastic nonlinear distortion in a single realisation
+        [output unit / input unit].
+    realisations, periods : int
+        Experiments, and periods averaged in the shortest of them.
+    excited, odd, even : LineLevels or None
+        The outputs at the excited lines and at those that are left empty, where odd and even nonlinearity
+        show (odd random harmonic grid).
+    output_names, output_units : tuple of str
+    """
+
+    frequency: Array
+    noise: Array
+    total: Array
+    stochastic: Array
+    realisations: int
+    periods: int
+    output_names: tuple[str, ...]
+    output_units: tuple[str, ...]
+    excited: LineLevels | None = None
+    odd: LineLevels | None = None
+    even: LineLevels | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "frequency": self.frequency,
+            "noise": self.noise,
+            "total": self.total,
+            "stochastic": self.stochastic,
+            "realisations": self.realisations,
+            "periods": self.periods,
+            **{
+                name: None if lines is None else lines.to_dict()
+                for name, lines in (("excited", self.excited), ("odd", self.odd), ("even", self.even))
+            },
+        }
+
+    def draw_levels(self, axes: Any) -> None:
+        """Add the standard errors with and without nonlinear distortion to the magnitudes of a Bode diagram."""
+        from idloop import drawing
+
+        for index, name in enumerate(self.output_names):
+            look = {"markersize": 3, "linestyle": "none", "rasterized": self.frequency.size > drawing.RASTERISE_FROM}
+            axes.plot(self.frequency, self.total[:, index], "s", color="#E69F00", label=f"total error, {name}", **look)
+            axes.plot(self.frequency, self.noise[:, index], "v", color=drawing.BAND, label=f"noise, {name}", **look)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the output at excited and empty lines, or else the standard errors; returns the matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+
+        with drawing.styled():
+            if axes is None:
+                _, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
+            if self.excited is None:
+                self.draw_levels(axes)
+                axes.set_ylabel(drawing.label("standard error", "output/input"))
+            else:
+                kinds = (
+                    ("excited", self.excited, "o", drawing.MEASURED),
+                    ("odd distortion", self.odd, "s", drawing.MODELS[1]),
+                    ("even distortion", self.even, "D", drawing.MODELS[0]),
+                )
+                for text, lines, marker, colour in kinds:
+                    if lines is None or lines.frequency.size == 0:
+                        continue
+                    for index in range(lines.level.shape[1]):
+                        shown = {"label": text if index == 0 else None, "markersize": 3, "linestyle": "none"}
+                        axes.plot(lines.frequency, lines.level[:, index], marker, color=colour, **shown)
+                        shown["label"] = "noise" if index == 0 and lines is self.excited else None
+                        axes.plot(lines.frequency, lines.noise[:, index], ".", color=drawing.BAND, **shown)
+                axes.set_ylabel(drawing.label(f"amplitude of {self.output_names[0]}", self.output_units[0]))
+            axes.set(xscale="log", yscale="log")
+            axes.set_xlabel(drawing.label("frequency", "Hz"))
+            axes.legend()
+        return axes
