@@ -52,6 +52,26 @@ def test_rosenbrock() -> None:
     assert found.point == pytest.approx([1.0, 1.0], abs=1e-4)
 
 
+def test_exact_slopes_replace_differences() -> None:
+    def slopes(x: np.ndarray) -> np.ndarray:
+        return np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
+
+    evaluated = 0
+
+    def counting(x: np.ndarray) -> np.ndarray:
+        nonlocal evaluated
+        evaluated += 1
+        return rosenbrock(x)
+
+    found = minimise(
+        counting, np.array([-1.2, 1.0]), -WIDE, WIDE, np.ones(2), max_iterations=200, tolerance=1e-20,
+        derivative=slopes,
+    )  # fmt: skip
+    assert found.point == pytest.approx([1.0, 1.0], abs=1e-8)
+    # One evaluation a trial step: nothing was spent on differences.
+    assert evaluated < 3 * found.iterations
+
+
 @given(st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2), st.integers(0, 1000))
 def test_stays_in_the_box_and_never_gets_worse(start: list[float], seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -164,6 +164,7 @@ def minimise(
     quick: bool = False,
     jacobian: Array | None = None,
     draft: bool = False,
+    derivative: Callable[[Array], Array] | None = None,
 ) -> Minimum:
     """Minimise half the sum of squares inside a box.
 
@@ -190,6 +191,8 @@ def minimise(
         Of a search like this one, to start from; columns of NaN are not known yet.
     draft : bool
         Whether a search that such a Jacobian has led to its end is left at that.
+    derivative : callable, optional
+        Exact Jacobian at a point, shape (n, k); differences otherwise.
 
     Returns
     -------
@@ -205,7 +208,10 @@ def minimise(
         jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick, jacobian)
     while True:
         if jacobian is None or not known:
-            jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick)
+            if derivative is not None:
+                jacobian = derivative(point)
+            else:
+                jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick)
             fresh, borrowed, known = True, False, True
         if converged or iteration >= max_iterations:
             break

@@ -1,0 +1,237 @@
+"""ARX models by least squares: A(q) y = sum_i B_i(q) u_i + e."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.errors import InputError
+from idloop.estimate.polynomial.model import PolynomialModel, assemble
+from idloop.estimate.polynomial.orders import Orders, per_input
+from idloop.estimate.polynomial.polynomials import Polynomials
+from idloop.estimate.polynomial.realization import Realization, matrix_form
+from idloop.estimate.polynomial.regression import Solution, lagged, rows_in_blocks, solve, triangle
+from idloop.estimate.polynomial.uncertainty import coloured_errors, white_errors
+from idloop.estimate.polynomial.weighting import prefiltered
+from idloop.estimate.sampled import SampledData, together
+
+Array = NDArray[np.float64]
+Initial = Literal["estimate", "zero"]
+Focus = Literal["prediction", "simulation"]
+Errors = Literal["white", "coloured"]
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """What one output's model reads of one experiment.
+
+    Attributes
+    ----------
+    output : ndarray, shape (n,)
+    inputs : ndarray, shape (n, m)
+    """
+
+    output: Array
+    inputs: Array
+
+
+def channels(data: Sequence[SampledData], column: int, coupled: bool = False) -> list[Channel]:
+    """Signals of one output; of a coupled model the other outputs count as inputs."""
+    others = [i for i in range(data[0].output.shape[1]) if i != column] if coupled else []
+    return [Channel(one.output[:, column], np.hstack([one.input, one.output[:, others]])) for one in data]
+
+
+def first_row(orders: Orders, initial: Initial) -> int:
+    """First sample whose whole past is known, or 0 for signals that were zero before the record."""
+    if initial == "zero":
+        return 0
+    reach = [nk + nb - 1 for nb, nk in zip(orders.nb, orders.nk, strict=True) if nb]
+    return max([orders.na, *reach, 0])
+
+
+def regressors(channel: Channel, orders: Orders, first: int, last: int) -> Array:
+    """Rows phi(t) with y(t) = phi(t)^T theta + e(t), t = first..last-1 (Ljung, 2nd ed., eq. 4.11)."""
+    parts = [-lagged(channel.output, range(1, orders.na + 1), first, last)]
+    for i, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        parts.append(lagged(channel.inputs[:, i], range(nk, nk + nb), first, last))
+    return np.hstack(parts)
+
+
+def regression_blocks(data: Sequence[Channel], orders: Orders, first: int) -> Iterator[Array]:
+    """Rows [phi(t), y(t)] of all experiments, a stretch at a time."""
+    for channel in data:
+        for start, stop in rows_in_blocks(len(channel.output), first):
+            yield np.hstack([regressors(channel, orders, start, stop), channel.output[start:stop, None]])
+
+
+def least_squares(data: Sequence[Channel], orders: Orders, initial: Initial = "estimate") -> Solution:
+    """ARX coefficients in the order of `Orders.names`.
+
+    Raises
+    ------
+    InputError
+        Fewer rows than coefficients.
+    """
+    first = first_row(orders, initial)
+    rows = sum(max(len(c.output) - first, 0) for c in data)
+    if rows <= orders.size:
+        raise InputError(
+            f"{rows} usable samples for {orders.size} coefficients and a longest lag of {first};"
+            " record longer or lower the orders"
+        )
+    return solve(triangle(regression_blocks(data, orders, first)))
+
+
+def arx(
+    data: SampledData | Sequence[SampledData],
+    na: int,
+    nb: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    coupled: bool = False,
+    focus: Focus = "prediction",
+    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    initial: Initial = "estimate",
+    errors: Errors = "coloured",
+) -> PolynomialModel:
+    """Estimate A(q) y = sum_i B_i(q) u_i + e by QR least squares.
+
+    Each output gets a model of its own unless they are coupled. The estimate is consistent when e is white;
+    in other noise B / A is biased towards where the noise model 1 / A fits, which `iv4` avoids.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        Experiments, each with a past of its own.
+    na : int
+        Degree of A.
+    nb, nk : int or one per input
+        Number of coefficients of B and lag of the first [samples]; 1 is the delay of a sampled plant.
+    coupled : bool
+        ARX with matrices: each output is also regressed on the past `na` samples of the others.
+    focus : "prediction" or "simulation"
+        What is minimised: the error one sample ahead, or that of the free run (then by search).
+    prefilter : (numerator, denominator), optional
+        Filter that weighs frequencies; the noise model is then one of the filtered signals.
+    initial : "estimate" or "zero"
+        Whether fits begin where the past is known, or the signals were zero before the record.
+    errors : "coloured" or "white"
+        Standard errors that hold for too poor a model as well (sandwich), or the classical ones.
+
+    Returns
+    -------
+    PolynomialModel
+
+    Raises
+    ------
+    InputError
+        Orders that do not suit the signals, too few samples, or an input that never moves.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., sections 4.2, 7.3, 9.2, 10.1.
+    """
+    experiments = together(data)
+    m, p = experiments[0].input.shape[1], experiments[0].output.shape[1]
+    numbers = per_input(nb, m, "nb")
+    orders = Orders(na, numbers, 0, 0, (0,) * m, per_input(nk, m, "nk"))
+    check_inputs(experiments, orders)
+    if focus == "simulation":
+        if coupled:
+            raise InputError("arx: focus 'simulation' is for uncoupled outputs; leave coupled out")
+        from idloop.estimate.polynomial.prediction_error import search
+
+        return search("arx", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+    if coupled and p > 1:
+        orders = Orders(na, numbers + (na,) * (p - 1), 0, 0, (0,) * (m + p - 1), orders.nk + (1,) * (p - 1))
+    weighted = prefiltered(experiments, prefilter)
+    first = first_row(orders, initial)
+    found, left, notes = [], [], []
+    for column, name in enumerate(experiments[0].output_names):
+        signals = channels(weighted, column, coupled)
+        solution = least_squares(signals, orders, initial)
+        own = channels(experiments, column, coupled) if prefilter is not None else signals
+        residuals = [residual_of(c, orders, solution.coefficients, first) for c in own]
+        rows = sum(len(c.output) - first for c in signals)
+        degrees = max(rows - orders.size, 1)
+        if errors == "white":
+            covariance = white_errors(solution.factor, solution.squares / degrees, solution.undetermined)
+        else:
+            scores = [scores_of(c, orders, solution, first) for c in signals]
+            covariance = coloured_errors(solution.factor, scores, orders.size, solution.undetermined)
+        others = tuple(n for n in experiments[0].output_names if coupled and n != name)
+        polynomials = Polynomials.from_vector(
+            orders, solution.coefficients, sample_time=experiments[0].sample_time,
+            input_names=experiments[0].input_names + others, output_name=name,
+            variance=_mean_square(residuals), covariance=covariance,
+        )  # fmt: skip
+        found.append(polynomials)
+        left.append(residuals)
+        notes += open_note(polynomials, solution.undetermined)
+    form = _matrices(found, m) if coupled and p > 1 else None
+    return assemble("arx", experiments, found, left, notes=notes, realization=form)
+
+
+def check_inputs(data: Sequence[SampledData], orders: Orders) -> None:
+    """Raise InputError for an input that a model needs and that never moves."""
+    for i, name in enumerate(data[0].input_names):
+        if orders.nb[i] and not any(np.any(one.input[:, i]) for one in data):
+            raise InputError(f"{data[0].name}: input {name!r} is 0 throughout; leave it out (nb = 0) or excite it")
+    for i, name in enumerate(data[0].output_names):
+        if not any(np.ptp(one.output[:, i]) > 0.0 for one in data):
+            raise InputError(f"{data[0].name}: output {name!r} never moves; leave it out or excite the plant")
+
+
+def open_note(polynomials: Polynomials, undetermined: NDArray[np.bool_]) -> list[str]:
+    """What to tell of coefficients that the data leave open."""
+    if not np.any(undetermined):
+        return []
+    names = ", ".join(n for n, is_open in zip(polynomials.names, undetermined, strict=True) if is_open)
+    text = (
+        f"{polynomials.output_name}: the data cannot tell {names} apart, the smallest ones were taken;"
+        " lower the orders or excite more richly"
+    )
+    return [text]
+
+
+def residual_of(channel: Channel, orders: Orders, coefficients: Array, first: int) -> Array:
+    """Equation errors y - phi^T theta from the row `first` on."""
+    parts = [
+        channel.output[start:stop] - regressors(channel, orders, start, stop) @ coefficients
+        for start, stop in rows_in_blocks(len(channel.output), first)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def scores_of(channel: Channel, orders: Orders, solution: Solution, first: int) -> Array:
+    """Regressors in coordinates of unit information, times the errors, shape (n, r)."""
+    parts = []
+    for start, stop in rows_in_blocks(len(channel.output), first):
+        rows = regressors(channel, orders, start, stop)
+        error = channel.output[start:stop] - rows @ solution.coefficients
+        parts.append((rows @ solution.factor) * error[:, None])
+    return np.vstack(parts) if parts else np.zeros((0, solution.factor.shape[1]))
+
+
+def _mean_square(residuals: Sequence[Array]) -> float:
+    return float(sum(r @ r for r in residuals) / max(sum(map(len, residuals)), 1))
+
+
+def _matrices(polynomials: Sequence[Polynomials], inputs: int) -> Realization:
+    """State space of coupled outputs, each with the others as its last inputs."""
+    p, na = len(polynomials), len(polynomials[0].a) - 1
+    reach = max([len(polynomials[0].numerator(i)) for i in range(inputs)] + [1])
+    a, b = np.zeros((na, p, p)), np.zeros((reach, p, inputs))
+    for row, one in enumerate(polynomials):
+        a[:, row, row] = one.a[1:]
+        others = [column for column in range(p) if column != row]
+        for index, column in enumerate(others):
+            a[:, row, column] = -one.b[inputs + index]
+        for i in range(inputs):
+            numerator = one.numerator(i)
+            b[: len(numerator), row, i] = numerator
+    return matrix_form(a, b)

@@ -1,0 +1,206 @@
+"""ARX coefficients by instrumental variables, which no colour of the noise biases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.errors import InputError
+from idloop.estimate.polynomial.arx import (
+    Channel,
+    Initial,
+    channels,
+    check_inputs,
+    first_row,
+    least_squares,
+    open_note,
+    regressors,
+    residual_of,
+)
+from idloop.estimate.polynomial.model import PolynomialModel, assemble
+from idloop.estimate.polynomial.orders import Orders, per_input
+from idloop.estimate.polynomial.polynomials import Polynomials
+from idloop.estimate.polynomial.regression import inverse_factor
+from idloop.estimate.polynomial.stability import reflect
+from idloop.estimate.polynomial.uncertainty import white_errors
+from idloop.estimate.polynomial.weighting import prefiltered
+from idloop.estimate.sampled import SampledData, together
+
+Array = NDArray[np.float64]
+
+
+def iv4(
+    data: SampledData | Sequence[SampledData],
+    na: int,
+    nb: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    initial: Initial = "estimate",
+) -> PolynomialModel:
+    """Estimate B_i / A by Ljung's four-step method with approximately optimal instruments.
+
+    The instruments are the noise-free outputs that the commands alone cause, so the estimate is consistent in
+    noise of any colour in open loop. Under feedback the commands carry the noise, and it is biased.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+    na : int
+        Degree of A, common to all inputs.
+    nb, nk : int or one per input
+        Number of coefficients of B and lag of the first [samples].
+    prefilter : (numerator, denominator), optional
+        Filter that weighs frequencies.
+    initial : "estimate" or "zero"
+        Whether fits begin where the past is known, or the signals were zero before the record.
+
+    Returns
+    -------
+    PolynomialModel
+        With 1 / A as noise model; `variance` of its polynomials is that of the whitened equation error.
+
+    Raises
+    ------
+    InputError
+        Orders that do not suit the signals, too few samples, or an input that never moves.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., eq. 15.21 to 15.26; covariance of the optimal instruments eq. 9.72.
+    """
+    experiments = together(data)
+    m = experiments[0].input.shape[1]
+    orders = Orders(na, per_input(nb, m, "nb"), 0, 0, (0,) * m, per_input(nk, m, "nk"))
+    check_inputs(experiments, orders)
+    if not any(orders.nb):
+        raise InputError("iv4: nb is 0 for every input; the instruments come from the commands, give nb at least 1")
+    weighted = prefiltered(experiments, prefilter)
+    found, left, notes = [], [], []
+    first = first_row(orders, initial)
+    for column, name in enumerate(experiments[0].output_names):
+        signals = channels(weighted, column)
+        coefficients, factor, variance, undetermined = four_steps(signals, orders, initial)
+        own = channels(experiments, column)
+        polynomials = Polynomials.from_vector(
+            orders, coefficients, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
+            output_name=name, variance=variance, covariance=white_errors(factor, variance, undetermined),
+        )  # fmt: skip
+        found.append(polynomials)
+        left.append([residual_of(c, orders, coefficients, first) for c in own])
+        notes += open_note(polynomials, undetermined)
+    return assemble("iv4", experiments, found, left, notes=notes)
+
+
+def four_steps(
+    data: Sequence[Channel], orders: Orders, initial: Initial = "estimate"
+) -> tuple[Array, Array, float, NDArray[np.bool_]]:
+    """Least squares, instruments from it, whitening of what is left, instruments again.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (k,)
+    factor : ndarray, shape (k, r)
+        W with covariance `variance` W W^T.
+    variance : float
+        Of the whitened equation errors.
+    undetermined : ndarray of bool, shape (k,)
+    """
+    from scipy.signal import lfilter
+
+    first = first_row(orders, initial)
+    start = least_squares(data, orders, initial).coefficients
+    second, _, _ = _instrumental(data, orders, start, np.ones(1), first)
+    whitener = _autoregression([residual_of(c, orders, second, first) for c in data], orders.na + max(orders.nb))
+    coefficients, factor, undetermined = _instrumental(data, orders, second, whitener, first)
+    errors = [lfilter(whitener, [1.0], residual_of(c, orders, coefficients, first))[len(whitener) :] for c in data]
+    degrees = max(sum(map(len, errors)) - orders.size, 1)
+    return coefficients, factor, float(sum(e @ e for e in errors)) / degrees, undetermined
+
+
+def refined(data: Sequence[Channel], orders: Orders, start: Array, rounds: int = 10) -> Array:
+    """Simplified refined instrumental variables: B / A of the free run, whatever the colour of the noise.
+
+    Young, Recursive Estimation and Time-Series Analysis, 2nd ed., section 7.4: instruments and signals go
+    through 1 / A, and all is repeated until A stays.
+
+    Parameters
+    ----------
+    data : sequence of Channel
+    orders : Orders
+        na, nb and nk.
+    start : ndarray, shape (k,)
+    rounds : int
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        With the roots of A inside the unit circle or on it.
+    """
+    first = first_row(orders, "estimate")
+    coefficients = start.copy()
+    for _ in range(rounds):
+        denominator = reflect(np.concatenate([[1.0], coefficients[orders.a]]))
+        following, _, _ = _instrumental(data, orders, coefficients, np.ones(1), first, denominator)
+        if not np.all(np.isfinite(following)):
+            break
+        following[orders.a] = reflect(np.concatenate([[1.0], following[orders.a]]))[1:]
+        settled = np.allclose(following, coefficients, rtol=1e-6, atol=0.0)
+        coefficients = following
+        if settled:
+            break
+    return np.asarray(coefficients)
+
+
+def _instrumental(
+    data: Sequence[Channel],
+    orders: Orders,
+    coefficients: Array,
+    whitener: Array,
+    first: int,
+    damper: Array | None = None,
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Solve sum zeta(t) [y(t) - phi(t)^T theta] = 0 with noise-free outputs in zeta, all through whitener / damper."""
+    from scipy.signal import lfilter
+
+    # An unstable generator of instruments would drown the record; its mirrored roots serve as well.
+    denominator = reflect(np.concatenate([[1.0], coefficients[orders.a]]), 1.0)
+    below = np.ones(1) if damper is None else damper
+    instruments, rows, targets = [], [], []
+    skip = first + (len(whitener) - 1 if first else 0)
+    for channel in data:
+        clean = np.zeros(len(channel.output))
+        for i, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+            if nb:
+                numerator = np.concatenate([np.zeros(nk), coefficients[orders.b(i)]])
+                clean += lfilter(numerator, denominator, channel.inputs[:, i])
+        inputs = lfilter(whitener, below, channel.inputs, axis=0)
+        filtered = Channel(lfilter(whitener, below, channel.output), inputs)
+        noise_free = Channel(lfilter(whitener, below, clean), inputs)
+        instruments.append(regressors(noise_free, orders, skip, len(clean)))
+        rows.append(regressors(filtered, orders, skip, len(clean)))
+        targets.append(filtered.output[skip:])
+    if sum(map(len, targets)) <= orders.size:
+        raise InputError(
+            f"{sum(map(len, targets))} usable samples for {orders.size} coefficients; record longer or lower the orders"
+        )
+    zeta = np.vstack(instruments)
+    scale = np.linalg.norm(zeta, axis=0)
+    scale[scale == 0.0] = 1.0
+    # Orthonormal instruments span the same equations without squaring their condition number.
+    basis, triangle = np.linalg.qr(zeta / scale)
+    left, right = basis.T @ np.vstack(rows), basis.T @ np.concatenate(targets)
+    size = np.linalg.norm(left, axis=0)
+    size[size == 0.0] = 1.0
+    solution = np.linalg.lstsq(left / size, right, rcond=1e-13 * orders.size)[0] / size
+    factor, undetermined = inverse_factor(triangle * scale)
+    return solution, factor, undetermined
+
+
+def _autoregression(series: Sequence[Array], order: int) -> Array:
+    """Polynomial 1 + l1 q^-1 + ... that whitens equation errors, over all experiments."""
+    silent = [Channel(s, np.zeros((len(s), 1))) for s in series]
+    orders = Orders(order, (0,), 0, 0, (0,), (0,))
+    return np.concatenate([[1.0], least_squares(silent, orders).coefficients])

@@ -1,0 +1,56 @@
+"""Frequency weighting: commands and measurements through one and the same filter before the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.errors import InputError
+from idloop.estimate.polynomial.stability import radius
+from idloop.estimate.sampled import SampledData
+
+Array = NDArray[np.float64]
+
+
+def prefiltered(data: Sequence[SampledData], prefilter: tuple[ArrayLike, ArrayLike] | None) -> list[SampledData]:
+    """Filter commands and measurements alike, which weighs the fit by the filter's magnitude.
+
+    The plant between filtered signals is the plant between the signals (Ljung, System Identification, 2nd ed.,
+    eq. 7.13 and 8.71). The filter starts at rest at the first sample; its transient is cut off.
+
+    Parameters
+    ----------
+    data : sequence of SampledData
+    prefilter : (numerator, denominator) or None
+        Coefficients of 1, q^-1, ...; None leaves the data as they are.
+
+    Raises
+    ------
+    InputError
+        An unstable filter, or a record that is shorter than the filter's memory.
+    """
+    if prefilter is None:
+        return list(data)
+    from scipy.signal import lfilter, lfilter_zi
+
+    numerator, denominator = (np.atleast_1d(np.asarray(part, dtype=float)) for part in prefilter)
+    if denominator[0] == 0.0 or radius(denominator / denominator[0]) >= 1.0:
+        raise InputError("prefilter: its denominator must start with a number other than 0 and have stable roots")
+    size = radius(denominator / denominator[0])
+    memory = len(numerator) + (int(np.ceil(np.log(1e-3) / np.log(size))) if size > 1e-6 else 0)
+    rest = lfilter_zi(numerator, denominator)
+    filtered = []
+    for one in data:
+        if len(one) < 2 * memory:
+            raise InputError(
+                f"{one.name}: {len(one)} samples, but the prefilter remembers {memory}; record longer or filter less"
+            )
+        signals = [
+            np.column_stack([lfilter(numerator, denominator, x, zi=rest * x[0])[0] for x in side.T])
+            for side in (one.input, one.output)
+        ]
+        filtered.append(replace(one, input=signals[0], output=signals[1]).part(memory, len(one)))
+    return filtered
