@@ -1,0 +1,1 @@
+"""Elements whose describing function is known in closed form, one per file."""
