@@ -174,7 +174,7 @@ def describing_function(
     --------
     >>> from idloop.estimate.describing import DeadZone
     >>> table = describing_function(DeadZone(0.12), [0.1, 0.24, 1.2])
-    >>> [round(abs(gain), 3) for gain in table.gain]
+    >>> [round(float(abs(gain)), 3) for gain in table.gain]
     [0.0, 0.391, 0.873]
     """
     sizes = np.atleast_1d(positive_amplitudes(amplitude, element.name)).ravel()
