@@ -1,0 +1,250 @@
+"""Levenberg-Marquardt training of a network, stopped early by validation data.
+
+The rules of damping and stopping are those of paper and toolbox (Hagan and Menhaj, IEEE Trans. Neural Networks 5,
+1994): the damping mu is lowered after each step that helps and raised until one does. Unlike the bounded search
+for physical parameters, it has slopes in closed form, no box, and ends where the validation error turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimate.networks.network import Network, ahead, parameters, slopes, with_parameters
+from idloop.estimate.polynomial.regression import triangle
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_BLOCK = 4096  # samples whose slopes are held at a time
+_SMALLEST_DAMPING = 1e-20
+
+
+@dataclass(frozen=True)
+class TrainingRules:
+    """When to step and when to stop.
+
+    Attributes
+    ----------
+    epochs : int
+        Most steps.
+    goal : float
+        Mean square of the scaled training errors that is good enough.
+    min_gradient : float
+        Norm of the gradient of that mean square at which nothing is left to gain.
+    max_fail : int
+        Epochs in a row without a better validation error.
+    mu, mu_decrease, mu_increase, mu_max : float
+        Damping at the start, its factors after good and bad steps, and where to give up.
+
+    Raises
+    ------
+    InputError
+        Numbers out of range.
+    """
+
+    epochs: int = 1000
+    goal: float = 0.0
+    min_gradient: float = 1e-7
+    max_fail: int = 6
+    mu: float = 1e-3
+    mu_decrease: float = 0.1
+    mu_increase: float = 10.0
+    mu_max: float = 1e10
+
+    def __post_init__(self) -> None:
+        if self.epochs < 0 or self.max_fail < 1:
+            raise InputError(f"{self.epochs} epochs, {self.max_fail} validation checks; give 0 or more and 1 or more")
+        if not (0 < self.mu <= self.mu_max and 0 < self.mu_decrease < 1 < self.mu_increase):
+            raise InputError(
+                f"mu = {self.mu:g} with factors {self.mu_decrease:g} and {self.mu_increase:g}; take mu above 0,"
+                " a decrease below 1 and an increase above 1"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingHistory:
+    """Course of a training.
+
+    Attributes
+    ----------
+    train, validation, test : ndarray, shape (e + 1,)
+        Mean squares of the scaled errors after each step, the start first; NaN where there are no such samples.
+    gradient, mu : ndarray, shape (e + 1,)
+        Norm of the gradient and damping; NaN where none was needed.
+    best : int
+        Step whose network was kept.
+    stop : str
+        Why it ended.
+    step : {"epoch", "unit"}
+        What a step is: one of Levenberg-Marquardt, or one more unit selected.
+    """
+
+    train: Array
+    validation: Array
+    test: Array
+    gradient: Array
+    mu: Array
+    best: int
+    stop: str
+    step: str = "epoch"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "step": self.step,
+            "train": self.train,
+            "validation": self.validation,
+            "test": self.test,
+            "gradient": self.gradient,
+            "mu": self.mu,
+            "best": self.best,
+            "stop": self.stop,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """Experiments and what each sample serves.
+
+    Attributes
+    ----------
+    experiments : sequence of (inputs, outputs)
+        Shapes (N, m) and (N, p).
+    purpose : ndarray of int
+        0, 1 or 2 (training, validation, test) for each row of the regressors of all experiments.
+    first : int
+        First sample of each experiment that is predicted.
+    """
+
+    experiments: Sequence[tuple[Array, Array]]
+    purpose: Indices
+    first: int
+
+    def pieces(self) -> Iterator[tuple[Array, Array, Indices]]:
+        """Inputs, outputs and purposes of each experiment."""
+        start = 0
+        for inputs, outputs in self.experiments:
+            stop = start + len(outputs) - self.first
+            yield inputs, outputs, self.purpose[start:stop]
+            start = stop
+
+
+def mean_squares(network: Network, data: TrainingData, parallel: bool) -> Array:
+    """Mean squares of the scaled errors over training, validation and test, shape (3,); NaN where there is none."""
+    p = len(network.constant)
+    free = np.full(p, np.inf)
+    total, count = np.zeros(3), np.bincount(data.purpose, minlength=3) * p
+    for inputs, outputs, purpose in data.pieces():
+        steps = len(outputs) if parallel else 1
+        modelled = ahead(network, inputs, outputs, data.first, steps, -free, free)
+        with np.errstate(over="ignore", invalid="ignore"):
+            square = np.sum(((outputs - modelled)[data.first :] / network.output_width) ** 2, axis=1)
+        total += [np.sum(square[purpose == one]) for one in range(3)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(count > 0, total / count, np.nan))
+
+
+def train(
+    network: Network, data: TrainingData, rules: TrainingRules, *, parallel: bool = False, with_linear: bool = False
+) -> tuple[Network, TrainingHistory]:
+    """Train all adjustable numbers of a network.
+
+    Parameters
+    ----------
+    network : Network
+        Start.
+    data : TrainingData
+    rules : TrainingRules
+    parallel : bool
+        Fit the free run (parallel form) instead of the prediction one step ahead (series-parallel form).
+    with_linear : bool
+        Whether the linear part is trained as well.
+
+    Returns
+    -------
+    network : Network
+        The one with the least validation error; without validation data, the last.
+    history : TrainingHistory
+    """
+    point, mu = parameters(network, with_linear), rules.mu
+    now = mean_squares(network, data, parallel)
+    best, best_point, best_error, fails = 0, point, now[1], 0
+    rows = [[*now, np.nan, mu]]
+    stop = f"{rules.epochs} epochs"
+    if not np.isfinite(now[0]):
+        # A free run that overflows has no slope to follow.
+        return network, _history(rows, 0, "the free run diverges at the start")
+    for epoch in range(1, rules.epochs + 1):
+        if now[0] <= rules.goal:
+            stop = "goal"
+            break
+        factor = _factor(with_parameters(network, point, with_linear), data, parallel, with_linear)
+        if not np.all(np.isfinite(factor)):
+            stop = "the slopes overflow"
+            break
+        left, sizes, right = np.linalg.svd(factor[:, :-1], full_matrices=False)
+        along = left.T @ factor[:, -1]
+        gradient = 2.0 * float(np.linalg.norm(sizes * along))
+        rows[-1][3] = gradient
+        if gradient < rules.min_gradient:
+            stop = "gradient"
+            break
+        while mu <= rules.mu_max:
+            # The damped step (J'J + mu I)^-1 J'e without forming J'J.
+            trial = point + right.T @ (sizes / (sizes**2 + mu) * along)
+            then = mean_squares(with_parameters(network, trial, with_linear), data, parallel)
+            if then[0] < now[0]:
+                break
+            mu *= rules.mu_increase
+        else:
+            stop = "damping"
+            break
+        point, now = trial, then
+        mu = max(mu * rules.mu_decrease, _SMALLEST_DAMPING)
+        rows.append([*now, np.nan, mu])
+        if np.isnan(now[1]):
+            best, best_point = epoch, point
+        elif not np.isfinite(best_error) or now[1] < best_error:
+            best, best_point, best_error, fails = epoch, point, now[1], 0
+        else:
+            fails += 1
+            if fails >= rules.max_fail:
+                stop = "validation"
+                break
+    return with_parameters(network, best_point, with_linear), _history(rows, best, stop)
+
+
+def _history(rows: list[list[float]], best: int, stop: str) -> TrainingHistory:
+    table = np.array(rows, dtype=float)
+    return TrainingHistory(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], best, stop)
+
+
+def _factor(network: Network, data: TrainingData, parallel: bool, with_linear: bool) -> Array:
+    """Triangular factor of slopes and scaled errors of the training samples, over the root of their number.
+
+    By QR of one block after another, so that neither the memory grows with the record nor the condition is squared.
+    """
+    rows = int(np.sum(data.purpose == 0)) * len(network.constant)
+    return np.asarray(triangle(_rows(network, data, parallel, with_linear)) / np.sqrt(max(rows, 1)))
+
+
+def _rows(network: Network, data: TrainingData, parallel: bool, with_linear: bool) -> Iterator[Array]:
+    """Blocks of the columns (slopes, scaled error) of the training samples."""
+    p, size = len(network.constant), parameters(network, with_linear).size
+    free = np.full(p, np.inf)
+    for inputs, outputs, purpose in data.pieces():
+        modelled = ahead(network, inputs, outputs, data.first, len(outputs) if parallel else 1, -free, free)
+        errors = (outputs - modelled) / network.output_width
+        carry = np.zeros((max(data.first, 1), p, size))
+        for begin in range(data.first, len(outputs), _BLOCK):
+            end = min(begin + _BLOCK, len(outputs))
+            past = modelled if parallel else outputs
+            found = slopes(network, with_linear, inputs, past, begin, end, carry, parallel)
+            used = purpose[begin - data.first : end - data.first] == 0
+            yield np.column_stack([found[used].reshape(-1, size), errors[begin:end][used].ravel()])
