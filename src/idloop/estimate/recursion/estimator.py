@@ -131,6 +131,8 @@ class RecursivePolynomial:
         self._unknown = np.array([input_scale is None] * m + [output_scale is None])
         self._first_samples = np.zeros((5 * orders.size + 20 if np.any(self._unknown) else 0, m + 1))
         self._held = 0
+        counts = [np.array(numbers, dtype=np.int64) for numbers in (orders.nb, orders.nf, orders.nk)]
+        self._numbers = (orders.na, orders.nc, orders.nd, *counts)
         self._begin(scales, size)
 
     def _begin(self, input_scale: Array, output_scale: float) -> None:
@@ -141,6 +143,7 @@ class RecursivePolynomial:
         for i in range(orders.inputs):
             self._unit[orders.b(i)] = output_scale / input_scale[i]
         self._theta = self._start / self._unit
+        self._steps = (self._walk / self._unit) ** 2
         self._past[:] = 0.0
         self._scalars = np.zeros(SCALARS)
         self._upper, self._diagonal = np.eye(orders.size), self._most.copy()
@@ -297,23 +300,25 @@ class RecursivePolynomial:
             self._held += first
         # Rows that are remembered do not care where the scales change.
         done = first // every
-        for part, row in ((slice(0, first), slice(0, done)), (slice(first, None), slice(done, None))):
-            offset = first - done * every if part.start else 0
-            innovations[part] = self._run(inputs[part], outputs[part], values[row], variances[row], every, offset)
-            if not part.start and first > 0 and self._held == len(self._first_samples):
+        if first > 0:
+            row, part = slice(0, done), slice(0, first)
+            innovations[part] = self._run(inputs[part], outputs[part], values[row], variances[row], every, 0)
+            if self._held == len(self._first_samples):
                 self._rescale()
+        if first < len(outputs):
+            row, part = slice(done, None), slice(first, None)
+            offset = first - done * every
+            innovations[part] = self._run(inputs[part], outputs[part], values[row], variances[row], every, offset)
         if len(innovations):
             self.innovation = float(innovations[-1])
         return innovations, values, variances
 
     def _run(self, inputs: Array, outputs: Array, values: Array, variances: Array, every: int, offset: int) -> Array:
-        o = self.orders
         innovations = np.empty(len(outputs))
         advance(
-            o.na, o.nc, o.nd, np.array(o.nb, dtype=np.int64), np.array(o.nf, dtype=np.int64),
-            np.array(o.nk, dtype=np.int64), self._theta, self._upper, self._diagonal, self._past, self._scalars,
+            *self._numbers, self._theta, self._upper, self._diagonal, self._past, self._scalars,
             np.ascontiguousarray(inputs / self._input_scale), outputs / self._output_scale, self.forgetting,
-            self._growth, (self._walk / self._unit) ** 2, self._most, self.method == "gradient", self._radius,
+            self._growth, self._steps, self._most, self.method == "gradient", self._radius,
             innovations, values, variances, every, offset,
         )  # fmt: skip
         values *= self._unit
