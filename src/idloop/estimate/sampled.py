@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,17 @@ class SampledData:
     def time(self) -> Array:
         """Instants of the samples [s], shape (n,)."""
         return np.asarray(self.start + self.sample_time * np.arange(len(self)), dtype=float)
+
+    @property
+    def labels(self) -> dict[str, Any]:
+        """Sample time, names and units, by the names that the result objects give them."""
+        return {
+            "sample_time": self.sample_time,
+            "input_names": self.input_names,
+            "input_units": self.input_units,
+            "output_names": self.output_names,
+            "output_units": self.output_units,
+        }
 
     def part(self, first: int, last: int) -> SampledData:
         """Samples `first` to `last - 1`."""
@@ -187,6 +199,26 @@ def together(data: SampledData | Sequence[SampledData]) -> list[SampledData]:
                 " resample them to one"
             )
     return several
+
+
+def check_fits(data: SampledData, method: str, inputs: int, outputs: int, sample_time: float) -> None:
+    """Check that a model's signals and sample time are those of the data.
+
+    Raises
+    ------
+    InputError
+        Other numbers of signals or another sample time than the model's.
+    """
+    if (data.input.shape[1], data.output.shape[1]) != (inputs, outputs):
+        raise InputError(
+            f"{data.name}: {data.input.shape[1]} inputs and {data.output.shape[1]} outputs; the model"
+            f" {method} has {inputs} and {outputs}"
+        )
+    if abs(data.sample_time - sample_time) > 1e-3 * sample_time:
+        raise InputError(
+            f"{data.name}: sample time {data.sample_time:g} s, but the model {method} was identified at"
+            f" {sample_time:g} s; resample the record"
+        )
 
 
 def _runs(known: NDArray[np.bool_]) -> list[slice]:

@@ -138,6 +138,7 @@ def test_more_rows_than_selection_looks_at(plant):
         ({"form": "parallel"}, "refine"),
         ({"form": "cyclic"}, "cyclic"),
         ({"units": 500}, "training samples"),
+        ({"delays": TappedDelays(100, 100), "units": "auto"}, "training samples"),
         ({"delays": TappedDelays(1, (1, 1))}, "nb = "),
     ],
 )

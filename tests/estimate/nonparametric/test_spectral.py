@@ -169,6 +169,32 @@ def test_a_straight_line_is_taken_off(plant):
     np.testing.assert_allclose(other.response, one.response, atol=1e-6)
 
 
+def test_spa_by_its_definition(plant):
+    data = plant.open_loop(0, 300)
+    u, y = (signal.detrend(v[:, 0], type="constant") for v in (data.input, data.output))
+    lag = np.arange(-10, 11)
+    across, own = (np.correlate(v, u, "full")[299 - 10 : 299 + 11] for v in (y, u))
+    window = 0.5 * (1 + np.cos(np.pi * lag / 10))
+    turn = np.exp(-2j * np.pi * 7.0 * plant.sample_time * lag) * window
+    estimate = spa(data, 10, [7.0])
+    assert estimate.response[0, 0, 0] == pytest.approx((turn @ across) / (turn @ own), rel=1e-9)
+
+
+def test_an_integrating_plant_leaks_and_says_so(plant):
+    u = np.random.default_rng(0).normal(size=20_000)
+    data = plant.pack(u, 1e-4 * np.cumsum(np.cumsum(u)))
+    estimates = [welch(data, 4096), spa(data, 400), etfe(data, 0.2)]
+    for estimate in estimates:
+        true = 1e-4 / (1 - np.exp(-2j * np.pi * estimate.frequency * plant.sample_time)) ** 2
+        error = np.abs(estimate.response[:, 0, 0] - true)
+        # What leaks in from the slow motion is no noise, but the bands know it.
+        assert np.mean(error <= estimate.radius(0.99)[:, 0, 0]) > 0.75
+    # The window of the segments takes the leakage away.
+    middle = np.searchsorted(estimates[0].frequency, 10.0)
+    true = 1e-4 / np.abs(1 - np.exp(-2j * np.pi * estimates[0].frequency[middle] * plant.sample_time)) ** 2
+    assert np.abs(estimates[0].response[middle, 0, 0]) == pytest.approx(true, rel=0.05)
+
+
 def test_half_a_million_samples(plant):
     data = plant.open_loop(0, 500_000, noise=0.01)
     for estimate in (welch(data, 1024), spa(data, 150), etfe(data, 0.5)):

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.estimate.linear.initial_state import initial_state
 from idloop.estimate.linear.propagate import ahead, respond
+from idloop.estimate.sampled import SampledData, check_fits
 
 if TYPE_CHECKING:
     import control
-    from idloop.estimate.sampled import SampledData
 
 Array = NDArray[np.float64]
 
@@ -273,13 +273,4 @@ class LinearModel:
         return axes
 
     def _check(self, data: SampledData) -> None:
-        if (data.input.shape[1], data.output.shape[1]) != (self.b.shape[1], self.c.shape[0]):
-            raise InputError(
-                f"{data.name}: {data.input.shape[1]} inputs and {data.output.shape[1]} outputs; the model"
-                f" {self.method} has {self.b.shape[1]} and {self.c.shape[0]}"
-            )
-        if abs(data.sample_time - self.sample_time) > 1e-3 * self.sample_time:
-            raise InputError(
-                f"{data.name}: sample time {data.sample_time:g} s, but the model {self.method} was identified at"
-                f" {self.sample_time:g} s; resample the record"
-            )
+        check_fits(data, self.method, self.b.shape[1], self.c.shape[0], self.sample_time)

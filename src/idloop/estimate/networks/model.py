@@ -13,7 +13,7 @@ from idloop.estimate.networks.division import Split
 from idloop.estimate.networks.network import Network, ahead, parameters
 from idloop.estimate.networks.tapped_delays import TappedDelays
 from idloop.estimate.networks.training import TrainingHistory
-from idloop.estimate.sampled import SampledData
+from idloop.estimate.sampled import SampledData, check_fits
 
 Array = NDArray[np.float64]
 
@@ -226,16 +226,7 @@ class NarxModel:
         return run
 
     def _check(self, data: SampledData) -> None:
-        if (data.input.shape[1], data.output.shape[1]) != (len(self.input_names), len(self.output_names)):
-            raise InputError(
-                f"{data.name}: {data.input.shape[1]} inputs and {data.output.shape[1]} outputs; the model"
-                f" {self.method} has {len(self.input_names)} and {len(self.output_names)}"
-            )
-        if abs(data.sample_time - self.sample_time) > 1e-3 * self.sample_time:
-            raise InputError(
-                f"{data.name}: sample time {data.sample_time:g} s, but the model {self.method} was identified at"
-                f" {self.sample_time:g} s; resample the record"
-            )
+        check_fits(data, self.method, len(self.input_names), len(self.output_names), self.sample_time)
         if len(data) <= self.first:
             raise InputError(
                 f"{data.name}: {len(data)} samples do not fill delays of {self.first}; give a longer record"

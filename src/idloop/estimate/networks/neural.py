@@ -69,7 +69,7 @@ def narx_neural(
     if form not in {"series-parallel", "parallel"}:
         raise InputError(f"form {form!r}; take 'series-parallel' or 'parallel'")
     random = np.random.default_rng(seed)
-    prepared = prepare(data, delays, division, random, _free(data, delays, hidden))
+    prepared = prepare(data, delays, division, random, lambda r, p: hidden * (r + 1) + p * (hidden + 1))
     found: tuple[float, Network, TrainingHistory] | None = None
     for _ in range(restarts):
         network, history = train(_start(prepared, hidden, random), prepared.data, rules)
@@ -81,15 +81,6 @@ def narx_neural(
             found = score, network, history
     assert found is not None  # noqa: S101 - at least one start
     return prepared.model("narx neural", found[1], found[2], form, ())
-
-
-def _free(data: SampledData | Sequence[SampledData], delays: TappedDelays, hidden: int) -> int:
-    """Numbers of the network that will be trained; 0 where there is no data to say."""
-    several = [data] if isinstance(data, SampledData) else list(data)
-    if not several:
-        return 0
-    m, p = several[0].input.shape[1], several[0].output.shape[1]
-    return int(hidden * (delays.taps(m, p)[0].size + 1) + p * (hidden + 1))
 
 
 def nguyen_widrow(hidden: int, inputs: int, random: np.random.Generator) -> tuple[Array, Array]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,11 +65,6 @@ class Preparation:
         self, method: str, network: Network, history: TrainingHistory, form: Form, notes: tuple[str, ...]
     ) -> NarxModel:
         """The finished model."""
-        first: SampledData = self.experiments[0]
-        names: dict[str, Any] = {
-            name: getattr(first, name)
-            for name in ("sample_time", "input_names", "input_units", "output_names", "output_units")
-        }
         return NarxModel(
             method=method,
             form=form,
@@ -81,7 +76,7 @@ class Preparation:
             split=self.split,
             history=history,
             notes=notes,
-            **names,
+            **self.experiments[0].labels,
         )
 
 
@@ -90,7 +85,7 @@ def prepare(
     delays: TappedDelays,
     division: Division,
     random: np.random.Generator,
-    free: int,
+    free: Callable[[int, int], int],
 ) -> Preparation:
     """Check the data, build its regressors and share out its samples.
 
@@ -100,8 +95,8 @@ def prepare(
     delays : TappedDelays
     division : Division
     random : numpy.random.Generator
-    free : int
-        Numbers that will be estimated.
+    free : callable
+        How many numbers will be estimated, from the numbers of regressors and outputs.
 
     Raises
     ------
@@ -117,10 +112,11 @@ def prepare(
             raise InputError(f"{one.name}: {len(one)} samples do not fill delays of {first}; give a longer record")
     experiments = [(np.ascontiguousarray(one.input), np.ascontiguousarray(one.output)) for one in several]
     split = divide(division, [len(one) - first for one in several], random)
-    if split.train.size * several[0].output.shape[1] <= free:
+    p = several[0].output.shape[1]
+    if split.train.size * p <= free(source.size, p):
         raise InputError(
-            f"{several[0].name}: {split.train.size} training samples for a network of {free} numbers; give more data"
-            " or take fewer units and delays"
+            f"{several[0].name}: {split.train.size} training samples for a network of {free(source.size, p)} numbers;"
+            " give more data or take fewer units and delays"
         )
     total = sum(len(one) - first for one in several)
     training = TrainingData(experiments, split.purposes(total), first)

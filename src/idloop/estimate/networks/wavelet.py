@@ -82,7 +82,9 @@ def narx_wavelet(
         raise InputError(f"form {form!r}; take 'series-parallel' or 'parallel'")
     if form == "parallel" and refine is None:
         raise InputError("form 'parallel' is found by training; give refine=TrainingRules()")
-    prepared = prepare(data, delays, division, np.random.default_rng(seed), 2 if units == "auto" else most + 2)
+    least = 1 if units == "auto" else most
+    random = np.random.default_rng(seed)
+    prepared = prepare(data, delays, division, random, lambda r, p: p * (1 + r + least))
     network, history = _selected(prepared, most, automatic=units == "auto")
     notes: tuple[str, ...] = ()
     if units != "auto" and network.kind.size < most:
@@ -163,7 +165,7 @@ def _selected(prepared: Preparation, most: int, *, automatic: bool) -> tuple[Net
     counts = np.array([rows.size for rows in purposes])
     curve, solutions = _path(factors, counts * p, d + 1, order.size, p)
     # A unit that is the best of many has fitted more noise than one given beforehand: by the logarithm of their number.
-    used = d + 1 + np.arange(order.size + 1) * np.log(kind.size)
+    used = d + 1 + np.arange(order.size + 1) * np.log(max(kind.size, 2))
     if not automatic:
         best, stop = order.size, f"{order.size} units"
     elif counts[1]:

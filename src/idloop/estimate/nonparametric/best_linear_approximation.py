@@ -17,7 +17,6 @@ from idloop.errors import InputError
 from idloop.estimate.nonparametric.distortion import Distortion, LineLevels
 from idloop.estimate.nonparametric.frequency_response import FrequencyResponse
 from idloop.estimate.nonparametric.periodic import PeriodicSpectra, by_period
-from idloop.estimate.nonparametric.spectra import labels
 from idloop.estimate.sampled import SampledData
 from idloop.signals.base import LineGrid
 
@@ -297,5 +296,5 @@ def _result(
         samples=spectra.samples,
         distortion=distortion,
         notes=notes,
-        **labels(spectra.data[0]),
+        **spectra.data[0].labels,
     )

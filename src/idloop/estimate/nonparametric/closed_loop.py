@@ -8,7 +8,6 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.estimate.nonparametric.frequency_response import FrequencyResponse
-from idloop.estimate.nonparametric.spectra import labels
 from idloop.estimate.nonparametric.welch import averaged, segment_length
 from idloop.estimate.sampled import SampledData, together
 
@@ -92,5 +91,5 @@ def indirect(
         disturbance_stderr=disturbance / np.sqrt(spare) if known else None,
         samples=spectra.samples,
         notes=tuple(notes),
-        **labels(first),
+        **first.labels,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,13 +106,16 @@ def response_from(
     explained = np.einsum("fij,fji->fi", response, matrix[:, p:, :p]).real
     outputs = power[:, :p]
     # What is left of the output is never less than rounding leaves of it.
-    left = np.maximum(outputs - explained, 4 * np.finfo(float).eps * outputs)
+    left = np.maximum(outputs - explained, 4 * np.finfo(float).eps * np.abs(outputs))
     spare = spectra.averages - m
     known = spare > 0.5
     disturbance = left * (spectra.averages / spare) if known else np.full_like(left, np.nan)
     inverse_diagonal = np.einsum("fii->fi", inverse).real
     variance = disturbance[:, :, None] * inverse_diagonal[:, None, :] / spectra.averages
-    coherence = np.clip(explained / np.where(outputs > 0, outputs, 1.0), 0.0, 1.0)
+    coherence = np.clip(np.where(outputs > 0, explained / np.where(outputs > 0, outputs, 1.0), 0.0), 0.0, 1.0)
+    drowned = int(np.sum(np.any(outputs <= 0, axis=1)))
+    if drowned:
+        notes = (*notes, f"at {drowned} lines an output holds less than leaks in from others; lengthen the window")
     dropped = int(np.sum(~excited))
     if dropped:
         notes = (*notes, f"{dropped} of {excited.size} lines carry no input and are left out")
@@ -127,19 +130,8 @@ def response_from(
         disturbance_stderr=disturbance / np.sqrt(spare) if known else None,
         samples=spectra.samples,
         notes=notes,
-        **labels(first),
+        **first.labels,
     )
-
-
-def labels(data: SampledData) -> dict[str, Any]:
-    """Names, units and sample time of the data, as the result objects take them."""
-    return {
-        "sample_time": data.sample_time,
-        "input_names": data.input_names,
-        "input_units": data.input_units,
-        "output_names": data.output_names,
-        "output_units": data.output_units,
-    }
 
 
 def _excited(power: Array, data: SampledData) -> NDArray[np.bool_]:
