@@ -45,6 +45,8 @@ def looped() -> Callable[..., SampledData]:
                 y[t] = pole * y[t - 1] + u[t - 1] + c[1] * e[t - 1]
             y[t] += c[0] * e[t]
             u[t] = dither[t] - 0.6 * y[t]
-        return SampledData(f"loop-{seed}", u[:, None], y[:, None], 0.1, ("u",), ("V",), ("y",), ("rad",))
+        return SampledData(
+            f"loop-{seed}", u[:, None], y[:, None], 0.1, ("u",), ("V",), ("y",), ("rad",), reference=dither
+        )
 
     return make

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+import control
 from idloop.errors import InputError
 from idloop.estimate.polynomial import arx, iv4
 from idloop.estimate.sampled import SampledData
@@ -70,6 +71,14 @@ def test_feedback_biases_instruments_of_the_command_but_not_least_squares_of_the
     coloured = looped(20000, 1)
     assert abs(values(arx(coloured, 1, 1))[0] + 0.8) > 0.1
     assert abs(values(iv4(coloured, 1, 1))[1] - 1.0) > 0.05
+
+
+def test_instruments_of_the_reference_have_no_bias_under_feedback(looped):
+    models = [iv4(looped(2000, seed), 1, 1, instruments="reference") for seed in range(60)]
+    found = np.array([values(m) for m in models])
+    claimed = np.mean([stderr(m) for m in models], axis=0)
+    assert np.all(np.abs(found.mean(axis=0) - [-0.8, 1.0]) < 4 * claimed / np.sqrt(len(found)) + 0.01)
+    np.testing.assert_allclose(found.std(axis=0), claimed, rtol=0.35)
 
 
 @given(scale_in=st.floats(-9, 9), scale_out=st.floats(-9, 9))
@@ -143,6 +152,14 @@ def test_weighting_chooses_the_frequencies_that_a_poor_model_fits(made):
     assert gains[0] < 0.5 * gains[1]
 
 
+def test_a_filter_may_be_a_control_system(made):
+    data = made(500)
+    by_pair = arx(data, 2, 2, prefilter=([0.0, 0.05], [1.0, -0.95]))
+    by_system = arx(data, 2, 2, prefilter=control.tf([0.05], [1.0, -0.95], 0.1))
+    np.testing.assert_allclose(values(by_system), values(by_pair))
+    assert np.max(np.abs(values(by_pair) - values(arx(data, 2, 2)))) > 0.1
+
+
 def test_the_free_run_of_a_simulation_focus_fits_better(made):
     data = made(3000, noise=1.0, a=[1.0], f=[1.0, -1.5, 0.7])
     runs = [arx(data, 2, 2, focus=f).simulate(data) for f in ("simulation", "prediction")]
@@ -166,8 +183,10 @@ def test_the_result_is_json_and_knows_its_criteria(made):
         (lambda d: arx(d, 2, (2, 2)), "nb has 2 entries for 1 input"),
         (lambda d: arx(d.part(0, 6), 3, 3), "usable samples"),
         (lambda d: arx(d, 2, 2, prefilter=([1.0], [1.0, -1.5])), "stable roots"),
+        (lambda d: arx(d, 2, 2, prefilter=control.tf([1.0], [1.0, 1.0])), "make it discrete at 0.1 s"),
         (lambda d: arx(d, 2, 2, coupled=True, focus="simulation"), "leave coupled out"),
         (lambda d: iv4(d, 2, 0), "nb is 0"),
+        (lambda d: iv4(d, 2, 2, instruments="reference"), "no reference"),
         (lambda d: arx([], 2, 2), "no data"),
         (lambda d: arx(SampledData("still", 0.0 * d.input, d.output, 0.1), 2, 2), "is 0 throughout"),
         (lambda d: arx(SampledData("flat", d.input, 0.0 * d.output, 0.1), 2, 2), "never moves"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimate.polynomial.model import PolynomialModel, assemble
@@ -16,7 +16,7 @@ from idloop.estimate.polynomial.polynomials import Polynomials
 from idloop.estimate.polynomial.realization import Realization, matrix_form
 from idloop.estimate.polynomial.regression import Solution, lagged, rows_in_blocks, solve, triangle
 from idloop.estimate.polynomial.uncertainty import coloured_errors, white_errors
-from idloop.estimate.polynomial.weighting import prefiltered
+from idloop.estimate.polynomial.weighting import Filter, prefiltered
 from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]
@@ -94,13 +94,14 @@ def arx(
     *,
     coupled: bool = False,
     focus: Focus = "prediction",
-    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    prefilter: Filter | None = None,
     initial: Initial = "estimate",
     errors: Errors = "coloured",
 ) -> PolynomialModel:
     """Estimate A(q) y = sum_i B_i(q) u_i + e by QR least squares.
 
-    Each output gets a model of its own unless they are coupled. The estimate is consistent when e is white;
+    Each output gets a model of its own unless they are coupled. Signals count as deviations from rest: remove
+    offsets first. The estimate is consistent when e is white;
     in other noise B / A is biased towards where the noise model 1 / A fits, which `iv4` avoids.
 
     Parameters
@@ -115,7 +116,7 @@ def arx(
         ARX with matrices: each output is also regressed on the past `na` samples of the others.
     focus : "prediction" or "simulation"
         What is minimised: the error one sample ahead, or that of the free run (then by search).
-    prefilter : (numerator, denominator), optional
+    prefilter : (numerator, denominator) or discrete python-control system, optional
         Filter that weighs frequencies; the noise model is then one of the filtered signals.
     initial : "estimate" or "zero"
         Whether fits begin where the past is known, or the signals were zero before the record.
@@ -192,7 +193,7 @@ def open_note(polynomials: Polynomials, undetermined: NDArray[np.bool_]) -> list
         return []
     names = ", ".join(n for n, is_open in zip(polynomials.names, undetermined, strict=True) if is_open)
     text = (
-        f"{polynomials.output_name}: the data cannot tell {names} apart, the smallest ones were taken;"
+        f"{polynomials.output_name}: the data cannot tell {names} apart, one of many equal choices was taken;"
         " lower the orders or excite more richly"
     )
     return [text]

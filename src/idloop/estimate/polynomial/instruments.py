@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimate.polynomial.arx import (
@@ -25,10 +26,12 @@ from idloop.estimate.polynomial.polynomials import Polynomials
 from idloop.estimate.polynomial.regression import inverse_factor
 from idloop.estimate.polynomial.stability import reflect
 from idloop.estimate.polynomial.uncertainty import white_errors
-from idloop.estimate.polynomial.weighting import prefiltered
+from idloop.estimate.polynomial.weighting import Filter, prefiltered
 from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]
+
+_LONG = 20  # order of the models from the reference to the signals of a loop
 
 
 def iv4(
@@ -37,13 +40,15 @@ def iv4(
     nb: int | Sequence[int],
     nk: int | Sequence[int] = 1,
     *,
-    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    instruments: Literal["command", "reference"] = "command",
+    prefilter: Filter | None = None,
     initial: Initial = "estimate",
 ) -> PolynomialModel:
     """Estimate B_i / A by Ljung's four-step method with approximately optimal instruments.
 
     The instruments are the noise-free outputs that the commands alone cause, so the estimate is consistent in
-    noise of any colour in open loop. Under feedback the commands carry the noise, and it is biased.
+    noise of any colour in open loop. Under feedback the commands carry the noise, and it is biased; there the
+    part of commands and outputs that the reference causes serves instead, whatever the controller.
 
     Parameters
     ----------
@@ -52,7 +57,9 @@ def iv4(
         Degree of A, common to all inputs.
     nb, nk : int or one per input
         Number of coefficients of B and lag of the first [samples].
-    prefilter : (numerator, denominator), optional
+    instruments : "command" or "reference"
+        What they are made from; the reference for closed loops, where the data must hold it.
+    prefilter : (numerator, denominator) or discrete python-control system, optional
         Filter that weighs frequencies.
     initial : "estimate" or "zero"
         Whether fits begin where the past is known, or the signals were zero before the record.
@@ -65,11 +72,12 @@ def iv4(
     Raises
     ------
     InputError
-        Orders that do not suit the signals, too few samples, or an input that never moves.
+        Orders that do not suit the signals, too few samples, an input that never moves, or no reference.
 
     References
     ----------
-    Ljung, System Identification, 2nd ed., eq. 15.21 to 15.26; covariance of the optimal instruments eq. 9.72.
+    Ljung, System Identification, 2nd ed., eq. 15.21 to 15.26; covariance of the optimal instruments eq. 9.72;
+    closed loop: Gilson and Van den Hof, Automatica 41, 2005.
     """
     experiments = together(data)
     m = experiments[0].input.shape[1]
@@ -82,7 +90,8 @@ def iv4(
     first = first_row(orders, initial)
     for column, name in enumerate(experiments[0].output_names):
         signals = channels(weighted, column)
-        coefficients, factor, variance, undetermined = four_steps(signals, orders, initial)
+        clean = _by_reference(weighted, signals) if instruments == "reference" else None
+        coefficients, factor, variance, undetermined = four_steps(signals, orders, initial, clean)
         own = channels(experiments, column)
         polynomials = Polynomials.from_vector(
             orders, coefficients, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
@@ -95,9 +104,17 @@ def iv4(
 
 
 def four_steps(
-    data: Sequence[Channel], orders: Orders, initial: Initial = "estimate"
+    data: Sequence[Channel], orders: Orders, initial: Initial = "estimate", clean: Sequence[Channel] | None = None
 ) -> tuple[Array, Array, float, NDArray[np.bool_]]:
     """Least squares, instruments from it, whitening of what is left, instruments again.
+
+    Parameters
+    ----------
+    data : sequence of Channel
+    orders : Orders
+    initial : "estimate" or "zero"
+    clean : sequence of Channel, optional
+        Signals without noise to make the instruments from; by default the commands and what they alone cause.
 
     Returns
     -------
@@ -112,9 +129,9 @@ def four_steps(
 
     first = first_row(orders, initial)
     start = least_squares(data, orders, initial).coefficients
-    second, _, _ = _instrumental(data, orders, start, np.ones(1), first)
+    second, _, _ = _instrumental(data, orders, start, np.ones(1), first, clean=clean)
     whitener = _autoregression([residual_of(c, orders, second, first) for c in data], orders.na + max(orders.nb))
-    coefficients, factor, undetermined = _instrumental(data, orders, second, whitener, first)
+    coefficients, factor, undetermined = _instrumental(data, orders, second, whitener, first, clean=clean)
     errors = [lfilter(whitener, [1.0], residual_of(c, orders, coefficients, first))[len(whitener) :] for c in data]
     degrees = max(sum(map(len, errors)) - orders.size, 1)
     return coefficients, factor, float(sum(e @ e for e in errors)) / degrees, undetermined
@@ -161,26 +178,21 @@ def _instrumental(
     whitener: Array,
     first: int,
     damper: Array | None = None,
+    clean: Sequence[Channel] | None = None,
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Solve sum zeta(t) [y(t) - phi(t)^T theta] = 0 with noise-free outputs in zeta, all through whitener / damper."""
+    """Solve sum zeta(t) [y(t) - phi(t)^T theta] = 0 with noise-free signals in zeta, all through whitener / damper."""
     from scipy.signal import lfilter
 
-    # An unstable generator of instruments would drown the record; its mirrored roots serve as well.
-    denominator = reflect(np.concatenate([[1.0], coefficients[orders.a]]), 1.0)
     below = np.ones(1) if damper is None else damper
     instruments, rows, targets = [], [], []
     skip = first + (len(whitener) - 1 if first else 0)
-    for channel in data:
-        clean = np.zeros(len(channel.output))
-        for i, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
-            if nb:
-                numerator = np.concatenate([np.zeros(nk), coefficients[orders.b(i)]])
-                clean += lfilter(numerator, denominator, channel.inputs[:, i])
-        inputs = lfilter(whitener, below, channel.inputs, axis=0)
-        filtered = Channel(lfilter(whitener, below, channel.output), inputs)
-        noise_free = Channel(lfilter(whitener, below, clean), inputs)
-        instruments.append(regressors(noise_free, orders, skip, len(clean)))
-        rows.append(regressors(filtered, orders, skip, len(clean)))
+    for channel, source in zip(data, _caused(data, orders, coefficients) if clean is None else clean, strict=True):
+        filtered, noise_free = (
+            Channel(lfilter(whitener, below, c.output), lfilter(whitener, below, c.inputs, axis=0))
+            for c in (channel, source)
+        )
+        instruments.append(regressors(noise_free, orders, skip, len(channel.output)))
+        rows.append(regressors(filtered, orders, skip, len(channel.output)))
         targets.append(filtered.output[skip:])
     if sum(map(len, targets)) <= orders.size:
         raise InputError(
@@ -197,6 +209,41 @@ def _instrumental(
     solution = np.linalg.lstsq(left / size, right, rcond=1e-13 * orders.size)[0] / size
     factor, undetermined = inverse_factor(triangle * scale)
     return solution, factor, undetermined
+
+
+def _caused(data: Sequence[Channel], orders: Orders, coefficients: Array) -> list[Channel]:
+    """Commands, and the outputs that they alone cause in a model."""
+    from scipy.signal import lfilter
+
+    # An unstable generator of instruments would drown the record; its mirrored roots serve as well.
+    denominator = reflect(np.concatenate([[1.0], coefficients[orders.a]]))
+    caused = []
+    for channel in data:
+        output = np.zeros(len(channel.output))
+        for i, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+            if nb:
+                numerator = np.concatenate([np.zeros(nk), coefficients[orders.b(i)]])
+                output += lfilter(numerator, denominator, channel.inputs[:, i])
+        caused.append(Channel(output, channel.inputs))
+    return caused
+
+
+def _by_reference(data: Sequence[SampledData], signals: Sequence[Channel]) -> list[Channel]:
+    """Commands and outputs that the reference alone causes, by long ARX models from it to each."""
+    references = [one.reference for one in data if one.reference is not None and np.any(one.reference)]
+    if len(references) < len(data):
+        raise InputError(
+            f"{data[0].name}: no reference that moves; record it, or make the instruments from the command (open loop)"
+        )
+    length = min(_LONG, max(min(map(len, data)) // 10, 1))
+    orders = Orders(length, (length,), 0, 0, (0,), (0,))
+    columns = []
+    for column in range(-1, signals[0].inputs.shape[1]):
+        targets = [c.output if column < 0 else c.inputs[:, column] for c in signals]
+        pairs = [Channel(y, r[:, None]) for y, r in zip(targets, references, strict=True)]
+        caused = _caused(pairs, orders, least_squares(pairs, orders).coefficients)
+        columns.append([c.output for c in caused])
+    return [Channel(parts[0], np.column_stack(parts[1:])) for parts in zip(*columns, strict=True)]
 
 
 def _autoregression(series: Sequence[Array], order: int) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimate.polynomial.arx import Channel, Errors, Focus, Initial, channels, check_inputs, open_note
@@ -18,7 +18,7 @@ from idloop.estimate.polynomial.search import Found, best, information
 from idloop.estimate.polynomial.stability import radius, reflect
 from idloop.estimate.polynomial.start import noise_start, shared_denominator, starts
 from idloop.estimate.polynomial.uncertainty import coloured_errors, white_errors
-from idloop.estimate.polynomial.weighting import prefiltered
+from idloop.estimate.polynomial.weighting import Filter, prefiltered
 from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ def armax(
     nk: int | Sequence[int] = 1,
     *,
     focus: Focus = "prediction",
-    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    prefilter: Filter | None = None,
     initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
@@ -78,7 +78,7 @@ def output_error(
     nf: int | Sequence[int],
     nk: int | Sequence[int] = 1,
     *,
-    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    prefilter: Filter | None = None,
     initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
@@ -125,7 +125,7 @@ def box_jenkins(
     nk: int | Sequence[int] = 1,
     *,
     focus: Focus = "prediction",
-    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    prefilter: Filter | None = None,
     initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
@@ -170,14 +170,14 @@ def polynomial_model(
     nf: int | Sequence[int] = 0,
     nk: int | Sequence[int] = 1,
     focus: Focus = "prediction",
-    prefilter: tuple[ArrayLike, ArrayLike] | None = None,
+    prefilter: Filter | None = None,
     initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
     """Estimate A(q) y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e by the prediction-error method.
 
     Each output gets a model of its own. The search starts from several linear estimates and keeps the lowest
-    minimum; predictors that run away are left out.
+    minimum; predictors that run away are left out. Signals count as deviations from rest: remove offsets first.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def polynomial_model(
     focus : "prediction" or "simulation"
         What the plant is fitted to: the error one sample ahead, or that of the free run; in the latter case the
         noise model is fitted to what the plant leaves.
-    prefilter : (numerator, denominator), optional
+    prefilter : (numerator, denominator) or discrete python-control system, optional
         Filter that weighs frequencies; the noise model is then one of the filtered signals.
     initial : "estimate" or "zero"
         Whether the past of each experiment is fitted, or was zero.
@@ -223,7 +223,7 @@ def search(
     orders: Orders,
     *,
     focus: Focus,
-    prefilter: tuple[ArrayLike, ArrayLike] | None,
+    prefilter: Filter | None,
     initial: Initial,
     errors: Errors | None,
 ) -> PolynomialModel:

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 _RESTARTS = 5  # starts that are followed
 _DRAFT_ROWS = 20_000  # samples on which rival starts are compared
 _ROUNDS = 8
+_FLAT = 1e-11  # directions that change the errors by less than this part of the steepest are rounding
 _FLOOR = 1e-11  # errors below this part of the output are rounding
 
 
@@ -102,13 +103,12 @@ def _descend(objective: Objective, start: Array, rounds: int) -> Found:
     free, squares = start, _squares(objective, start)
     size = float(np.sqrt(sum(float(c.output @ c.output) for c in objective.data)))
     converged = False
-    unbounded = np.full(len(free), np.inf)
     for _ in range(rounds):
         sigma = float(np.sqrt(squares / max(objective.rows, 1)))
         if np.sqrt(squares) <= _FLOOR * size:
             return Found(free, squares, True)
         axes = _axes(_triangle(objective.slopes(objective.coefficients(free)))) * sigma
-        centre = free
+        centre, unbounded = free, np.full(axes.shape[1], np.inf)
 
         def residual(z: Array, centre: Array = centre, axes: Array = axes, sigma: float = sigma) -> Array:
             return np.concatenate(objective.errors(objective.coefficients(centre + axes @ z))) / sigma
@@ -118,7 +118,7 @@ def _descend(objective: Objective, start: Array, rounds: int) -> Found:
             return np.asarray(stacked @ (axes / sigma))
 
         end = minimise(
-            residual, np.zeros(len(free)), -unbounded, unbounded, np.ones(len(free)),
+            residual, np.zeros(len(unbounded)), -unbounded, unbounded, np.ones(len(unbounded)),
             max_iterations=25, derivative=slope, tolerance=1e-6,
         )  # fmt: skip
         before, squares = squares, min(2.0 * end.cost * sigma**2, squares)
@@ -133,12 +133,12 @@ def _descend(objective: Objective, start: Array, rounds: int) -> Found:
 
 
 def _axes(factor: Array) -> Array:
-    """Directions in which the errors change by one unit each; the flattest are shortened."""
+    """Directions in which the errors change by one unit each; what the errors do not feel stays where it is."""
     scale = np.linalg.norm(factor, axis=0)
     scale[scale == 0.0] = 1.0
     _, values, right = np.linalg.svd(factor / scale, full_matrices=False)
-    values = np.maximum(values, 1e-9 * max(float(values[0]), 1e-300))
-    return np.asarray((right.T / values) / scale[:, None])
+    keep = values > _FLAT * max(float(values[0]), 1e-300)
+    return np.asarray((right[keep].T / values[keep]) / scale[:, None])
 
 
 def _triangle(slopes: Sequence[Array]) -> Array:

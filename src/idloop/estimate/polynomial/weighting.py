@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +13,15 @@ from idloop.errors import InputError
 from idloop.estimate.polynomial.stability import radius
 from idloop.estimate.sampled import SampledData
 
+if TYPE_CHECKING:
+    import control
+
 Array = NDArray[np.float64]
+# Numerator and denominator in the delay operator, or a discrete python-control system.
+Filter: TypeAlias = Union[tuple[ArrayLike, ArrayLike], "control.TransferFunction", "control.StateSpace"]
 
 
-def prefiltered(data: Sequence[SampledData], prefilter: tuple[ArrayLike, ArrayLike] | None) -> list[SampledData]:
+def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[SampledData]:
     """Filter commands and measurements alike, which weighs the fit by the filter's magnitude.
 
     The plant between filtered signals is the plant between the signals (Ljung, System Identification, 2nd ed.,
@@ -24,19 +30,20 @@ def prefiltered(data: Sequence[SampledData], prefilter: tuple[ArrayLike, ArrayLi
     Parameters
     ----------
     data : sequence of SampledData
-    prefilter : (numerator, denominator) or None
-        Coefficients of 1, q^-1, ...; None leaves the data as they are.
+    prefilter : (numerator, denominator), python-control system or None
+        Coefficients of 1, q^-1, ..., or a discrete system; None leaves the data as they are.
 
     Raises
     ------
     InputError
-        An unstable filter, or a record that is shorter than the filter's memory.
+        An unstable filter, one of another sample time or with several inputs or outputs, or a record that is
+        shorter than the filter's memory.
     """
     if prefilter is None:
         return list(data)
     from scipy.signal import lfilter, lfilter_zi
 
-    numerator, denominator = (np.atleast_1d(np.asarray(part, dtype=float)) for part in prefilter)
+    numerator, denominator = _coefficients(prefilter, data[0].sample_time)
     if denominator[0] == 0.0 or radius(denominator / denominator[0]) >= 1.0:
         raise InputError("prefilter: its denominator must start with a number other than 0 and have stable roots")
     size = radius(denominator / denominator[0])
@@ -54,3 +61,19 @@ def prefiltered(data: Sequence[SampledData], prefilter: tuple[ArrayLike, ArrayLi
         ]
         filtered.append(replace(one, input=signals[0], output=signals[1]).part(memory, len(one)))
     return filtered
+
+
+def _coefficients(prefilter: Filter, sample_time: float) -> tuple[Array, Array]:
+    """Numerator and denominator as coefficients of 1, q^-1, ..."""
+    if isinstance(prefilter, (tuple, list)):
+        numerator, denominator = (np.atleast_1d(np.asarray(part, dtype=float)) for part in prefilter)
+        return numerator, denominator
+    import control
+
+    system = control.tf(prefilter)
+    if (system.ninputs, system.noutputs) != (1, 1):
+        raise InputError(f"prefilter with {system.ninputs} inputs and {system.noutputs} outputs; give one of each")
+    if not system.dt or (system.dt is not True and abs(system.dt - sample_time) > 1e-3 * sample_time):
+        raise InputError(f"prefilter with sample time {system.dt}; make it discrete at {sample_time:g} s")
+    numerator, denominator = (np.ravel(np.asarray(part[0][0], dtype=float)) for part in (system.num, system.den))
+    return np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator]), denominator
