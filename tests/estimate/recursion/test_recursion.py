@@ -202,6 +202,17 @@ def test_one_silent_input_does_not_stop_the_other_from_being_followed():
     assert estimator.coefficients[1] == 0.0
 
 
+@pytest.mark.parametrize("case", sorted(CASES))
+def test_looking_on_changes_nothing(made, case):
+    make, _, system = CASES[case]
+    data = made(300, **system)
+    alone, watched = make(), make()
+    alone.update_block(data.input, data.output[:, 0])
+    watched.follow(data.input, data.output[:, 0], every=7)
+    np.testing.assert_array_equal(alone.coefficients, watched.coefficients)
+    np.testing.assert_array_equal(alone.covariance, watched.covariance)
+
+
 def test_the_covariance_stays_positive_over_many_samples_of_collinear_signals():
     rng = np.random.default_rng(6)
     slow = np.cumsum(rng.normal(size=100_000)) * 1e-3
@@ -273,6 +284,9 @@ def test_a_start_is_gone_on_from(made):
     np.testing.assert_array_equal(estimator.coefficients, model.vector)
     later = made(300, 1, a=POLES, c=[1, 0.5])
     assert np.std(estimator.update_block(later.input, later.output[:, 0])[20:]) == pytest.approx(0.5, rel=0.15)
+    live = estimator.polynomials.model(samples=estimator.samples)
+    later = SampledData("later", later.input, later.output, live.sample_time)
+    assert np.std(live.innovations(later)) == pytest.approx(0.5, rel=0.15)
     estimator.widen()
     assert np.all(np.isfinite(estimator.stderr))
 

@@ -73,8 +73,10 @@ class DelayEstimate:
                 axes.plot(self.candidates, values, marker=".", label=name, **drawing.model_look(index))
                 axes.axvline(self.delay[index], color=drawing.BAND, linewidth=0.6)
             axes.set_yscale("symlog")
+            axes.set_ylim(bottom=0.0)
+            axes.xaxis.get_major_locator().set_params(integer=True)
             axes.set_xlabel(drawing.label("delay", "samples"))
-            axes.set_ylabel(drawing.label("BIC above the least", None))
+            axes.set_ylabel(drawing.label("extended BIC above the least", None))
             axes.set_title(f"delay to {self.output_name}")
             axes.legend()
         return axes

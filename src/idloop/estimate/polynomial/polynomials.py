@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.linear import Coefficient
+from idloop.estimate.linear import Coefficient, LinearModel
 from idloop.estimate.polynomial.orders import Orders
 from idloop.estimate.polynomial.realization import Realization, general_form
 
@@ -126,6 +126,36 @@ class Polynomials:
         """Innovation-form state space."""
         numerators = [self.numerator(i) for i in range(len(self.b))]
         return general_form(self.a, numerators, self.c, self.d, self.f)
+
+    def model(
+        self, *, method: str = "polynomials", input_units: tuple[str, ...] | None = None, output_unit: str = "-",
+        samples: int = 0,
+    ) -> LinearModel:  # fmt: skip
+        """Linear model in innovation form, to simulate, predict and draw with, as of a recursive estimate.
+
+        Parameters
+        ----------
+        method : str
+            Name of the estimator.
+        input_units : tuple of str, one per input, optional
+        output_unit : str
+        samples : int
+            That the estimate rests on.
+
+        Returns
+        -------
+        LinearModel
+        """
+        form = self.realization
+        return LinearModel(
+            method=method, a=form.a, b=form.b, c=form.c, d=form.d, gain=form.gain,
+            covariance=np.array([[self.variance]]), sample_time=self.sample_time,
+            input_names=self.input_names,
+            input_units=("-",) * len(self.b) if input_units is None else input_units,
+            output_names=(self.output_name,), output_units=(output_unit,),
+            samples=samples, free=self.orders.size,
+            coefficients=self.coefficients, coefficient_covariance=self.covariance,
+        )  # fmt: skip
 
     @property
     def system(self) -> control.TransferFunction:

@@ -87,6 +87,17 @@ def _recursive(value: float, past: Array, tail: Array) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _remember(value: float, f: Array, c: Array, d: Array, over_f: Array, filtered: Array) -> None:
+    """Push a signal through 1 / F, and that through D / C, as the gradient needs them."""
+    over = _recursive(value, over_f, f)
+    moving = over
+    for k in range(len(d)):
+        moving += d[k] * over_f[k]
+    _push(filtered, _recursive(moving, filtered, c))
+    _push(over_f, over)
+
+
+@njit(cache=True, nogil=True)
 def advance(
     na: int, nc: int, nd: int, nb: Whole, nf: Whole, nk: Whole,
     theta: Array, upper: Array, diagonal: Array, past: Array, scalars: Array,
@@ -140,7 +151,7 @@ def advance(
     first_d = first_c + nc
     first_f = first_d + nd
     walking = np.any(walk > 0.0)
-    forgets = final_forgetting < 1.0
+    forgets = final_forgetting < 1.0 or growth > 0.0
     for t in range(len(outputs)):
         c, d = theta[first_c:first_d], theta[first_d:first_f]
         # The command of this sample comes first: a model without delay uses it.
@@ -150,15 +161,9 @@ def advance(
             value = inputs[t, i]
             if np.isnan(value):
                 value = past[base + INPUT, 0]
-            f = theta[place_f : place_f + nf[i]]
-            over = _recursive(value, past[base + INPUT_OVER_F], f)
-            filtered = over
-            for k in range(nd):
-                filtered += d[k] * past[base + INPUT_OVER_F, k]
-            filtered = _recursive(filtered, past[base + INPUT_FILTERED], c)
             _push(past[base + INPUT], value)
-            _push(past[base + INPUT_OVER_F], over)
-            _push(past[base + INPUT_FILTERED], filtered)
+            f = theta[place_f : place_f + nf[i]]
+            _remember(value, f, c, d, past[base + INPUT_OVER_F], past[base + INPUT_FILTERED])
             place_f += nf[i]
         for k in range(na):
             phi[k] = -past[OUTPUT, k]
@@ -219,6 +224,7 @@ def advance(
         recorded = (offset + t + 1) % every == 0
         if recorded or forgets or walking:
             variances(upper, diagonal, variance)
+        if forgets or walking:
             limited(upper, diagonal, variance, most)
         if recorded:
             row = (offset + t) // every
@@ -241,15 +247,9 @@ def advance(
             for k in range(nf[i]):
                 plant += theta[place_f + k] * phi[place_f + k]
             disturbance -= plant
-            f = theta[place_f : place_f + nf[i]]
-            over = _recursive(plant, past[base + PLANT_OVER_F], f)
-            filtered = over
-            for k in range(nd):
-                filtered += d[k] * past[base + PLANT_OVER_F, k]
-            filtered = _recursive(filtered, past[base + PLANT_FILTERED], c)
             _push(past[base + PLANT], plant)
-            _push(past[base + PLANT_OVER_F], over)
-            _push(past[base + PLANT_FILTERED], filtered)
+            f = theta[place_f : place_f + nf[i]]
+            _remember(plant, f, c, d, past[base + PLANT_OVER_F], past[base + PLANT_FILTERED])
             place_b += nb[i]
             place_f += nf[i]
         filtered = y
