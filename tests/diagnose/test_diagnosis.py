@@ -111,14 +111,15 @@ def leaving(name: str, *directions: np.ndarray) -> Screened:
 def test_only_effects_that_leave_the_trace_of_the_best_one_are_alike(correlation: float, length: float) -> None:
     # Rounding decides at the very edge.
     assume(abs(abs(correlation) - 0.95) > 1e-9)
-    own, across = np.eye(SKETCH, 3)[:, :1], np.eye(SKETCH, 3)[:, 1:]
+    own, across, besides = np.split(np.eye(SKETCH, 5), [1, 3], axis=1)
     other = length * (correlation * own + np.sqrt(1.0 - correlation**2) * across[:, :1])
     best = leaving("dead_zone", across[:, 1:], own)
     rival = leaving("load_torque", across[:, :1], other)
     plane = leaving("imbalance", np.hstack([own, across[:, :1]]))
-    found = _alike(Confirmed(best.proposal, None, 1.0, 1.0), [best, rival, plane, leaving("saturation")])  # type: ignore[arg-type]
-    # The side to which a trace points is its sign's; what spans a plane has no direction of its own.
-    assert found == ([rival] if abs(correlation) > 0.95 else [])
+    aside = leaving("cogging", besides)
+    found = _alike(Confirmed(best.proposal, None, 1.0, 1.0), [best, rival, plane, aside, leaving("saturation")])  # type: ignore[arg-type]
+    # The side to which a trace points is its sign's; a plane can leave every trace that lies in it.
+    assert found == ([rival, plane] if abs(correlation) > 0.95 else [plane])
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, transfer
+from idloop.diagnose.refit import LONG_MEMORY, Refit, _disturbance_elsewhere, refit, transfer
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.estimate.innovations import WALK, WHITE
 from idloop.physics import Model, load_model
@@ -94,3 +94,16 @@ def test_no_other_disturbance_explains_the_record_better(
     assert max(values) < fit.log_likelihood + 0.5
     # It matters which one.
     assert np.median(values) < fit.log_likelihood - 10.0
+
+
+@pytest.mark.parametrize(("name", "exponent", "memory"), [("white", -4.0, WALK), ("walk", 0.0, WHITE)])
+def test_a_search_that_ended_at_the_next_best_disturbance_goes_on_from_the_best(
+    name: str, exponent: float, memory: float, settings: dict[str, Setting], found: dict[str, Refit]
+) -> None:
+    fit = found[name]
+    stuck = replace(fit, point=np.array([*fit.point[: fit.parameters], exponent, memory]))
+    elsewhere = _disturbance_elsewhere(settings[name], stuck)
+    assert elsewhere is not None
+    assert (elsewhere.nuisance[1] >= LONG_MEMORY) == (name == "walk")
+    # And what is the best already is left alone.
+    assert _disturbance_elsewhere(settings[name], fit) is None

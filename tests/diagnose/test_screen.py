@@ -5,7 +5,7 @@ import pytest
 
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import refit
-from idloop.diagnose.screen import Screen
+from idloop.diagnose.screen import Screen, Trace
 from idloop.diagnose.setting import prepare_setting
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
@@ -37,3 +37,33 @@ def test_a_sketched_direction_points_to_where_the_effect_moves_the_errors(screen
         assert moved is not None
         sketched = np.add.reduceat(moved * screen._signs, screen._edges)
         assert float(sketched @ trace.sketch[:, 0]) > 0.0
+
+
+@pytest.mark.parametrize("size", [1.0, -4.0])
+def test_a_trace_counts_by_what_is_its_own_however_much_the_parameters_could_do(screen: Screen, size: float) -> None:
+    # A two-level command behind a dead zone: nearly another gain, and yet far above the noise.
+    own = np.random.default_rng(1).normal(size=len(screen.errors))
+    own -= screen.basis @ (screen.basis.T @ own)
+    own /= np.linalg.norm(own)
+    moved = 1e4 * screen.basis[:, 0] + 5.0 * own
+    without = screen.errors - own * (own @ screen.errors)
+    screen_errors, screen.errors = screen.errors, without - 5.0 * size * own
+    try:
+        trace = screen._measure([{}], [moved], [False])
+    finally:
+        screen.errors = screen_errors
+    assert trace is not None
+    assert trace.left < 1e-6
+    assert trace.detectable == pytest.approx(25.0, rel=1e-3)
+    assert trace.size[0] == pytest.approx(size, rel=1e-3)
+    assert trace.statistic == pytest.approx(25.0 * size**2, rel=1e-3)
+
+
+def test_what_a_direction_shares_with_a_plane() -> None:
+    axes = np.eye(6)
+    plane = Trace([{}, {}], 0.0, np.zeros(2), 0.0, 1.0, False, sketch=3.0 * axes[:, :2], scores=np.zeros(2))
+    assert plane.reaches(axes[:, 1]) == pytest.approx(1.0)
+    assert plane.reaches((axes[:, 0] + axes[:, 5]) / np.sqrt(2.0)) == pytest.approx(np.sqrt(0.5))
+    assert plane.reaches(axes[:, 4]) == pytest.approx(0.0)
+    invisible = Trace([{}], 0.0, np.zeros(1), 0.0, 0.0, False, sketch=np.zeros((6, 0)), scores=np.zeros(0))
+    assert invisible.reaches(axes[:, 0]) == 0.0

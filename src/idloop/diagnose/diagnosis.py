@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
@@ -381,18 +380,19 @@ def _p_value(null: Null, value: float, share: float) -> float:
 
 
 def _alike(best: Confirmed, screened: list[Screened]) -> list[Screened]:
-    """Effects of one direction whose trace is that of the best one."""
-    own = [d for s in screened if s.proposal.name == best.proposal.name for d in _directions(s)]
+    """Effects that can leave the trace of the best one, by one direction or by several together."""
+    own = [
+        t.direction
+        for s in screened
+        if s.proposal.name == best.proposal.name
+        for t in s.traces
+        if t.direction is not None
+    ]
     return [
         s
         for s in screened
-        if s.proposal.name != best.proposal.name
-        and any(abs(float(one @ other)) > ALIKE for one in _directions(s) for other in own)
+        if s.proposal.name != best.proposal.name and any(t.reaches(d) > ALIKE for t in s.traces for d in own)
     ]
-
-
-def _directions(screened: Screened) -> list[NDArray[np.float64]]:
-    return [trace.direction for trace in screened.traces if trace.direction is not None]
 
 
 def _plainest(significant: list[Confirmed]) -> Confirmed | None:

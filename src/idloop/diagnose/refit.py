@@ -184,6 +184,30 @@ def refit(
     IdloopError
         The model gives no finite errors at any start.
     """
+    fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders)
+    if orders is not None or not (beside is None or reconsider):
+        return fit
+    found = [fit]
+    elsewhere = _disturbance_elsewhere(setting, fit)
+    if elsewhere is not None:
+        found.append(_search(setting, fit.model, None, elsewhere, scale, rounds, True, None))
+    if any(fit.problem.orders):
+        # A whitening of few lags and a disturbance that remembers explain much the same: which is the plainer way?
+        found.append(_search(setting, fit.model, None, found[-1], scale, rounds, False, [0] * len(fit.problem.orders)))
+    return max(found, key=lambda one: one.log_likelihood)
+
+
+def _search(
+    setting: Setting,
+    model: Model,
+    starts: Sequence[Array] | None,
+    beside: Refit | None,
+    scale: Array | None,
+    rounds: int,
+    reconsider: bool,
+    orders: list[int] | None,
+) -> Refit:
+    """The search of `refit`, which may end at the next best disturbance."""
     criterion = setting.criterion(model)
     lower, upper = model.bounds
     choices = [np.clip(s, lower, upper) for s in (starts or [model.theta])]
@@ -397,6 +421,35 @@ def _tune(
             break
     criterion.exponent, criterion.memory = best
     return _weigh(problem, np.append(theta, best), orders)
+
+
+def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
+    """The same model with another disturbance altogether, where that explains its errors better.
+
+    What is nearly white and strong, and what is nearly a walk and weak, may both be best among their like.
+    """
+    full = setting.criterion(fit.model)
+    if not isinstance(full, InnovationCriterion):
+        return None
+    theta, orders = fit.point[: fit.parameters], fit.problem.orders
+    criterion = full.glimpse(_GLIMPSE) or full
+    criterion.retune(theta)
+    problem = Problem(criterion, len(theta), None if setting.whiteners is None else list(setting.whiteners))
+    here = float(fit.nuisance[0]), float(fit.nuisance[1])
+    found: dict[Disturbance, float] = {}
+    for memory in _MEMORIES:
+        grid = {at: _weigh(problem, np.append(theta, at), orders) for at in _COLD if at[1] == memory}
+        criterion.keep(np.array(max(grid, key=grid.__getitem__)))
+        value = _tune(criterion, problem, theta, orders, (), _FAR)
+        found[criterion.exponent, criterion.memory] = value
+    criterion.keep(np.array(here))
+    value = _tune(criterion, problem, theta, orders, (), _NEAR)
+    found[criterion.exponent, criterion.memory] = value
+    best = max(found, key=found.__getitem__)
+    near = [found[at] for at in found if max(abs(a - b) for a, b in zip(at, here, strict=True)) < _FAR]
+    if near and found[best] <= max(near) + _SETTLED:
+        return None
+    return replace(fit, point=np.append(theta, best))
 
 
 def _glimpsed(

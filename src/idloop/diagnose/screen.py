@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 # Random signs and sums of this many stretches keep all inner products of traces to about 1.5 %.
 SKETCH = 4096
 # A trace of which less than this part is left after projection is the free parameters' own.
-LEAST_LEFT = 1e-5
+LEAST_LEFT = 1e-8
 # Trials worth more than this are made weaker, where an effect has a strength that can be.
 MOST_DETECTABLE = 1e5
 
@@ -85,6 +85,13 @@ class Trace:
             return None
         column = self.sketch[:, 0]
         return np.asarray(column / max(float(np.linalg.norm(column)), 1e-300))
+
+    def reaches(self, direction: Array) -> float:
+        """Part of a direction of length 1 that lies within this trace's own, 0 to 1."""
+        if self.sketch.shape[1] == 0:
+            return 0.0
+        axes, _ = np.linalg.qr(self.sketch)
+        return float(np.linalg.norm(axes.T @ direction))
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 _STEPS_PER_SAMPLE, _STEPS_PER_SECOND = 25.0, 5000.0
 # Steps per sample for what is not the chain's own, such as bristles that give way at full speed.
 _OWN_STEPS = 8.0
+# ... or times as many as the chain needs.
+_OWN_BY_CHAIN = 2.0
 
 # Motion quicker than this many half-turns per sample is kept stable, not followed: the integration
 # takes steps of two radians instead of one.
@@ -73,8 +75,11 @@ class FrugalEngine(RememberingEngine):
             if not active.effect.valid(own):
                 raise IdloopError(f"these values make no {active.effect.name}")
         along = self._speed * float(np.max(layout.axis.spatial_rate))
-        rate, own_rate = float(layout.axis.constants[kernel.RATE]), float(layout.axis.constants[kernel.BEYOND])
-        if rate + along > self._most or own_rate + along > self._most_own:
+        own_rate = float(layout.axis.constants[kernel.BEYOND])
+        # Each by itself: beside a chain at its limit there must still be room for an effect, and what is
+        # not much quicker than the chain is no dearer than it.
+        chain_rate = float(layout.axis.constants[kernel.RATE]) - own_rate
+        if chain_rate + along > self._most or own_rate + along > max(self._most_own, _OWN_BY_CHAIN * chain_rate):
             raise IdloopError("these values make the model faster than the samples can show")
         own = layout.axis.constants[kernel.RATE]
         layout.axis.constants[kernel.RATE] = max(own / _COARSE, min(own, self._unseen))
