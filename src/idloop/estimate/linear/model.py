@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimate.control_names import control_names
 from idloop.estimate.linear.initial_state import initial_state
 from idloop.estimate.linear.propagate import ahead, respond
 from idloop.estimate.sampled import SampledData, check_fits
@@ -138,8 +139,8 @@ class LinearModel:
             self.c,
             self.d,
             self.sample_time,
-            inputs=list(self.input_names),
-            outputs=list(self.output_names),
+            inputs=control_names(self.input_names),
+            outputs=control_names(self.output_names),
             name=self.method,
         )
 
@@ -154,8 +155,8 @@ class LinearModel:
             self.c,
             np.eye(self.c.shape[0]),
             self.sample_time,
-            inputs=[f"e[{name}]" for name in self.output_names],
-            outputs=list(self.output_names),
+            inputs=[f"e[{name}]" for name in control_names(self.output_names)],
+            outputs=control_names(self.output_names),
             name=f"{self.method} noise",
         )
 

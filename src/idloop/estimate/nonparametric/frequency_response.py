@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimate.control_names import control_names
 
 if TYPE_CHECKING:
     import control
@@ -100,8 +101,8 @@ class FrequencyResponse:
             np.moveaxis(self.response, 0, -1),
             2 * np.pi * self.frequency,
             dt=self.sample_time,
-            inputs=list(self.input_names),
-            outputs=list(self.output_names),
+            inputs=control_names(self.input_names),
+            outputs=control_names(self.output_names),
             name=self.method,
         )
 

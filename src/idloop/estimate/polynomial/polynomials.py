@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimate.control_names import control_names
 from idloop.estimate.linear import Coefficient, LinearModel
 from idloop.estimate.polynomial.orders import Orders
 from idloop.estimate.polynomial.realization import Realization, general_form
@@ -165,7 +166,7 @@ class Polynomials:
         pairs = [_in_z(self.numerator(i), np.convolve(self.a, f)) for i, f in enumerate(self.f)]
         return control.tf(
             [[numerator for numerator, _ in pairs]], [[denominator for _, denominator in pairs]], self.sample_time,
-            inputs=list(self.input_names), outputs=[self.output_name],
+            inputs=control_names(self.input_names), outputs=control_names([self.output_name]),
         )  # fmt: skip
 
     @property
@@ -174,9 +175,8 @@ class Polynomials:
         import control
 
         numerator, denominator = _in_z(self.c, np.convolve(self.a, self.d))
-        return control.tf(
-            numerator, denominator, self.sample_time, inputs=[f"e[{self.output_name}]"], outputs=[self.output_name]
-        )
+        (name,) = control_names([self.output_name])
+        return control.tf(numerator, denominator, self.sample_time, inputs=[f"e[{name}]"], outputs=[name])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
