@@ -1,0 +1,237 @@
+"""One-step errors of an innovation model and their exact derivatives, compressed as they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_BLOCK_NUMBERS = 2_000_000  # numbers of one block of derivatives: what a cache and a small machine hold easily
+_OVERFLOW = 1e100  # beyond it squares overflow, and the model is of no use anyway
+_MOST_SCORES = 50_000  # rows: longer records are summed in stretches first
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """A model x(k+1) = A x + B u + K e, y = C x + D u + e, or a direction in the space of such models.
+
+    Attributes
+    ----------
+    a, b, c, d, gain : ndarray
+        Shapes (n, n), (n, m), (p, n), (p, m), (n, p); a stack of k directions has a last axis of length k.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    gain: Array
+
+    def flat(self) -> Array:
+        """All entries in one row; a stack gives one column for each direction."""
+        stacked = self.a.shape[2:]
+        return np.concatenate([part.reshape(-1, *stacked) for part in (self.a, self.b, self.c, self.d, self.gain)])
+
+    def like(self, flat: Array) -> Matrices:
+        """Matrices of these shapes from entries in the order of `flat`; columns give a stack."""
+        parts, at = [], 0
+        for part in (self.a, self.b, self.c, self.d, self.gain):
+            shape = part.shape[:2]
+            size = shape[0] * shape[1]
+            parts.append(np.ascontiguousarray(flat[at : at + size].reshape(*shape, *flat.shape[1:])))
+            at += size
+        return Matrices(*parts)
+
+
+@njit(cache=True, fastmath={"contract", "reassoc"})
+def _errors(
+    a: Array, b: Array, c: Array, d: Array, gain: Array,
+    da: Array, db: Array, dc: Array, dd: Array, dgain: Array,
+    state: Array, moved: Array, inputs: Array, outputs: Array,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Errors e (N, p) and derivatives (N, p, columns); `state` (n,) and `moved` (n, columns) go on in place.
+
+    Columns beyond the directions move the first state only.
+    """
+    samples, n, m, p = outputs.shape[0], a.shape[0], b.shape[1], c.shape[0]
+    k, columns = da.shape[2], moved.shape[1]
+    errors = np.empty((samples, p))
+    derivatives = np.empty((samples, p, columns))
+    following, after = np.empty(n), np.empty((n, columns))
+    for t in range(samples):
+        for q in range(p):
+            total = outputs[t, q]
+            change = derivatives[t, q]
+            change[:] = 0.0
+            for j in range(n):
+                total -= c[q, j] * state[j]
+                for s in range(columns):
+                    change[s] -= c[q, j] * moved[j, s]
+                for s in range(k):
+                    change[s] -= dc[q, j, s] * state[j]
+            for j in range(m):
+                total -= d[q, j] * inputs[t, j]
+                for s in range(k):
+                    change[s] -= dd[q, j, s] * inputs[t, j]
+            errors[t, q] = total
+        for i in range(n):
+            total = 0.0
+            row = after[i]
+            row[:] = 0.0
+            for j in range(n):
+                total += a[i, j] * state[j]
+                for s in range(columns):
+                    row[s] += a[i, j] * moved[j, s]
+                for s in range(k):
+                    row[s] += da[i, j, s] * state[j]
+            for j in range(m):
+                total += b[i, j] * inputs[t, j]
+                for s in range(k):
+                    row[s] += db[i, j, s] * inputs[t, j]
+            for q in range(p):
+                total += gain[i, q] * errors[t, q]
+                for s in range(columns):
+                    row[s] += gain[i, q] * derivatives[t, q, s]
+                for s in range(k):
+                    row[s] += dgain[i, q, s] * errors[t, q]
+            following[i] = total
+        state[:] = following
+        moved[:, :] = after
+    return errors, derivatives
+
+
+def compressed_errors(
+    model: Matrices,
+    directions: Matrices | None,
+    experiments: Sequence[tuple[Array, Array]],
+    whitener: Array,
+    initial: bool = True,
+) -> tuple[Array, Array]:
+    """Errors and Jacobian of all experiments as triangular factors, the first states left out.
+
+    The errors are linear in the first state, so its best value is eliminated in each experiment by an orthogonal
+    transformation (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973, with Kaufman's Jacobian).
+    What is returned has the sums of squares and products of the full arrays, in as many rows as columns. Cost is
+    linear in the length of the record and memory does not depend on it.
+
+    Parameters
+    ----------
+    model : Matrices
+    directions : Matrices or None
+        Stack of k directions in which the derivatives are wanted.
+    experiments : sequence of (inputs, outputs)
+        Shapes (N, m) and (N, p).
+    whitener : ndarray, shape (p, p)
+        Applied to each error.
+    initial : bool
+        Whether the first state of each experiment is estimated; else it is zero.
+
+    Returns
+    -------
+    residual : ndarray, shape (r,)
+    jacobian : ndarray, shape (r, k)
+        Infinite where the model's predictor overflows.
+    """
+    moves = directions if directions is not None else model.like(np.zeros((model.flat().size, 0)))
+    first, k = (model.a.shape[0] if initial else 0), moves.a.shape[2]
+    whole = np.zeros((0, k + 1))
+    for inputs, outputs in experiments:
+        factor = _factor(model, moves, inputs, outputs, whitener, first)
+        if not np.all(np.isfinite(factor)):
+            whole = np.full((k + 1, k + 1), np.inf)
+            break
+        whole = np.asarray(np.linalg.qr(np.vstack([whole, factor[first:, first:]]), mode="r"))
+    return whole[:, -1], whole[:, :-1]
+
+
+def error_moments(model: Matrices, experiments: Sequence[tuple[Array, Array]], initial: bool) -> Array:
+    """Mean product of the errors over all experiments, shape (p, p); infinite where they overflow."""
+    p = model.c.shape[0]
+    still, unit = model.like(np.zeros((model.flat().size, 0))), np.eye(p)
+    total, count = np.zeros((p, p)), 0
+    for inputs, outputs in experiments:
+        for rows in _at_best_state(model, still, inputs, outputs, unit, initial):
+            errors = rows[:, :, -1]
+            total += errors.T @ errors
+            count += len(errors)
+    moments = total / max(count, 1)
+    return moments if np.all(np.isfinite(moments)) else np.full((p, p), np.inf)
+
+
+def score_sums(
+    model: Matrices,
+    directions: Matrices,
+    experiments: Sequence[tuple[Array, Array]],
+    whitener: Array,
+    initial: bool,
+) -> list[Array]:
+    """Derivatives times errors, summed over stretches of samples, of each experiment, shape (stretches, k).
+
+    Their long-run covariance is that of the gradient, whatever the errors' colour.
+    """
+    k = directions.a.shape[2]
+    stretch = max(sum(len(outputs) for _, outputs in experiments) // _MOST_SCORES, 1)
+    found = []
+    for inputs, outputs in experiments:
+        sums = [
+            np.add.reduceat(np.einsum("tqs,tq->ts", rows[:, :, :k], rows[:, :, k]), np.arange(0, len(rows), stretch))
+            for rows in _at_best_state(model, directions, inputs, outputs, whitener, initial)
+        ]
+        found.append(np.concatenate(sums))
+    return found
+
+
+def _factor(model: Matrices, moves: Matrices, inputs: Array, outputs: Array, whitener: Array, first: int) -> Array:
+    """Triangular factor of the columns (first state, directions, error) of one experiment."""
+    wide = first + moves.a.shape[2] + 1
+    factor = np.zeros((0, wide))
+    for rows in _blocks(model, moves, inputs, outputs, whitener, first):
+        flat = rows.reshape(-1, wide)
+        if not np.all(np.abs(flat) < _OVERFLOW):
+            return np.full((wide, wide), np.inf)
+        factor = np.asarray(np.linalg.qr(np.vstack([factor, flat]), mode="r"))
+    if len(factor) < wide:
+        factor = np.vstack([factor, np.zeros((wide - len(factor), wide))])
+    return np.asarray(factor)
+
+
+def _at_best_state(
+    model: Matrices, moves: Matrices, inputs: Array, outputs: Array, whitener: Array, initial: bool
+) -> Iterator[Array]:
+    """Blocks of the columns (directions, error) with the part of the first state taken out."""
+    first = model.a.shape[0] if initial else 0
+    factor = _factor(model, moves, inputs, outputs, whitener, first)
+    if not np.all(np.isfinite(factor)):
+        yield np.full((1, outputs.shape[1], factor.shape[1] - first), np.inf)
+        return
+    scale = np.linalg.norm(factor[:first, :first], axis=0)
+    scale[scale == 0.0] = 1.0
+    part = np.linalg.lstsq(factor[:first, :first] / scale, factor[:first, first:], rcond=1e-12)[0] / scale[:, None]
+    for rows in _blocks(model, moves, inputs, outputs, whitener, first):
+        yield rows[:, :, first:] - rows[:, :, :first] @ part
+
+
+def _blocks(
+    model: Matrices, moves: Matrices, inputs: Array, outputs: Array, whitener: Array, first: int
+) -> Iterator[Array]:
+    """Blocks of the columns (first state, directions, error), shape (samples, p, columns)."""
+    order, k = model.a.shape[0], moves.a.shape[2]
+    state, moved = np.zeros(order), np.zeros((order, k + first))
+    moved[:, k:] = np.eye(order)[:, :first]
+    length = max(_BLOCK_NUMBERS // (outputs.shape[1] * (k + first + 1)), 256)
+    fixed = [np.ascontiguousarray(part) for part in (model.a, model.b, model.c, model.d, model.gain)]
+    turned = [np.ascontiguousarray(part) for part in (moves.a, moves.b, moves.c, moves.d, moves.gain)]
+    for start in range(0, outputs.shape[0], length):
+        part = slice(start, start + length)
+        errors, derivatives = _errors(
+            *fixed, *turned, state, moved, np.ascontiguousarray(inputs[part]), np.ascontiguousarray(outputs[part])
+        )
+        # The first states come first, so that the rows below them are what no first state explains.
+        columns = np.concatenate([derivatives[:, :, k:], derivatives[:, :, :k], errors[:, :, None]], axis=2)
+        with np.errstate(all="ignore"):
+            yield np.asarray(whitener @ columns)

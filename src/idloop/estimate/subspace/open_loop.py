@@ -1,0 +1,165 @@
+"""N4SID, MOESP and CVA: subspace identification of data whose input does not depend on the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from idloop.estimate.linear.model import LinearModel
+from idloop.estimate.linear.sensitivity import Matrices
+from idloop.estimate.sampled import SampledData
+from idloop.estimate.subspace import realisation
+from idloop.estimate.subspace.assemble import assembled
+from idloop.estimate.subspace.commands import command_matrices
+from idloop.estimate.subspace.compression import Compression
+from idloop.estimate.subspace.future import Future, project_future
+from idloop.estimate.subspace.horizon import halved_windows
+from idloop.estimate.subspace.order import OrderSelection, check_order, significant
+
+Data = SampledData | Sequence[SampledData]
+
+
+def n4sid(
+    data: Data,
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    focus: Literal["prediction", "simulation"] = "prediction",
+    stable: bool = False,
+) -> LinearModel:
+    """State-space model from the oblique projection of the future on the past.
+
+    A and C by regression of states (Van Overschee and De Moor, Subspace Identification for Linear Systems, 1996,
+    figure 4.8), Kalman gain by the Riccati equation of what the regression leaves, B and D by least squares on the
+    outputs. Consistent where the input does not depend on the noise; under feedback use `pbsid` or `vodma`.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        Experiments of one system; offsets removed.
+    order : int or "auto"
+        Number of states; "auto" counts canonical correlations above those of noise (`select_order`).
+    horizon : int, optional
+        Samples of past and of future; `default_horizon` by default.
+    feedthrough : bool
+        Estimate D. A measurement that is taken before the command of its stamp has none.
+    focus : "prediction" or "simulation"
+        Which outputs B and D are fitted on: those predicted with the Kalman gain, or the free run.
+    stable : bool
+        Reflect poles outside the unit circle into it before B and D are fitted.
+
+    Returns
+    -------
+    LinearModel
+
+    Raises
+    ------
+    InputError
+        Too few samples, an input that excites too little, or an order that the horizon cannot show.
+    """
+    return _identify("n4sid", data, order, horizon, feedthrough, focus, stable)
+
+
+def moesp(
+    data: Data,
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    focus: Literal["prediction", "simulation"] = "prediction",
+    stable: bool = False,
+) -> LinearModel:
+    """State-space model from the shift of the observability matrix, past signals as instruments (PO-MOESP).
+
+    Verhaegen, Automatica 30, 1994. Parameters and errors as for `n4sid`.
+    """
+    return _identify("moesp", data, order, horizon, feedthrough, focus, stable)
+
+
+def cva(
+    data: Data,
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    focus: Literal["prediction", "simulation"] = "prediction",
+    stable: bool = False,
+) -> LinearModel:
+    """State-space model from the canonical variates of past and future.
+
+    Larimore, Proc. IEEE Conf. Decision and Control 1990, in the weights of Van Overschee and De Moor, Automatica 31,
+    1995: outputs of any unit and noise level count alike. Parameters and errors as for `n4sid`.
+    """
+    return _identify("cva", data, order, horizon, feedthrough, focus, stable)
+
+
+def select_order(
+    data: Data, method: realisation.Weighting = "n4sid", *, horizon: int | None = None, feedthrough: bool = False
+) -> OrderSelection:
+    """Singular values and canonical correlations of the data, and the order that they show.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+    method : "n4sid", "moesp" or "cva"
+        Whose singular values are wanted; the order rests on the canonical correlations, which no scaling changes.
+    horizon : int, optional
+    feedthrough : bool
+        As for `n4sid`.
+
+    Returns
+    -------
+    OrderSelection
+
+    Raises
+    ------
+    InputError
+        As for `n4sid`.
+    """
+    compression, future = _projected(data, "auto", horizon, feedthrough)
+    return selection(method, compression, future, realisation.weighted_subspace(future, method))
+
+
+def selection(method: str, compression: Compression, future: Future, subspace: realisation.Subspace) -> OrderSelection:
+    """Evidence for the order in projections that are there already."""
+    half = future.horizon
+    correlations = future.correlations()
+    past = half * (compression.inputs + compression.outputs)
+    order, threshold = significant(correlations, past, half * compression.outputs, compression.windows)
+    largest = min((half - 1) * compression.outputs, int(np.sum(subspace.values > 1e-10 * subspace.values[0])))
+    return OrderSelection(method, half, subspace.values, correlations, threshold, min(order, largest))
+
+
+def _projected(
+    data: Data, order: int | Literal["auto"], horizon: int | None, feedthrough: bool
+) -> tuple[Compression, Future]:
+    known = None if isinstance(order, str) else order
+    compression = halved_windows(data, horizon, known, feedthrough)
+    check_order(order, compression.length // 2, compression.outputs)
+    return compression, project_future(compression)
+
+
+def _identify(
+    method: realisation.Weighting,
+    data: Data,
+    order: int | Literal["auto"],
+    horizon: int | None,
+    feedthrough: bool,
+    focus: Literal["prediction", "simulation"],
+    stable: bool,
+) -> LinearModel:
+    compression, future = _projected(data, order, horizon, feedthrough)
+    subspace = realisation.weighted_subspace(future, method)
+    chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
+    observability = subspace.observability(chosen)
+    if method == "moesp":
+        a, c = realisation.shift_invariant(observability, compression.outputs)
+    else:
+        a, c = realisation.regressed(future, observability)
+    a = realisation.reflected(a) if stable else a
+    gain, notes = realisation.kalman_gain(realisation.residual_noise(future, observability, a, c), a, c)
+    b, d = command_matrices(compression, a, c, gain if focus == "prediction" else np.zeros_like(gain), feedthrough)
+    return assembled(method, compression, Matrices(a, b, c, d, gain), subspace.values, feedthrough, notes)

@@ -1,0 +1,52 @@
+"""Least squares between rows that may be linearly dependent: bases, complements and regressions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Rows of unit deviation come out of the compression with rounding of some 1e-14.
+RANK_TOLERANCE = 1e-11
+
+
+def row_basis(rows: Array, size: float | None = None) -> Array:
+    """Orthonormal basis of the row space, shape (rank, columns).
+
+    Parameters
+    ----------
+    rows : ndarray, shape (r, columns)
+    size : float, optional
+        Norm against which a direction counts as zero; the largest singular value by default.
+    """
+    _, values, basis = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(basis[_kept(values, size)])
+
+
+def project(rows: Array, basis: Array) -> Array:
+    """Part of `rows` in the span of an orthonormal basis."""
+    return np.asarray((rows @ basis.T) @ basis)
+
+
+def regress(target: Array, regressors: Array, size: float | None = None) -> Array:
+    """Coefficients X of smallest norm that make X times `regressors` closest to `target`.
+
+    Parameters
+    ----------
+    target, regressors : ndarray, shapes (t, columns), (r, columns)
+    size : float, optional
+        As for `row_basis`.
+
+    Returns
+    -------
+    ndarray, shape (t, r)
+    """
+    left, values, basis = np.linalg.svd(regressors, full_matrices=False)
+    kept = _kept(values, size)
+    return np.asarray((target @ basis[kept].T / values[kept]) @ left[:, kept].T)
+
+
+def _kept(values: Array, size: float | None) -> NDArray[np.bool_]:
+    largest = size if size is not None else float(np.max(values, initial=0.0))
+    return np.asarray((values > RANK_TOLERANCE * largest) & (values > 0.0))

@@ -1,0 +1,212 @@
+"""From projections to state-space matrices: the observability matrix, A and C, B and D, and the noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimate.observer import riccati
+from idloop.estimate.subspace.future import Future, toeplitz
+from idloop.estimate.subspace.projection import regress
+
+Array = NDArray[np.float64]
+Weighting = Literal["n4sid", "moesp", "cva"]
+
+# Variance below which noise is rounding, in variances of the outputs: keeps the Riccati equation regular.
+_NOISE_FLOOR = 1e-14
+
+
+@dataclass(frozen=True)
+class Subspace:
+    """The weighted projection's singular value decomposition.
+
+    Attributes
+    ----------
+    left : ndarray, shape (p i, r)
+        Left singular vectors with the weight on the future undone.
+    values : ndarray, shape (r,)
+        Singular values.
+    """
+
+    left: Array
+    values: Array
+
+    def observability(self, order: int) -> Array:
+        """Extended observability matrix, shape (p i, order)."""
+        return self.left[:, :order] * np.sqrt(self.values[:order])
+
+
+def weighted_subspace(future: Future, weighting: Weighting) -> Subspace:
+    """Decompose the projection with the weights of a method.
+
+    N4SID takes the oblique projection as it is, MOESP its part beside the future commands, and CVA that part in
+    deviations of the future (Van Overschee and De Moor, Automatica 31, 1995, table 1).
+    """
+    if weighting == "cva":
+        own, size, _ = np.linalg.svd(future.beside, full_matrices=False)
+        kept = size > 1e-10 * np.linalg.norm(future.now)
+        own, size = own[:, kept], size[kept]
+        left, values, _ = np.linalg.svd((own.T @ future.explained) / size[:, None], full_matrices=False)
+        return Subspace((own * size) @ left, values)
+    left, values, _ = np.linalg.svd(future.oblique if weighting == "n4sid" else future.explained, full_matrices=False)
+    return Subspace(left, values)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Covariances of the state noise, of the output noise and between the two, in scaled units."""
+
+    process: Array
+    output: Array
+    cross: Array
+
+    def kalman_gain(self, a: Array, c: Array) -> Array:
+        """Stationary gain of the one-step predictor, shape (n, p).
+
+        Raises
+        ------
+        IdloopError
+            No stationary predictor exists: an unstable mode that no output shows.
+        """
+        output = self.output + _NOISE_FLOOR * np.eye(len(self.output))
+        size = _NOISE_FLOOR * max(float(np.trace(self.process)), 1e-3)
+        mixed = np.linalg.solve(output, self.cross.T).T
+        process = self.process - mixed @ self.cross.T + size * np.eye(len(a))
+        # A leak far slower than any record keeps integrators that no noise moves off the unit circle.
+        decoupled = (a - mixed @ c) * (1.0 - 1e-7)
+        covariance = riccati(decoupled, c, process, output)
+        innovation = c @ covariance @ c.T + output
+        # In the decoupled form the correlated part comes back as it is.
+        return np.asarray(np.linalg.solve(innovation, (decoupled @ covariance @ c.T).T).T + mixed)
+
+
+def shift_invariant(observability: Array, outputs: int) -> tuple[Array, Array]:
+    """A and C from the observability matrix alone (MOESP; Verhaegen, Automatica 30, 1994)."""
+    return _solved(observability[:-outputs], observability[outputs:]), observability[:outputs].copy()
+
+
+def regressed(future: Future, observability: Array) -> tuple[Array, Array]:
+    """A and C by regression of state and output on the state before and all future commands.
+
+    The combined algorithm of Van Overschee and De Moor, Subspace Identification for Linear Systems, 1996, figure 4.8.
+    """
+    both, states = _ahead(future, observability)
+    coefficients = regress(both, np.concatenate([states, future.command]))
+    order = observability.shape[1]
+    return coefficients[:order, :order], coefficients[order:, :order]
+
+
+def residual_noise(future: Future, observability: Array, a: Array, c: Array) -> Noise:
+    """Covariances of what A and C leave of the next state and of the output, the commands' part taken out."""
+    both, states = _ahead(future, observability)
+    rest = both - np.concatenate([a, c]) @ states
+    rest -= regress(rest, future.command) @ future.command
+    return noise(rest, len(a))
+
+
+def with_known_feedback(
+    future: Future, observability: Array, feedthrough: bool, control_now: Array
+) -> tuple[Array, Array, Array, Array, Noise]:
+    """A, B, C, D and noise by the first algorithm for closed loops, eq. 3.20 to 3.25.
+
+    The thesis prints C = (I + D D_c)^-1 S_21; solving its eq. 3.1 and 3.2 gives C = (I + D D_c) S_21.
+
+    Parameters
+    ----------
+    future : Future
+        With the controller's response in M.
+    observability : ndarray, shape (p i, n)
+    feedthrough : bool
+        Whether D is estimated; else it is zero.
+    control_now : ndarray, shape (m, p)
+        Feedthrough D_c of the controller.
+
+    Returns
+    -------
+    a, b, c, d : ndarray
+    noise : Noise
+    """
+    order, p, m = observability.shape[1], len(future.now), len(future.command_now)
+    response = _command_response(future, observability, feedthrough)
+    whole = toeplitz(response)
+    states = _solved(observability, future.z - whole @ future.command)
+    shorter = future.z_next - whole[:-p, :-m] @ future.command_next
+    following = _solved(observability[:-p], shorter)
+    both = np.concatenate([states, future.command_now])
+    moves = regress(following, both)
+    shows = regress(future.now, both if feedthrough else states)
+    s_11, s_12, s_21 = moves[:, :order], moves[:, order:], shows[:, :order]
+    s_22 = shows[:, order:] if feedthrough else np.zeros((p, m))
+    back = np.linalg.inv(np.eye(m) - control_now @ s_22)
+    b, d = s_12 @ back, s_22 @ back
+    a, c = s_11 + b @ control_now @ s_21, (np.eye(p) + d @ control_now) @ s_21
+    output = (np.eye(p) + d @ control_now) @ (future.now - s_21 @ states - s_22 @ future.command_now)
+    state = following - a @ states - b @ (future.command_now - control_now @ future.now)
+    return a, b, c, d, noise(np.concatenate([state, output]), order)
+
+
+def reflected(a: Array) -> Array:
+    """A with its poles outside the unit circle reflected into it, the Schur basis kept."""
+    from scipy.linalg import schur
+
+    triangle, basis = schur(a, output="real")
+    row = 0
+    while row < len(a):
+        size = 2 if row + 1 < len(a) and triangle[row + 1, row] != 0.0 else 1
+        block = slice(row, row + size)
+        radius = float(np.max(np.abs(np.linalg.eigvals(triangle[block, block]))))
+        if radius >= 1.0:
+            # A pole on the circle has no mirror image inside: it goes just within.
+            triangle[block, block] *= min(1.0 / radius, 1.0 - 1e-9) / radius
+        row += size
+    return np.asarray(basis @ triangle @ basis.T)
+
+
+def kalman_gain(noise: Noise, a: Array, c: Array) -> tuple[Array, tuple[str, ...]]:
+    """Gain and what there is to say of it: zero where no stationary predictor exists."""
+    try:
+        return noise.kalman_gain(a, c), ()
+    except (IdloopError, np.linalg.LinAlgError):
+        return np.zeros((len(a), len(c))), (
+            "no stationary predictor: an unstable mode is not seen at the outputs; the noise model is left out",
+        )
+
+
+def _ahead(future: Future, observability: Array) -> tuple[Array, Array]:
+    p = len(future.now)
+    states = _solved(observability, future.z)
+    following = _solved(observability[:-p], future.z_next)
+    return np.concatenate([following, future.now]), states
+
+
+def _solved(matrix: Array, target: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], dtype=float)
+
+
+def noise(rest: Array, order: int) -> Noise:
+    """Covariances of residuals: the states' rows first, then the outputs'."""
+    covariance = rest @ rest.T
+    return Noise(covariance[:order, :order], covariance[order:, order:], covariance[:order, order:])
+
+
+def _command_response(future: Future, observability: Array, feedthrough: bool) -> list[Array]:
+    """Markov parameters of the outputs' response to M, from what the states cannot explain (eq. 3.20 and 3.22)."""
+    p, m, i = len(future.now), len(future.command_now), future.horizon
+    left = np.linalg.svd(observability)[0][:, observability.shape[1] :].T
+    # Z minus the states' part lies in the row space of M: its coordinates there are all the equations.
+    basis = np.linalg.qr(future.command.T)[0]
+    commands, target = future.command @ basis, left @ future.z @ basis
+    first = 0 if feedthrough else 1
+    columns = []
+    for lag in range(first, i):
+        # The block K_lag stands on one diagonal of the Toeplitz matrix.
+        across = left[:, lag * p :].reshape(len(left), i - lag, p)
+        along = commands[: (i - lag) * m].reshape(i - lag, m, -1)
+        columns.append(np.einsum("ltp,tmc->lcpm", across, along).reshape(-1, p * m))
+    solution = regress(target.reshape(1, -1), np.concatenate(columns, axis=1).T)[0]
+    blocks = list(solution.reshape(-1, p, m))
+    return blocks if feedthrough else [np.zeros((p, m)), *blocks]
