@@ -34,6 +34,9 @@ _WEAKER = -2.0
 # How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
 # In the first round of a search, and in those that follow.
 _FAR, _NEAR, _FINEST, _FARTHEST, _MOST_PROBES = 0.8, 0.3, 0.1, 2.0, 10
+# Rise of the log-likelihood to the top of a bowl at which the search for the disturbance ends, and how
+# small the bowl must be to be one [decades].
+_FLAT, _FINE = 0.02, 0.35
 # Samples of long records that the first rounds look at to find the disturbance roughly.
 _GLIMPSE = 10_000
 # Decades of samples from which on a disturbance passes for a random walk.
@@ -416,8 +419,9 @@ def _tune(
         value(best[0] + reach, best[1] + reach)
         value(*_vertex(known, best, reach))
         best = max(known, key=known.__getitem__)
+        flat = reach < _FINE and known[best] < known[here] + _FLAT
         reach *= 0.4
-        if reach < _FINEST:
+        if flat or reach < _FINEST:
             break
     criterion.exponent, criterion.memory = best
     return _weigh(problem, np.append(theta, best), orders)

@@ -109,6 +109,53 @@ def settling_observer(
     return SettlingObserver(full.reshape(count * (m + 1), p), expected)
 
 
+# Matrices of a few rows are multiplied faster here than by a library that is called for each.
+@njit(cache=True, nogil=True, inline="always")
+def _multiply(a: Any, b: Any, out: Any) -> None:
+    """Matrix product A B into `out`."""
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            total = 0.0
+            for n in range(a.shape[1]):
+                total += a[i, n] * b[n, j]
+            out[i, j] = total
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _multiply_transposed(a: Any, b: Any, out: Any) -> None:
+    """Matrix product A B' into `out`."""
+    for i in range(a.shape[0]):
+        for j in range(b.shape[0]):
+            total = 0.0
+            for n in range(a.shape[1]):
+                total += a[i, n] * b[j, n]
+            out[i, j] = total
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _solve_from_right(a: Any, factor: Any, b: Any) -> None:
+    """Replace the rows of `b` by B A^-1, A symmetric and positive; `factor` takes its Cholesky factor."""
+    p = a.shape[0]
+    for i in range(p):
+        for j in range(i + 1):
+            total = a[i, j]
+            for n in range(j):
+                total -= factor[i, n] * factor[j, n]
+            factor[i, j] = np.sqrt(total) if i == j else total / factor[j, j]
+    for row in range(b.shape[0]):
+        for i in range(p):
+            total = b[row, i]
+            for n in range(i):
+                total -= factor[i, n] * b[row, n]
+            b[row, i] = total / factor[i, i]
+        for back in range(p):
+            i = p - 1 - back
+            total = b[row, i]
+            for n in range(i + 1, p):
+                total -= factor[n, i] * b[row, n]
+            b[row, i] = total / factor[i, i]
+
+
 @njit(cache=True, nogil=True)
 def _recursion(
     transition: Any, output: Any, process: Any, covariance: Any, samples: int, gains: Any, innovations: Any
@@ -117,20 +164,36 @@ def _recursion(
     m = transition.shape[0]
     p = output.shape[0]
     most = gains.shape[0]
-    identity = np.eye(p)
+    factor = np.zeros((p, p))
+    left, half, whole = np.empty((m, m)), np.empty((m, m)), np.empty((m, m))
     for k in range(most):
-        cross = np.dot(covariance, output.T)
-        innovation = np.dot(output, cross) + identity
-        gain = np.dot(cross, np.linalg.inv(innovation))
-        gains[k] = gain
-        innovations[k] = innovation
+        gain, innovation = gains[k], innovations[k]
+        _multiply_transposed(covariance, output, gain)
+        _multiply(output, gain, innovation)
+        for i in range(p):
+            innovation[i, i] += 1.0
+        _solve_from_right(innovation, factor, gain)
         # Joseph's form stays positive through a start of many decades.
-        left = np.eye(m) - np.dot(gain, output)
-        covariance = np.dot(np.dot(left, covariance), left.T) + np.dot(gain, gain.T)
-        covariance = np.dot(np.dot(transition, covariance), transition.T) + process
-        covariance = 0.5 * (covariance + covariance.T)
-        if k > m:
-            change = np.max(np.abs(gain - gains[k - 1]))
-            if change * (samples - k) <= _SETTLED * np.max(np.abs(gain)):
-                return k + 1
+        _multiply(gain, output, left)
+        for i in range(m):
+            for j in range(m):
+                left[i, j] = (1.0 if i == j else 0.0) - left[i, j]
+        _multiply(left, covariance, half)
+        _multiply_transposed(half, left, whole)
+        for i in range(m):
+            for j in range(m):
+                for n in range(p):
+                    whole[i, j] += gain[i, n] * gain[j, n]
+        _multiply(transition, whole, half)
+        _multiply_transposed(half, transition, whole)
+        change = largest = 0.0
+        for i in range(m):
+            for j in range(m):
+                covariance[i, j] = 0.5 * (whole[i, j] + whole[j, i]) + process[i, j]
+            for j in range(p):
+                largest = max(largest, abs(gain[i, j]))
+                if k > 0:
+                    change = max(change, abs(gain[i, j] - gains[k - 1, i, j]))
+        if k > m and change * (samples - k) <= _SETTLED * largest:
+            return k + 1
     return int(most)
