@@ -39,6 +39,7 @@ VERBS: dict[str, Verb] = {
     "refine": Verb("idloop.cli.refine", "Add what is missing, step by step: the ladder."),
     "suggest": Verb("idloop.cli.suggest", "Choose the next experiment, within limits."),
     "replay": Verb("idloop.cli.replay", "Play a recording into a live estimator."),
+    "papers": Verb("idloop.cli.papers", "Redo a row of the source papers and put ours beside theirs."),
     "recover": Verb("idloop.cli.recover", "Save what can be read of a recording cut off by a crash."),
 }
 

@@ -1,0 +1,84 @@
+"""The source papers redone: each row of their results beside ours, by one function.
+
+``reproduce("A3")`` runs a row; ``ROWS`` lists them. To add a row, write a file with a function
+``(seed, progress) -> Reproduction`` and enter it below.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from idloop.errors import InputError
+from idloop.spelling import did_you_mean_or_known
+
+if TYPE_CHECKING:
+    from idloop.papers.reproduction import Reproduction
+
+Progress = Callable[[float, str], None]
+
+LEHIGH = "Rungroungdouyboon, Lehigh University 1999"
+
+
+class Row(NamedTuple):
+    """Title of a row, its paper, and its function as ``module:function`` of this package."""
+
+    title: str
+    paper: str
+    place: str
+
+
+ROWS: dict[str, Row] = {
+    "A1": Row("The DC motor as a model", LEHIGH, "dc_motor_plant:reproduce"),
+    "A2": Row("Signals and channels recorded together", LEHIGH, "signal_generator:reproduce"),
+    "A3": Row("Grey-box fit with standard deviations, loss and FPE", LEHIGH, "dc_motor_grey_box:reproduce"),
+    "A4": Row("The toolbox's layers on one data set", LEHIGH, "toolbox_layers:reproduce"),
+    "A5": Row("Linear fits of a motor with dead zone and backlash", LEHIGH, "dead_zone_and_backlash:reproduce"),
+    "A7": Row("Describing functions and limit cycles", LEHIGH, "describing_functions:reproduce"),
+    "A8": Row("Response of the closed loop", LEHIGH, "closed_loop_response:reproduce"),
+}
+
+
+def find_row(name: str) -> str:
+    """Name of a row as the table has it, whatever its case.
+
+    Raises
+    ------
+    InputError
+        There is no such row.
+    """
+    known = {row.casefold(): row for row in ROWS}
+    if name.casefold() not in known:
+        raise InputError(f"no row '{name}' of the papers{did_you_mean_or_known(name, list(ROWS))}")
+    return known[name.casefold()]
+
+
+def reproduce(name: str, seed: int = 0, progress: Progress | None = None) -> Reproduction:
+    """Redo a row of a paper.
+
+    Parameters
+    ----------
+    name : str
+        One of `ROWS`.
+    seed : int
+        Of the measurement noise; equal seeds give equal results.
+    progress : callable, optional
+        Called with the share done in [0, 1] and a short text.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    InputError
+        There is no such row, or the seed is negative.
+    """
+    row = ROWS[find_row(name)]
+    if seed < 0:
+        raise InputError(f"seed {seed}: give 0 or a whole number above it")
+    module, _, function = row.place.partition(":")
+    run = getattr(importlib.import_module(f"{__name__}.{module}"), function)
+    found: Reproduction = run(seed, progress or (lambda share, text: None))
+    return found
