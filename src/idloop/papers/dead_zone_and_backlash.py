@@ -122,11 +122,14 @@ class DeadZoneAndBacklash(Reproduction):
             error, clear = abs(level.passed / level.theory - 1.0), level.moved > _CLEAR * self.gap
             lines.append(Line(f"{level.amplitude:.2f} V: describing function of the coupling, measured off theory by",
                               100.0 * error, None, "%", "eq. 6.2", error < _ACCURACY if clear else None))  # fmt: skip
-        low = float(np.min(self.fits_with_effects[:, POSITION] - [level.most[POSITION] for level in self.levels]))
+        most = np.array([level.most[POSITION] for level in self.levels])
+        worst = int(np.argmin(self.fits_with_effects[:, POSITION] - most))
+        reached = float(self.fits_with_effects[worst, POSITION])
         parameters = self.with_effects.model
         return (
             *lines,
-            Line("one model with both effects: FIT of the position below the most", -low, None, "%", "", low > -_FITS),
+            Line("one model with both effects: FIT of the position, of at most, where it is worst",
+                 f"{reached:.1f} of {most[worst]:.1f}", None, "%", "", bool(reached > most[worst] - _FITS)),
             Line("one model with both effects: dead zone", parameters.values["dead_zone@input.width"], width, "V",
                  "figure 6.4", within(parameters.values["dead_zone@input.width"], width, 0.1)),
             Line("one model with both effects: gap", parameters.values["backlash@position[motor].gap"], None, "rad", "",

@@ -26,7 +26,7 @@ Complex = NDArray[np.complex128]
 SAMPLES, AMPLITUDE, BAND = 2000, lehigh_motor.SQUARE_AMPLITUDE, 2.0
 VELOCITY = 1
 # A consistent estimate of these two numbers lies this close to the truth, and its free run this close to the truth's.
-_TRUTH_ERROR, _FIT_LOSS = 3.0, 0.5
+_TRUTH_ERROR, _FIT_LOSS = 5.0, 0.5
 # A response without a model scatters: that much of the whole, with everything that smooths it switched on.
 _SCATTER = 15.0
 
