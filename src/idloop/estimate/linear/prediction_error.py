@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
 from idloop.estimate.linear.error_covariance import Focus, error_covariance
 from idloop.estimate.linear.model import Coefficient, LinearModel
 from idloop.estimate.linear.propagate import respond
-from idloop.estimate.linear.search import Found, Parametrisation, search
+from idloop.estimate.linear.search import Found, Parametrisation, mirrored, predictor_radius, search, stability_limit
 from idloop.estimate.linear.sensitivity import Matrices
+from idloop.estimate.observer import riccati
 from idloop.estimate.sampled import SampledData, check_fits, together
 
 if TYPE_CHECKING:
@@ -79,23 +80,32 @@ def prediction_error(
     check_fits(experiments[0], start.method, start.b.shape[1], start.c.shape[0], start.sample_time)
     gain = start.gain if focus == "prediction" else np.zeros_like(start.gain)
     matrices = Matrices(*(np.array(part, dtype=float) for part in (start.a, start.b, start.c, start.d, gain)))
+    signals = [(one.input, one.output) for one in experiments]
+    if free is None and focus == "prediction" and predictor_radius(matrices) > stability_limit(signals):
+        matrices = replace(matrices, gain=_stabilising(matrices, experiments))
     with_d = bool(np.any(start.d)) if feedthrough is None else feedthrough
     searched = (True, True, True, with_d, focus == "prediction")
     if free is None:
         moving = np.repeat(searched, [part.size for part in _parts(matrices)])
         scale = _entry_scale(matrices, experiments)
-        parametrisation = _entries(matrices, lambda point: _complement(matrices.like(point), scale, moving))
+        spread = np.diag(np.concatenate([one.output for one in experiments]).var(axis=0))
+        parametrisation = replace(
+            _entries(matrices, lambda point: _complement(matrices.like(point), scale, moving)),
+            settle=(lambda point: mirrored(matrices.like(point), spread).flat())
+            if focus == "prediction"
+            else (lambda point: point),
+        )
     else:
         moving = _mask(free, matrices, focus)
         chosen = np.eye(moving.size)[:, moving]
         parametrisation = _entries(matrices, lambda _: chosen)
-    signals = [(one.input, one.output) for one in experiments]
     found = search(
         parametrisation,
         matrices.flat(),
         signals,
         initial=initial,
         white=focus == "prediction" and prefilter is None,
+        stable=focus == "prediction",
         max_iterations=max_iterations,
     )
     if found is None:
@@ -167,8 +177,11 @@ def finished(
 
 def overflowing(name: str, focus: Focus) -> InputError:
     """Error for a start model whose errors grow without bound."""
-    cure = 'refine it with focus="prediction"' if focus == "simulation" else "give it a stabilising Kalman gain"
-    return InputError(f"start model {name}: its {focus} overflows on the data; {cure} or start from a stable model")
+    if focus == "simulation":
+        what = 'its free run overflows on the data; refine it with focus="prediction"'
+    else:
+        what = "its predictor A - K C is unstable; give it a stabilising Kalman gain"
+    return InputError(f"start model {name}: {what} or start from a stable model")
 
 
 def filtered(data: SampledData | Sequence[SampledData], prefilter: Filter | None) -> list[SampledData]:
@@ -240,6 +253,22 @@ def _entry_scale(matrices: Matrices, experiments: Sequence[SampledData]) -> Arra
 def _size(signals: Array) -> Array:
     size = np.sqrt(np.mean(signals**2, axis=0))
     return np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+
+
+def _stabilising(matrices: Matrices, experiments: Sequence[SampledData]) -> Array:
+    """Some gain whose predictor forgets: of noise on every state and a little on the outputs."""
+    n = len(matrices.a)
+    commands = np.concatenate([one.input for one in experiments]).var(axis=0)
+    outputs = np.concatenate([one.output for one in experiments]).var(axis=0)
+    process = (matrices.b * commands) @ matrices.b.T
+    process += 1e-3 * max(float(np.trace(process)), 1e-300) / n * np.eye(n)
+    measurement = 1e-2 * np.diag(outputs)
+    try:
+        spread = riccati(matrices.a, matrices.c, process, measurement)
+    except IdloopError:
+        return matrices.gain
+    innovation = matrices.c @ spread @ matrices.c.T + measurement
+    return np.asarray(np.linalg.solve(innovation, matrices.c @ spread @ matrices.a.T).T)
 
 
 def _mask(free: Mapping[str, ArrayLike], matrices: Matrices, focus: Focus) -> NDArray[np.bool_]:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimate.covariance import long_run_covariance
+from idloop.errors import IdloopError
 from idloop.estimate.levenberg import minimise
+from idloop.estimate.linear.score_covariance import autoregressive_covariance
 from idloop.estimate.linear.sensitivity import Matrices, compressed_errors, error_moments, score_sums
+from idloop.estimate.observer import riccati
 
 Array = NDArray[np.float64]
 
-_ROUND = 6  # iterations before weights and coordinates are renewed
+_ROUND = 12  # iterations before weights and coordinates are renewed
 _TOLERANCE = 1e-4  # decrease of the log-likelihood that is not worth another step
 _HIDDEN = 1e-10  # part of the largest change of the errors below which a direction is not shown by the data
 _FLOOR = 1e-9  # deviation of an error that counts as none, in deviations of its output
@@ -33,11 +35,14 @@ class Parametrisation:
         Parameters to the derivatives of `Matrices.flat`, shape (entries, k).
     free : callable
         Parameters to a basis of the directions in which they are searched, shape (k, f).
+    settle : callable
+        Parameters to others that describe the same signals and whose predictor is stable, where there are such.
     """
 
     build: Callable[[Array], Matrices]
     slope: Callable[[Array], Array]
     free: Callable[[Array], Array]
+    settle: Callable[[Array], Array] = lambda point: point
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,7 @@ def search(
     *,
     initial: bool,
     white: bool,
+    stable: bool,
     max_iterations: int,
 ) -> Found | None:
     """Minimise the determinant of the errors' covariance by Gauss-Newton steps with damping.
@@ -87,18 +93,23 @@ def search(
     white : bool
         Whether the errors are taken for white; else they are weighed one by one, and the parameters' covariance
         allows for their colour.
+    stable : bool
+        Whether the predictor must not forget its first state slower than never: with that state estimated, errors
+        of an unstable predictor can be small on the data and are without bound beyond.
     max_iterations : int
 
     Returns
     -------
-    Found, or None where the start model's errors overflow
+    Found, or None where the start model's predictor is unstable or its errors overflow
     """
     point, iterations, converged = start.copy(), 0, False
-    whitener = _whitener(parametrisation.build(point), experiments, initial, white)
-    if whitener is None:
+    limit = stability_limit(experiments) if stable else np.inf
+    start_model = parametrisation.build(point)
+    whitener = _whitener(start_model, experiments, initial, white)
+    if whitener is None or predictor_radius(start_model) > limit:
         return None
     while True:
-        chart = _Chart(parametrisation, point, experiments, whitener, initial)
+        chart = _Chart(parametrisation, point, experiments, whitener, initial, limit)
         if iterations >= max_iterations or converged:
             break
         origin = np.zeros(chart.basis.shape[1])
@@ -117,7 +128,7 @@ def search(
             derivative=chart.jacobian,
         )
         iterations += found.iterations
-        point = chart.point + chart.basis @ found.point
+        point = parametrisation.settle(chart.point + chart.basis @ found.point)
         renewed = _whitener(parametrisation.build(point), experiments, initial, white)
         assert renewed is not None  # noqa: S101  # a step into overflow is never accepted
         # Weights that hardly change leave the minimum where it is.
@@ -127,6 +138,47 @@ def search(
         converged = converged or (not np.any(found.point) and bool(same))
         whitener = renewed
     return Found(point, chart.covariance(white), chart.directions, iterations, converged)
+
+
+def predictor_radius(model: Matrices) -> float:
+    """Largest modulus of the eigenvalues of A - K C."""
+    closed = model.a - model.gain @ model.c
+    if not np.all(np.isfinite(closed)):
+        return float("inf")
+    return float(np.max(np.abs(np.linalg.eigvals(closed)), initial=0.0))
+
+
+def mirrored(model: Matrices, covariance: Array) -> Matrices:
+    """Same model with the gain of the stable predictor: its unstable eigenvalues are mirrored at the unit circle.
+
+    The spectrum of the outputs stays what it is (spectral factorisation; Anderson and Moore, Optimal Filtering,
+    section 9.4), and near the circle so does the gain: a search passes over without a jump.
+
+    Parameters
+    ----------
+    model : Matrices
+    covariance : ndarray, shape (p, p)
+        Of the innovations.
+    """
+    if not predictor_radius(model) > 1.0 or not np.all(np.isfinite(model.flat())):
+        return model
+    closed = model.a - model.gain @ model.c
+    # Any noise at all makes the Riccati equation choose the stable one of its solutions.
+    size = 1e-14 * float(np.trace(model.gain @ covariance @ model.gain.T)) + 1e-300
+    try:
+        spread = riccati(closed, model.c, size * np.eye(len(closed)), covariance)
+    except (IdloopError, np.linalg.LinAlgError):
+        return model
+    innovation = model.c @ spread @ model.c.T + covariance
+    return replace(model, gain=model.gain + np.linalg.solve(innovation, model.c @ spread @ closed.T).T)
+
+
+def stability_limit(experiments: Sequence[tuple[Array, Array]]) -> float:
+    """Radius by which nothing grows to more than e times its size over the longest experiment.
+
+    Integrators without process noise lie on the unit circle, and rounding puts them on either side.
+    """
+    return 1.0 + 1.0 / max(len(outputs) for _, outputs in experiments)
 
 
 class _Chart:
@@ -139,8 +191,9 @@ class _Chart:
         experiments: Sequence[tuple[Array, Array]],
         whitener: Array,
         initial: bool,
+        limit: float,
     ) -> None:
-        self.parametrisation, self.point = parametrisation, point
+        self.parametrisation, self.point, self._limit = parametrisation, point, limit
         self._data = (experiments, whitener, initial)
         free = parametrisation.free(point)
         self.directions = free.shape[1]
@@ -176,16 +229,17 @@ class _Chart:
             model = self.parametrisation.build(self.point)
             moves = model.like(self.parametrisation.slope(self.point) @ self.basis)
             scores = score_sums(model, moves, *self._data)
-            inner = long_run_covariance(scores) * sum(len(part) for part in scores)
+            inner = autoregressive_covariance(scores) * sum(len(part) for part in scores)
         covariance = self.basis @ inner @ self.basis.T
         lost = np.any(np.abs(self._hidden) > 1e-6 * np.max(np.abs(self._hidden), axis=0, initial=1e-300), axis=1)
         covariance[lost] = covariance[:, lost] = np.nan
         return np.asarray(covariance)
 
     def _errors(self, point: Array, directions: Array) -> tuple[Array, Array]:
+        point = self.parametrisation.settle(point)
         model = self.parametrisation.build(point)
         flat = model.flat()
-        if not np.all(np.isfinite(flat)):
+        if not np.all(np.isfinite(flat)) or predictor_radius(model) > self._limit:
             size = directions.shape[1] + 1
             return np.full(size, np.inf), np.full((size, size - 1), np.inf)
         return compressed_errors(model, model.like(self.parametrisation.slope(point) @ directions), *self._data)

@@ -137,11 +137,13 @@ def compressed_errors(
     jacobian : ndarray, shape (r, k)
         Infinite where the model's predictor overflows.
     """
-    moves = directions if directions is not None else model.like(np.zeros((model.flat().size, 0)))
+    moves = directions if directions is not None else _still(model)
     first, k = (model.a.shape[0] if initial else 0), moves.a.shape[2]
     whole = np.zeros((0, k + 1))
     for inputs, outputs in experiments:
-        factor = _factor(model, moves, inputs, outputs, whitener, first)
+        # The derivatives are those along the trajectory from the best first state, so that comes first.
+        state = _first_state(model, inputs, outputs, whitener) if initial and k else np.zeros(len(model.a))
+        factor = _factor(model, moves, inputs, outputs, whitener, first, state)
         if not np.all(np.isfinite(factor)):
             whole = np.full((k + 1, k + 1), np.inf)
             break
@@ -152,7 +154,7 @@ def compressed_errors(
 def error_moments(model: Matrices, experiments: Sequence[tuple[Array, Array]], initial: bool) -> Array:
     """Mean product of the errors over all experiments, shape (p, p); infinite where they overflow."""
     p = model.c.shape[0]
-    still, unit = model.like(np.zeros((model.flat().size, 0))), np.eye(p)
+    still, unit = _still(model), np.eye(p)
     total, count = np.zeros((p, p)), 0
     for inputs, outputs in experiments:
         for rows in _at_best_state(model, still, inputs, outputs, unit, initial):
@@ -186,11 +188,33 @@ def score_sums(
     return found
 
 
-def _factor(model: Matrices, moves: Matrices, inputs: Array, outputs: Array, whitener: Array, first: int) -> Array:
+def _first_state(model: Matrices, inputs: Array, outputs: Array, whitener: Array) -> Array:
+    """First state of smallest errors; zero where they overflow."""
+    order = len(model.a)
+    factor = _factor(model, _still(model), inputs, outputs, whitener, order, np.zeros(order))
+    if not np.all(np.isfinite(factor)):
+        return np.zeros(order)
+    return -_solved(factor[:order, :order], factor[:order, order:])[:, 0]
+
+
+def _solved(triangle: Array, target: Array) -> Array:
+    scale = np.linalg.norm(triangle, axis=0)
+    scale[scale == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(triangle / scale, target, rcond=1e-12)[0] / scale[:, None])
+
+
+def _still(model: Matrices) -> Matrices:
+    """No direction at all."""
+    return model.like(np.zeros((model.flat().size, 0)))
+
+
+def _factor(
+    model: Matrices, moves: Matrices, inputs: Array, outputs: Array, whitener: Array, first: int, start: Array
+) -> Array:
     """Triangular factor of the columns (first state, directions, error) of one experiment."""
     wide = first + moves.a.shape[2] + 1
     factor = np.zeros((0, wide))
-    for rows in _blocks(model, moves, inputs, outputs, whitener, first):
+    for rows in _blocks(model, moves, inputs, outputs, whitener, first, start):
         flat = rows.reshape(-1, wide)
         if not np.all(np.abs(flat) < _OVERFLOW):
             return np.full((wide, wide), np.inf)
@@ -205,23 +229,22 @@ def _at_best_state(
 ) -> Iterator[Array]:
     """Blocks of the columns (directions, error) with the part of the first state taken out."""
     first = model.a.shape[0] if initial else 0
-    factor = _factor(model, moves, inputs, outputs, whitener, first)
+    start = _first_state(model, inputs, outputs, whitener) if initial else np.zeros(len(model.a))
+    factor = _factor(model, moves, inputs, outputs, whitener, first, start)
     if not np.all(np.isfinite(factor)):
         yield np.full((1, outputs.shape[1], factor.shape[1] - first), np.inf)
         return
-    scale = np.linalg.norm(factor[:first, :first], axis=0)
-    scale[scale == 0.0] = 1.0
-    part = np.linalg.lstsq(factor[:first, :first] / scale, factor[:first, first:], rcond=1e-12)[0] / scale[:, None]
-    for rows in _blocks(model, moves, inputs, outputs, whitener, first):
+    part = _solved(factor[:first, :first], factor[:first, first:])
+    for rows in _blocks(model, moves, inputs, outputs, whitener, first, start):
         yield rows[:, :, first:] - rows[:, :, :first] @ part
 
 
 def _blocks(
-    model: Matrices, moves: Matrices, inputs: Array, outputs: Array, whitener: Array, first: int
+    model: Matrices, moves: Matrices, inputs: Array, outputs: Array, whitener: Array, first: int, start_state: Array
 ) -> Iterator[Array]:
     """Blocks of the columns (first state, directions, error), shape (samples, p, columns)."""
     order, k = model.a.shape[0], moves.a.shape[2]
-    state, moved = np.zeros(order), np.zeros((order, k + first))
+    state, moved = start_state.copy(), np.zeros((order, k + first))
     moved[:, k:] = np.eye(order)[:, :first]
     length = max(_BLOCK_NUMBERS // (outputs.shape[1] * (k + first + 1)), 256)
     fixed = [np.ascontiguousarray(part) for part in (model.a, model.b, model.c, model.d, model.gain)]

@@ -97,6 +97,7 @@ def fit_structure(
         initial=initial,
         # Without a noise model of its own the structure cannot make its errors white.
         white=with_gain and prefilter is None,
+        stable=with_gain,
         max_iterations=max_iterations,
     )
     if found is None:
