@@ -158,6 +158,7 @@ def refit(
     rounds: int = _MOST_ROUNDS,
     reconsider: bool = False,
     orders: list[int] | None = None,
+    longest: float = WALK,
 ) -> Refit:
     """Maximise the likelihood of a model's free parameters and its noise.
 
@@ -177,6 +178,8 @@ def refit(
         Choose the order of the whitening anew instead of the neighbour's.
     orders : list of int, optional
         Orders of the whitening instead of the neighbour's, one for each group of outputs.
+    longest : float
+        Longest memory that the disturbance may have [decades of a sample].
 
     Returns
     -------
@@ -187,7 +190,7 @@ def refit(
     IdloopError
         The model gives no finite errors at any start.
     """
-    fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders)
+    fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders, longest)
     if orders is not None or not (beside is None or reconsider):
         return fit
     found = [fit]
@@ -209,9 +212,12 @@ def _search(
     rounds: int,
     reconsider: bool,
     orders: list[int] | None,
+    longest: float = WALK,
 ) -> Refit:
     """The search of `refit`, which may end at the next best disturbance."""
     criterion = setting.criterion(model)
+    if isinstance(criterion, InnovationCriterion):
+        criterion.longest = longest
     lower, upper = model.bounds
     choices = [np.clip(s, lower, upper) for s in (starts or [model.theta])]
     k = len(choices[0])
@@ -395,7 +401,7 @@ def _tune(
     known: dict[Disturbance, float] = {}
 
     def value(exponent: float, memory: float) -> float:
-        at = float(np.clip(exponent, LEAST_EXPONENT, MOST_EXPONENT)), float(np.clip(memory, WHITE, WALK))
+        at = float(np.clip(exponent, LEAST_EXPONENT, MOST_EXPONENT)), float(np.clip(memory, WHITE, criterion.longest))
         if at not in known:
             known[at] = _weigh(problem, np.append(theta, at), orders)
         return known[at]

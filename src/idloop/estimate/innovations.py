@@ -53,6 +53,8 @@ class InnovationCriterion:
         Intensity to start from, in decades.
     memory : float
         Correlation time of the disturbance to start from, in decades of a sample.
+    longest : float
+        Longest correlation time that it may take.
     """
 
     name = "prediction"
@@ -66,13 +68,15 @@ class InnovationCriterion:
         force_scale: float,
         exponent: float = -4.0,
         memory: float = WALK,
+        longest: float = WALK,
     ) -> None:
+        self.longest = longest
         self.engine, self.data, self.output_noise = engine, data, output_noise
         self.groups = output_groups(data)
         self.measured = sorted(column for group in self.groups for column in group)
         longest = max(float(d.time[-1] - d.time[0]) for d in data)
         self.unit, self._longest = force_scale**2 / longest, longest
-        self.exponent, self.memory = exponent, memory
+        self.exponent, self.memory = exponent, min(memory, longest)
         self._shortest = min(d.sample_time for d in data)
         self.initial = InitialStates(engine, data, force_scale)
         self._linear: Linear = engine.linearise(None)
@@ -123,11 +127,11 @@ class InnovationCriterion:
     def nuisance(self) -> tuple[Array, Array, Array, Array]:
         """Exponent and memory, their range and size."""
         here, low = np.array([self.exponent, self.memory]), np.array([LEAST_EXPONENT, WHITE])
-        return here, low, np.array([MOST_EXPONENT, WALK]), np.ones(2)
+        return here, low, np.array([MOST_EXPONENT, self.longest]), np.ones(2)
 
     def keep(self, nuisance: Array) -> None:
         """Go on from this disturbance."""
-        self.exponent, self.memory = float(nuisance[0]), float(nuisance[1])
+        self.exponent, self.memory = float(nuisance[0]), min(float(nuisance[1]), self.longest)
 
     def decay(self, memory: float, record: int) -> float:
         """Part of the disturbance that one sample of a record leaves for the next."""

@@ -100,7 +100,7 @@ def solve(
     problem = Problem(criterion, k)
     sizes = np.zeros(0)
     step: Array | None = None
-    iterations, settled = 0, False
+    iterations, settled, exact = 0, False, False
     previous = theta
     for round_ in range(_MOST_ROUNDS):
         criterion.retune(theta)
@@ -123,7 +123,10 @@ def solve(
         scale = np.concatenate([now, nuisance_scale])
         if step is not None and len(step) != len(point):
             step = None
-        found = minimise(problem.residual, point, low, high, scale, step, max_iterations=_ITERATIONS_PER_ROUND)
+        # One-sided slopes, carried on from step to step, find the way; two-sided ones decide where it ends.
+        found = minimise(
+            problem.residual, point, low, high, scale, step, max_iterations=_ITERATIONS_PER_ROUND, quick=not exact
+        )
         theta, nuisance, step = found.point[:k], found.point[k:], found.step
         criterion.keep(nuisance)
         iterations += found.iterations
@@ -133,11 +136,13 @@ def solve(
         if report is not None:
             report(round_ / _MOST_ROUNDS, f"round {round_ + 1}, objective {problem.objective:.6g}")
         if found.converged and moved < _SETTLED and round_ >= (2 if criterion.whiten else 1):
-            settled = True
-            break
+            if exact:
+                settled = True
+                break
+            exact = True
     residual = problem.residual(found.point)
     jacobian = found.jacobian
-    if len(jacobian) != len(residual):
+    if not exact or len(jacobian) != len(residual):
         jacobian, _ = difference_jacobian(problem.residual, found.point, residual, low, high, found.step, scale)
     return Solution(problem, theta, nuisance, jacobian, found.step, scale, low, high, iterations, settled)
 

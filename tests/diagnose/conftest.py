@@ -1,0 +1,33 @@
+"""Machines that hide an effect, recorded under random steps."""
+
+import numpy as np
+import pytest
+
+from idloop.physics import Model, load_model
+from idloop.physics.simulation import simulate
+from idloop.records import Record
+
+RATE = 200.0
+
+
+def record_of(machine: Model, seed: int, seconds: float = 12.0, disturbance: float = 0.0, name: str = "run") -> Record:
+    """Open-loop record of a machine under random steps of many sizes."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 1.0 / RATE)
+    command = rng.normal(size=int(4 * seconds) + 1)[(4 * time).astype(int)]
+    torque = np.zeros_like(time)
+    for k in range(1, len(time)):
+        torque[k] = 0.9 * torque[k - 1] + rng.normal()
+    torque *= disturbance * np.std(command) / max(float(np.std(torque)), 1e-12)
+    noise = np.column_stack([rng.normal(size=len(time)) * float(o.noise or 0.0) for o in machine.outputs])
+    output = simulate(machine, time, command + torque, time, noise=noise).output
+    names = tuple(o.name for o in machine.outputs)
+    units = tuple(o.unit for o in machine.outputs)
+    return Record(name, time, command, time, output, "axis.effort", machine.input.unit, names, units)
+
+
+@pytest.fixture(scope="module")
+def start() -> Model:
+    """The plain axis, a third off."""
+    model = load_model("axis")
+    return model.with_values({p.name: 0.7 * p.value for p in model.parameters if p.free})
