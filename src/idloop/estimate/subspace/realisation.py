@@ -18,6 +18,7 @@ Weighting = Literal["n4sid", "moesp", "cva"]
 
 # Variance below which noise is rounding, in variances of the outputs: keeps the Riccati equation regular.
 _NOISE_FLOOR = 1e-14
+_SMALLEST_DEVIATION = 1e-6  # of a combination of future outputs, in deviations of the outputs
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,8 @@ def weighted_subspace(future: Future, weighting: Weighting) -> Subspace:
     """
     if weighting == "cva":
         own, size, _ = np.linalg.svd(future.beside, full_matrices=False)
-        kept = size > 1e-10 * np.linalg.norm(future.now)
-        own, size = own[:, kept], size[kept]
+        # Without noise the smallest deviations are rounding, which must not count as much as the rest.
+        size = np.hypot(size, _SMALLEST_DEVIATION * np.linalg.norm(future.now))
         left, values, _ = np.linalg.svd((own.T @ future.explained) / size[:, None], full_matrices=False)
         return Subspace((own * size) @ left, values)
     left, values, _ = np.linalg.svd(future.oblique if weighting == "n4sid" else future.explained, full_matrices=False)
