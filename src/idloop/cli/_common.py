@@ -19,6 +19,7 @@ from idloop.errors import InputError
 if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.records.align import ModelSignals
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -138,7 +139,7 @@ def apply_options(model: Model, settings: Sequence[str], effects: Sequence[str])
     return model
 
 
-def read_records(bags: Iterable[Path], model: Model) -> list[Record]:
+def read_records(bags: Iterable[Path], model: ModelSignals) -> list[Record]:
     """Read the streams that the model names: a record for each run of the clock in each bag."""
     from idloop import records
 

@@ -34,6 +34,7 @@ VERBS: dict[str, Verb] = {
     "import": Verb("idloop.cli.import_", "Turn CSV, MAT, NPZ, JSON or a foreign bag into a bag of our topics."),
     "inspect": Verb("idloop.cli.inspect", "Say what is in a recording and what it can and cannot show."),
     "fit": Verb("idloop.cli.fit", "Estimate a model's free parameters from bags, with intervals."),
+    "identify": Verb("idloop.cli.identify", "Identify black-box models by any method and compare them."),
     "compare": Verb("idloop.cli.compare", "Compare what was measured with what models say."),
     "diagnose": Verb("idloop.cli.diagnose", "Name the physical effects that a model lacks."),
     "refine": Verb("idloop.cli.refine", "Add what is missing, step by step: the ladder."),

@@ -99,13 +99,14 @@ def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
         if panel.band is not None and np.isfinite(panel.band[row]):
             half = float(panel.band[row])
             below.axhspan(-half, half, color=drawing.BAND, alpha=0.25, linewidth=0, label="95 % band of the noise")
-            _legend_above(below, 1)
-        _legend_above(top, 1 + len(panel.modelled))
+            legend_above(below, 1)
+        legend_above(top, 1 + len(panel.modelled))
     drawing.steps(axes[-1], panel.input_time, panel.input, color=drawing.COMMAND)
     axes[-1].set_xlabel(drawing.label("time", "s"))
 
 
-def _legend_above(axes: Any, entries: int) -> None:
+def legend_above(axes: Any, entries: int) -> None:
+    """Write the legend above the axes, to the right of their title."""
     # Outside the axes: inside, it would lie on the curves somewhere.
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, ncols=min(entries, 3), columnspacing=1.2

@@ -1,14 +1,15 @@
 """Linear models in innovation form: what every black-box estimator returns, as a python-control system.
 
 ``prediction_error`` refines any of them, ``fit_structure`` fits a structure of one's own, and ``c2d``, ``d2c`` and
-``d2d`` convert between sample times and continuous time.
+``d2d`` convert between sample times and continuous time. ``save`` and ``load`` keep them in files.
 """
 
 from __future__ import annotations
 
 from idloop.estimate.linear.conversion import c2d, d2c, d2d
 from idloop.estimate.linear.model import Coefficient, LinearModel
+from idloop.estimate.linear.model_file import load, save
 from idloop.estimate.linear.prediction_error import prediction_error
 from idloop.estimate.linear.structure import fit_structure
 
-__all__ = ["Coefficient", "LinearModel", "c2d", "d2c", "d2d", "fit_structure", "prediction_error"]
+__all__ = ["Coefficient", "LinearModel", "c2d", "d2c", "d2d", "fit_structure", "load", "prediction_error", "save"]

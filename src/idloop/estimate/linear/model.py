@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimate.control_names import control_names
+from idloop.estimate.information import Information
 from idloop.estimate.linear.initial_state import initial_state
 from idloop.estimate.linear.propagate import ahead, respond
 from idloop.estimate.sampled import SampledData, check_fits
@@ -111,22 +112,24 @@ class LinearModel:
         return float(np.linalg.det(np.atleast_2d(self.covariance)))
 
     @property
+    def information(self) -> Information:
+        """Loss, numbers estimated and samples: what the criteria are made of."""
+        return Information(self.loss, self.free, self.samples)
+
+    @property
     def fpe(self) -> float:
-        """Akaike's final prediction error V (1 + d/N) / (1 - d/N) (Ljung, 2nd ed., eq. 16.52)."""
-        share = self.free / max(self.samples, 1)
-        return self.loss * (1 + share) / (1 - share) if share < 1 else float("inf")
+        """Akaike's final prediction error (`Information.fpe`)."""
+        return self.information.fpe
 
     @property
     def aic(self) -> float:
-        """Akaike's information criterion N ln V + 2 d, without the constants that all models share."""
-        return self.samples * float(np.log(max(self.loss, np.finfo(float).tiny))) + 2.0 * self.free
+        """Akaike's information criterion (`Information.aic`)."""
+        return self.information.aic
 
     @property
     def bic(self) -> float:
-        """Bayesian information criterion N ln V + d ln N."""
-        return self.samples * float(np.log(max(self.loss, np.finfo(float).tiny))) + self.free * float(
-            np.log(max(self.samples, 1))
-        )
+        """Bayesian information criterion (`Information.bic`)."""
+        return self.information.bic
 
     @cached_property
     def system(self) -> control.StateSpace:
@@ -217,7 +220,7 @@ class LinearModel:
         predicted: Array = (
             respond(closed, driven, self.c, straight, state, both)
             if steps == 1
-            else ahead(self.a, self.b, self.c, self.d, self.gain, state, inputs, outputs, steps)
+            else ahead(*map(np.ascontiguousarray, self._matrices), state, inputs, outputs, steps)
         )
         return predicted
 
@@ -272,6 +275,10 @@ class LinearModel:
             phase.set_ylabel(drawing.label("phase", "deg"))
             phase.set_xlabel(drawing.label("frequency", "Hz"))
         return axes
+
+    @property
+    def _matrices(self) -> tuple[Array, ...]:
+        return self.a, self.b, self.c, self.d, self.gain
 
     def _check(self, data: SampledData) -> None:
         check_fits(data, self.method, self.b.shape[1], self.c.shape[0], self.sample_time)

@@ -1,0 +1,443 @@
+"""`idloop identify`: black-box models of a bag by any method, compared on the same data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from idloop.cli._common import (
+    BAG,
+    MODEL,
+    ListOptionCommand,
+    json_option,
+    log,
+    plot_option,
+    print_json,
+    progress,
+    read_records,
+)
+from idloop.cli._identification import (
+    SWEPT,
+    NumbersArgument,
+    Outcome,
+    Sweep,
+    best_values,
+    check_save,
+    drawn,
+    even_grids,
+    parse_structure,
+    parse_sweep,
+    print_details,
+    print_methods,
+    print_outcomes,
+    print_responses,
+    print_sweep,
+    print_verdicts,
+    sweep_lines,
+)
+from idloop.cli.main import COULD_NOT, DONE
+from idloop.errors import IdloopError, InputError
+
+if TYPE_CHECKING:
+    from idloop.estimate.methods import Choices
+    from idloop.estimate.sampled import SampledData
+    from idloop.physics import Model
+    from idloop.records import Record
+    from idloop.records.align import Signal
+    from idloop.records.axis_signals import AxisSignals
+
+SCHEMA = "idloop/identify/1"
+
+EXAMPLE = """\b
+Examples:
+  idloop identify --list
+  idloop identify bags/train --method n4sid --method oe --validate bags/unseen --plot compare.png
+  idloop identify bags/train --method n4sid --sweep order=1:10 --validate bags/unseen --plot orders.png
+  idloop identify bags/train --method oe --order 1:4 --delay auto --output motor.velocity --save motor.json
+
+\b
+A saved model in Python, with idloop or without it:
+  from idloop.estimate.linear import load
+  load("motor.json").system                      # a python-control StateSpace
+\b
+  m = json.load(open("motor.json"))              # or numpy.load("motor.npz")
+  control.ss(m["a"], m["b"], m["c"], m["d"], m["sample_time"])
+"""
+
+
+@click.command(cls=ListOptionCommand, epilog=EXAMPLE)
+@click.argument("bags", type=BAG, nargs=-1, metavar="BAG...")
+@click.option("--method", "methods", multiple=True, metavar="NAME", help="Of --list. May be repeated.")
+@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the models do not see.")
+@click.option("--model", type=MODEL, help="Preset or model file that names the streams and their units.")
+@click.option("--joint", metavar="NAME", help="Commanded joint, where joint_command holds several.")
+@click.option("--output", "outputs", multiple=True, metavar="JOINT.FIELD", help="Only this output. May be repeated.")
+@click.option("--sample-time", type=float, metavar="SECONDS", help="Even grid to identify on; the record's own.")
+@click.option(
+    "--detrend",
+    type=click.Choice(["none", "mean", "linear"]),
+    default="none",
+    show_default=True,
+    help="What is taken off command and outputs of each record. An axis at rest without command needs none.",
+)
+@click.option(
+    "--drop", type=click.FloatRange(min=0.0), default=0.0, metavar="SECONDS", help="Left out at both ends of a record."
+)
+@click.option(
+    "--order",
+    type=NumbersArgument(1),
+    default="auto",
+    show_default=True,
+    help="States, or degree of every polynomial; of several the one with the least BIC.",
+)
+@click.option(
+    "--structure", metavar="na=2,nb=1,...", help="Degrees of polynomials that differ from --order (na nb nc nd nf)."
+)
+@click.option(
+    "--delay",
+    type=NumbersArgument(0),
+    default="1",
+    show_default=True,
+    help="Samples from a command to its first effect; 1 is none beyond that of sampling.",
+)
+@click.option("--horizon", type=click.IntRange(min=2), help="Samples that subspace methods look back and ahead.")
+@click.option("--window", type=click.IntRange(min=2), help="Samples of lag window (spa), segment (welch), lags (cra).")
+@click.option("--period", type=click.FloatRange(min=0.0, min_open=True), help="Of a periodic excitation (bla) [s].")
+@click.option("--units", type=click.IntRange(min=1), help="Units of a network.")
+@click.option(
+    "--focus",
+    type=click.Choice(["prediction", "simulation"]),
+    default="prediction",
+    show_default=True,
+    help="What is made small: errors one step ahead, or those of the free run.",
+)
+@click.option("--stable", is_flag=True, help="Reflect unstable poles (subspace methods).")
+@click.option("--closed-loop", is_flag=True, help="Go by way of the recorded reference (iv4, bla).")
+@click.option(
+    "--controller", type=MODEL, metavar="MODEL", help="Model file whose controller ran (vodma); that of --model."
+)
+@click.option(
+    "--criterion-steps",
+    "steps",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    metavar="K",
+    help="Samples that the second score predicts ahead.",
+)
+@click.option("--sweep", metavar="NAME=VALUES", help=f"Table and figure over one of {', '.join(SWEPT)}.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of networks.")
+@click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write the linear model (.json, .npz).")
+@click.option("--force", is_flag=True, help="Overwrite the file of --save.")
+@click.option("--list", "show_list", is_flag=True, help="List the methods with what they are for.")
+@plot_option
+@json_option
+def command(
+    bags: tuple[Path, ...],
+    *,
+    methods: tuple[str, ...],
+    validate: tuple[Path, ...],
+    model: Model | None,
+    joint: str | None,
+    outputs: tuple[str, ...],
+    sample_time: float | None,
+    detrend: Literal["none", "mean", "linear"],
+    drop: float,
+    order: Any,
+    structure: str | None,
+    delay: Any,
+    horizon: int | None,
+    window: int | None,
+    period: float | None,
+    units: int | None,
+    focus: Literal["prediction", "simulation"],
+    stable: bool,
+    closed_loop: bool,
+    controller: Model | None,
+    steps: int,
+    sweep: str | None,
+    seed: int,
+    save: Path | None,
+    force: bool,
+    show_list: bool,
+    plot: Path | None,
+    as_json: bool,
+) -> int:
+    """Identify black-box models from every BAG together, by one or several methods.
+
+    Without --model the command is the effort of joint_command, and the outputs are the fields of joint_states of
+    that joint that move. All methods are judged on the same data: the bags of --validate, else those of the fit.
+    """
+    if show_list:
+        list_methods(as_json=as_json)
+        return DONE
+    from idloop.estimate.methods import Choices, find_method
+
+    if not bags:
+        raise InputError("no bag: give at least one recording, or --list for the methods")
+    if not methods:
+        raise InputError("no method: give at least one --method; idloop identify --list shows them")
+    if sample_time is not None and not 0 < sample_time < float("inf"):
+        raise InputError(f"--sample-time {sample_time:g}: it must be positive")
+    chosen = {name: find_method(name) for name in methods}
+    over = None if sweep is None else parse_sweep(sweep)
+    if over is not None and any(method.kind == "response" for method in chosen.values()):
+        raise InputError(f"--sweep {sweep}: responses predict nothing that could be judged; sweep over models")
+    if save is not None:
+        check_save(save, [method.kind for method in chosen.values()], swept=over is not None, overwrite=force)
+    law = controller or model
+    choices = Choices(
+        order=order,
+        delay=delay,
+        structure=parse_structure(structure),
+        horizon=horizon,
+        window=window,
+        period=period,
+        units=units,
+        focus=focus,
+        stable=stable,
+        closed_loop=closed_loop,
+        controller=None if law is None else law.controller,
+        seed=seed,
+    )
+    note_unused(list(chosen), choices, Choices())
+    signals = named_signals(bags[0], model, joint, outputs)
+    train, unseen = read_records(bags, signals), read_records(validate, signals)
+
+    def grids(period: float) -> tuple[list[SampledData], list[SampledData]]:
+        fitted = even_grids(train, period, detrend, drop)
+        return fitted, even_grids(unseen, period, detrend, drop) if unseen else fitted
+
+    own = sample_time or train[0].sample_time
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "records": [record.name for record in train],
+        "validation": [record.name for record in unseen],
+        "judged_on": "validation" if unseen else "train",
+        "input": train[0].input_name,
+        "outputs": list(train[0].output_names),
+        "detrend": detrend,
+        "steps": steps,
+        "plot": plot,
+        "save": save,
+    }
+    title = judged_title(unseen or train, seen=not unseen)
+    with progress("identifying") as update:
+        if over is None:
+            data = grids(own)
+            outcomes = run_all(list(chosen), data, choices, steps, update)
+        else:
+            rows = run_sweep(list(chosen), over, grids, own, choices, steps, update)
+    if over is not None:
+        return finish_sweep(over, rows, document, steps, plot, title, as_json=as_json)
+    return finish(outcomes, data[1], document, steps, plot, save, title, as_json=as_json)
+
+
+def list_methods(*, as_json: bool) -> None:
+    """Print every method with what it is for."""
+    if not as_json:
+        print_methods()
+        return
+    from idloop.estimate.methods import METHODS
+
+    fields = ("name", "kind", "summary", "loop", "source", "needs", "polynomials")
+    listed = [{field: getattr(method, field) for field in fields} for method in METHODS.values()]
+    print_json({"schema": SCHEMA, "methods": listed})
+
+
+def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> None:
+    """Say which options a chosen method does not read."""
+    from idloop.estimate.methods import METHODS
+
+    options = (
+        "order", "structure", "delay", "horizon", "window", "period", "units", "focus", "stable", "closed_loop", "seed",
+    )  # fmt: skip
+    for option in options:
+        if getattr(choices, option) == getattr(default, option):
+            continue
+        # Output error fits the free run anyway; beside models, responses take what they can.
+        deaf = [n for n in names if option not in METHODS[n].needs and not (n == "oe" and option == "focus")]
+        if len(deaf) < len(names):
+            deaf = [n for n in deaf if METHODS[n].kind != "response"]
+        if deaf:
+            log(f"note: --{option.replace('_', '-')} means nothing to {', '.join(deaf)}")
+
+
+def named_signals(bag: Path, model: Model | None, joint: str | None, outputs: Sequence[str]) -> AxisSignals:
+    """Streams that the model names, else those that the bag shows."""
+    from idloop.records.axis_signals import AxisSignal, AxisSignals, axis_signals, chosen_outputs
+
+    if model is None:
+        return axis_signals(bag, outputs, joint)
+    given: tuple[Signal, ...] = (model.input, *model.outputs)
+    signals = [AxisSignal(s.topic, s.joint, s.field, s.unit) for s in given]
+    return chosen_outputs(AxisSignals(signals[0], tuple(signals[1:])), outputs)
+
+
+def judged_title(records: Sequence[Record], *, seen: bool) -> str:
+    """What the models are judged on."""
+    names = ", ".join(record.name for record in records)
+    return f"{'fitted' if seen else 'validation'}: {names}"
+
+
+def run_all(
+    names: Sequence[str],
+    data: tuple[list[SampledData], list[SampledData]],
+    choices: Choices,
+    steps: int,
+    update: Callable[..., None],
+) -> list[Outcome]:
+    """Identify by every method; a failure of one of several is its outcome.
+
+    Raises
+    ------
+    IdloopError
+        The only method failed.
+    """
+    outcomes = []
+    for index, name in enumerate(names):
+
+        def tell(fraction: float, note: str, index: int = index, name: str = name) -> None:
+            update((index + fraction) / len(names), f"{name} {note}")
+
+        tell(0.0, "")
+        try:
+            outcomes.append(run_one(name, data, choices, steps, tell))
+        except IdloopError as error:
+            if len(names) == 1:
+                raise
+            outcomes.append(Outcome(name, error=str(error)))
+    return outcomes
+
+
+def run_one(
+    name: str,
+    data: tuple[list[SampledData], list[SampledData]],
+    choices: Choices,
+    steps: int,
+    tell: Callable[[float, str], None],
+) -> Outcome:
+    """Identify by one method and judge the model."""
+    from idloop.estimate.methods import identify, information
+    from idloop.validate.score import score
+
+    train, judged = data
+    found = identify(train, name, choices, tell)
+    if not found.predicts:
+        return Outcome(name, found)
+    model: Any = found.model
+    return Outcome(name, found, score(model, judged, steps), information(found, train))
+
+
+def run_sweep(
+    names: Sequence[str],
+    sweep: Sweep,
+    grids: Callable[[float], tuple[list[SampledData], list[SampledData]]],
+    own: float,
+    choices: Choices,
+    steps: int,
+    update: Callable[..., None],
+) -> list[tuple[float, Outcome]]:
+    """Identify at every value by every method; a failure is its row's outcome.
+
+    Raises
+    ------
+    IdloopError
+        Every row failed.
+    """
+    rows: list[tuple[float, Outcome]] = []
+    failure: IdloopError | None = None
+    data = None if sweep.name == "sample-time" else grids(own)
+    for index, value in enumerate(sweep.values):
+        setting: dict[str, Any] = {} if sweep.name == "sample-time" else {sweep.name: int(value)}
+        here = replace(choices, **setting)
+        for number, name in enumerate(names):
+            update((index + number / len(names)) / len(sweep.values), f"{name}, {sweep.name} {value:g}")
+            try:
+                at = data or grids(value)
+                rows.append((value, run_one(name, at, here, steps, lambda *_: None)))
+            except IdloopError as error:
+                failure = failure or error
+                rows.append((value, Outcome(name, error=str(error))))
+    if failure is not None and all(one.error for _, one in rows):
+        raise failure
+    return rows
+
+
+def finish(
+    outcomes: list[Outcome],
+    judged: list[SampledData],
+    document: dict[str, Any],
+    steps: int,
+    plot: Path | None,
+    save: Path | None,
+    title: str,
+    *,
+    as_json: bool,
+) -> int:
+    """Write files and print the comparison; exit code 1 where a method failed."""
+    if save is not None:
+        from idloop.estimate import linear
+
+        model = outcomes[0].found.linear if outcomes[0].found is not None else None
+        if model is not None:
+            linear.save(model, save)
+    if plot is not None and any(one.found is not None for one in outcomes):
+        from idloop.drawing import save as save_figure
+        from idloop.report.identification import plot_identification
+
+        save_figure(plot_identification(drawn(outcomes), judged, title), plot)
+    if as_json:
+        print_json({**document, "sample_time": judged[0].sample_time, "results": [o.to_dict() for o in outcomes]})
+    else:
+        click.echo(f"{title}, every {judged[0].sample_time * 1e3:.6g} ms\n")
+        print_outcomes(outcomes, steps)
+        print_responses(outcomes)
+        if len(outcomes) == 1:
+            print_details(outcomes[0])
+        click.echo()
+        print_verdicts(outcomes)
+    for written in (save, plot):
+        if written is not None:
+            log(f"written: {written}")
+    return COULD_NOT if any(one.error for one in outcomes) else DONE
+
+
+def finish_sweep(
+    sweep: Sweep,
+    rows: list[tuple[float, Outcome]],
+    document: dict[str, Any],
+    steps: int,
+    plot: Path | None,
+    title: str,
+    *,
+    as_json: bool,
+) -> int:
+    """Write the figure and print the sweep."""
+    if plot is not None:
+        from idloop.drawing import save as save_figure
+        from idloop.report.identification import plot_sweep
+
+        save_figure(plot_sweep(sweep.name, SWEPT[sweep.name], sweep_lines(rows), steps, title), plot)
+    if as_json:
+        table = [
+            {
+                "value": value,
+                "method": one.label,
+                "error": one.error or None,
+                **({} if one.score is None else one.score.to_dict()),
+                **one.measures(),
+            }
+            for value, one in rows
+        ]
+        print_json({**document, "sweep": {"over": sweep.name, "rows": table, "best": best_values(rows)}})
+    else:
+        click.echo(f"{title}\n")
+        print_sweep(sweep, rows, steps)
+    if plot is not None:
+        log(f"written: {plot}")
+    return DONE

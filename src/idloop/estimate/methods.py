@@ -1,0 +1,660 @@
+"""Every black-box method by name: what it is for, what it needs, and one way to call it.
+
+Nothing of a method is imported before it is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from math import isfinite
+from typing import TYPE_CHECKING, Any, Literal
+
+from idloop.errors import IdloopError, InputError
+from idloop.estimate.information import Information, of_errors
+from idloop.spelling import did_you_mean_or_known
+
+if TYPE_CHECKING:
+    from idloop.estimate.linear import LinearModel
+    from idloop.estimate.networks import NarxModel
+    from idloop.estimate.nonparametric import FrequencyResponse, ImpulseResponse
+    from idloop.estimate.polynomial import Orders
+    from idloop.estimate.recursion import CoefficientHistory, RecursivePolynomial
+    from idloop.estimate.sampled import SampledData
+
+    Result = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
+
+Kind = Literal["response", "linear", "recursive", "network"]
+Numbers = int | tuple[int, ...] | Literal["auto"]
+Progress = Callable[[float, str], None]
+
+_ORDERS = tuple(range(1, 9))  # tried for "auto" where a method has no choice of its own
+_DELAYS = 20  # samples that "auto" looks back for the first effect of the command
+_HISTORY = 2000  # rows that are remembered of a recursive estimate
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a user chooses; each method reads what it `needs`.
+
+    Attributes
+    ----------
+    order : int, tuple of int or "auto"
+        Number of states, or degree of every polynomial; of several the one with the least BIC.
+    delay : int, tuple of int or "auto"
+        Lag of the first coefficient of B [samples].
+    structure : mapping of str to int
+        Degrees that differ from `order`, by ``na``, ``nb``, ``nc``, ``nd``, ``nf``.
+    horizon : int, optional
+        Of subspace methods [samples].
+    window : int, optional
+        Lag window, segment, or largest lag of a response [samples].
+    period : float, optional
+        Of a periodic excitation [s].
+    units : int, optional
+        Of a network.
+    focus : "prediction" or "simulation"
+    stable : bool
+        Reflect poles into the unit circle.
+    closed_loop : bool
+        Go by way of the reference where a method can.
+    controller : mapping, optional
+        ``controller:`` section of a model file.
+    seed : int
+        Of networks.
+    """
+
+    order: Numbers = "auto"
+    delay: Numbers = 1
+    structure: Mapping[str, int] = field(default_factory=dict)
+    horizon: int | None = None
+    window: int | None = None
+    period: float | None = None
+    units: int | None = None
+    focus: Literal["prediction", "simulation"] = "prediction"
+    stable: bool = False
+    closed_loop: bool = False
+    controller: Mapping[str, Any] | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One order and delay that were tried.
+
+    Attributes
+    ----------
+    order : int or "auto"
+    delay : int
+    bic : float
+    error : str
+        Why there is no model; empty where there is one.
+    """
+
+    order: int | Literal["auto"]
+    delay: int
+    bic: float = float("nan")
+    error: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What a method found.
+
+    Attributes
+    ----------
+    method : Method
+    model : LinearModel, NarxModel, FrequencyResponse or ImpulseResponse
+    order : int or "auto"
+        That the method was given: number of states, or degree of the polynomials.
+    delay : int or None
+        [samples]; None where the method has none.
+    trials : tuple of Trial
+        What was tried on the way to the order and the delay.
+    history : tuple of CoefficientHistory
+        Of each output, from recursive methods.
+    """
+
+    method: Method
+    model: Result
+    order: int | Literal["auto"] = "auto"
+    delay: int | None = None
+    trials: tuple[Trial, ...] = ()
+    history: tuple[CoefficientHistory, ...] = ()
+
+    @property
+    def predicts(self) -> bool:
+        """Whether the result simulates and predicts; responses do not."""
+        return self.method.kind != "response"
+
+    @property
+    def linear(self) -> LinearModel | None:
+        """The result as a linear model, where it is one."""
+        from idloop.estimate.linear import LinearModel
+
+        return self.model if isinstance(self.model, LinearModel) else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "method": self.method.name,
+            "kind": self.method.kind,
+            "order": self.order,
+            "delay": self.delay,
+            "trials": [vars(trial) for trial in self.trials],
+            "model": self.model.to_dict(),
+        }
+
+
+@dataclass(frozen=True)
+class Method:
+    """A black-box method.
+
+    Attributes
+    ----------
+    name, summary : str
+        The summary says what it is for.
+    kind : "response", "linear", "recursive" or "network"
+    loop : str
+        Which loop its theory allows: "open", "any", or "closed, controller known".
+    source : str
+    needs : tuple of str
+        Names of the `Choices` that it reads.
+    run : callable
+        ``run(data, choices, order, delay)`` to a result, or to a result and its history.
+    polynomials : tuple of str
+        Degrees that `Choices.structure` may set.
+    automatic : tuple of int
+        Orders tried for "auto"; empty where the method chooses itself.
+    """
+
+    name: str
+    kind: Kind
+    summary: str
+    loop: str
+    source: str
+    needs: tuple[str, ...]
+    run: Callable[..., Any]
+    polynomials: tuple[str, ...] = ()
+    automatic: tuple[int, ...] = ()
+
+
+def find_method(name: str) -> Method:
+    """Return a method by name.
+
+    Raises
+    ------
+    InputError
+        No such method.
+    """
+    if name not in METHODS:
+        raise InputError(f"no method {name!r}{did_you_mean_or_known(name, METHODS)}")
+    return METHODS[name]
+
+
+def identify(
+    data: SampledData | Sequence[SampledData],
+    method: str,
+    choices: Choices | None = None,
+    progress: Progress = lambda fraction, note: None,
+) -> Identified:
+    """Identify by any method; of several orders and delays the least BIC on these data wins.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+    method : str
+        One of `METHODS`.
+    choices : Choices, optional
+    progress : callable, optional
+        Told the share done and what is tried.
+
+    Returns
+    -------
+    Identified
+
+    Raises
+    ------
+    InputError
+        No such method, a choice that it lacks, or data that it cannot use.
+    """
+    from idloop.estimate.sampled import together
+
+    found, chosen = find_method(method), choices or Choices()
+    experiments = together(data)
+    orders, delays = _orders(found, chosen), _delays(found, chosen, experiments)
+    tries = list(product(orders, delays))
+    if len(tries) == 1:
+        return _tried(found, experiments, chosen, *tries[0])
+    best: Identified | None = None
+    least = float("inf")
+    trials: list[Trial] = []
+    failure: IdloopError | None = None
+    for index, (order, delay) in enumerate(tries):
+        progress(index / len(tries), f"order {order}, delay {delay}" if "delay" in found.needs else f"order {order}")
+        try:
+            one = _tried(found, experiments, chosen, order, delay)
+        except IdloopError as error:
+            failure = failure or error
+            trials.append(Trial(order, delay, error=str(error)))
+            continue
+        bic = information(one, experiments).bic
+        trials.append(Trial(order, delay, bic))
+        # Written so that a model whose errors overflow never wins over one that has a BIC.
+        if best is None or bic < least or not isfinite(least):
+            best, least = one, bic
+    if best is None:
+        raise failure or IdloopError(f"{method}: nothing to try")
+    return replace(best, trials=tuple(trials))
+
+
+def information(found: Identified, data: Sequence[SampledData]) -> Information:
+    """Loss and criteria of a model on the data that it was identified from.
+
+    Raises
+    ------
+    InputError
+        A response, which predicts nothing.
+    """
+    import numpy as np
+
+    model = found.linear
+    if model is not None:
+        return model.information
+    if not found.predicts:
+        raise InputError(f"{found.method.name}: a response has no prediction errors, compare models")
+    network: Any = found.model
+    errors = [network.innovations(one)[network.first :] for one in data]
+    return of_errors(np.concatenate(errors), network.free)
+
+
+def _tried(
+    method: Method, data: list[SampledData], choices: Choices, order: int | Literal["auto"], delay: int
+) -> Identified:
+    found = method.run(data, choices, order, delay)
+    model, history = found if isinstance(found, tuple) else (found, ())
+    return Identified(method, model, order, delay if "delay" in method.needs else None, history=history)
+
+
+def _orders(method: Method, choices: Choices) -> Sequence[int | Literal["auto"]]:
+    if "order" not in method.needs:
+        return ("auto",)
+    if method.polynomials and set(method.polynomials) <= set(choices.structure):
+        # Every degree is given: there is nothing to choose.
+        return (1,)
+    if isinstance(choices.order, str):
+        return method.automatic or ("auto",)
+    return (choices.order,) if isinstance(choices.order, int) else choices.order
+
+
+def _delays(method: Method, choices: Choices, data: list[SampledData]) -> Sequence[int]:
+    if "delay" not in method.needs:
+        return (1,)
+    if not isinstance(choices.delay, str):
+        return (choices.delay,) if isinstance(choices.delay, int) else choices.delay
+    from idloop.estimate.polynomial import estimate_delay
+
+    columns = range(data[0].output.shape[1])
+    found = [estimate_delay([one.outputs([i]) for one in data], longest=_DELAYS) for i in columns]
+    # One delay serves all outputs: a longer one would cut into the response of the quickest.
+    return (min(min(one.delay) for one in found),)
+
+
+# ---------------------------------------------------------------- responses
+
+
+def _etfe(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    from idloop.estimate.nonparametric import etfe
+
+    width = None if choices.window is None else 1.0 / (choices.window * data[0].sample_time)
+    return etfe(data, width)
+
+
+def _spa(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    from idloop.estimate.nonparametric import spa
+
+    return spa(data, choices.window)
+
+
+def _welch(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    from idloop.estimate.nonparametric import welch
+
+    return welch(data, choices.window)
+
+
+def _indirect(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    from idloop.estimate.nonparametric import indirect
+
+    return indirect(data, choices.window)
+
+
+def _cra(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    from idloop.estimate.nonparametric import cra
+
+    return cra(data, choices.window or 20)
+
+
+def _bla_robust(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    from idloop.estimate.nonparametric import robust_best_linear_approximation
+
+    return robust_best_linear_approximation(data, _period(data, choices), by_reference=choices.closed_loop)
+
+
+def _bla_fast(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    from idloop.estimate.nonparametric import fast_best_linear_approximation
+
+    return fast_best_linear_approximation(data, _period(data, choices), by_reference=choices.closed_loop)
+
+
+def _bla(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    return _bla_robust(data, choices) if len(data) > 1 else _bla_fast(data, choices)
+
+
+def _period(data: list[SampledData], choices: Choices) -> int:
+    if choices.period is None:
+        raise InputError("a best linear approximation needs the excitation's period; give --period SECONDS")
+    samples = choices.period / data[0].sample_time
+    if abs(samples - round(samples)) > 1e-3 * max(samples, 1.0) / 4:
+        raise InputError(
+            f"period {choices.period:g} s is {samples:g} samples of {data[0].sample_time:g} s; choose a sample time"
+            " that divides it"
+        )
+    return round(samples)
+
+
+# ---------------------------------------------------------------- polynomials
+
+
+def _degree(choices: Choices, name: str, order: int) -> int:
+    return choices.structure.get(name, order)
+
+
+def _arx(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+    from idloop.estimate.polynomial import arx
+
+    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
+    return arx(data, na, nb, delay, focus=choices.focus)
+
+
+def _iv4(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+    from idloop.estimate.polynomial import iv4
+
+    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
+    return iv4(data, na, nb, delay, instruments="reference" if choices.closed_loop else "command")
+
+
+def _armax(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+    from idloop.estimate.polynomial import armax
+
+    na, nb, nc = (_degree(choices, name, order) for name in ("na", "nb", "nc"))
+    return armax(data, na, nb, nc, delay, focus=choices.focus)
+
+
+def _oe(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+    from idloop.estimate.polynomial import output_error
+
+    nb, nf = (_degree(choices, name, order) for name in ("nb", "nf"))
+    return output_error(data, nb, nf, delay)
+
+
+def _bj(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+    from idloop.estimate.polynomial import box_jenkins
+
+    nb, nc, nd, nf = (_degree(choices, name, order) for name in ("nb", "nc", "nd", "nf"))
+    return box_jenkins(data, nb, nc, nd, nf, delay, focus=choices.focus)
+
+
+# ---------------------------------------------------------------- state space
+
+
+def _n4sid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+    from idloop.estimate.subspace import n4sid
+
+    return n4sid(data, order, horizon=choices.horizon, focus=choices.focus, stable=choices.stable)
+
+
+def _moesp(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+    from idloop.estimate.subspace import moesp
+
+    return moesp(data, order, horizon=choices.horizon, focus=choices.focus, stable=choices.stable)
+
+
+def _cva(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+    from idloop.estimate.subspace import cva
+
+    return cva(data, order, horizon=choices.horizon, focus=choices.focus, stable=choices.stable)
+
+
+def _pbsid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> LinearModel:
+    from idloop.estimate.subspace import pbsid
+
+    return pbsid(data, order, past=choices.horizon, stable=choices.stable)
+
+
+def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+    from idloop.control.linear import linear_feedback
+    from idloop.estimate.subspace import vodma
+
+    if choices.controller is None:
+        raise InputError("vodma needs the controller that ran; give a model file with one: --controller MODEL")
+    # Sampled anew: data on a coarser grid than the controller's see its law at their own samples only.
+    feedback = linear_feedback(choices.controller, data[0].sample_time)
+    return vodma(data, feedback, order, horizon=choices.horizon, stable=choices.stable)
+
+
+def _vodma_direct(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+    from idloop.estimate.subspace import vodma_direct
+
+    return vodma_direct(data, order, horizon=choices.horizon, stable=choices.stable)
+
+
+def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+    from idloop.estimate.linear import prediction_error
+
+    # The start holds in any loop, as the method does.
+    return prediction_error(data, _pbsid(data, choices, order, 1), focus=choices.focus)
+
+
+# ---------------------------------------------------------------- networks
+
+
+def _narx_wavelet(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+    from idloop.estimate.networks import TappedDelays, TrainingRules, narx_wavelet
+
+    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
+    delays = TappedDelays(na, nb, delay)
+    # Only training fits a free run; the selection of units is one-step.
+    trained: dict[str, Any] = {"form": "parallel", "refine": TrainingRules()} if choices.focus == "simulation" else {}
+    return narx_wavelet(data, delays, units=choices.units or 25, seed=choices.seed, **trained)
+
+
+def _narx_neural(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+    from idloop.estimate.networks import TappedDelays, narx_neural
+
+    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
+    form: Literal["parallel", "series-parallel"] = "parallel" if choices.focus == "simulation" else "series-parallel"
+    return narx_neural(data, TappedDelays(na, nb, delay), hidden=choices.units or 10, form=form, seed=choices.seed)
+
+
+# ---------------------------------------------------------------- recursive
+
+
+def _recursive(
+    polynomials: Mapping[str, int], pseudo_linear: bool = False
+) -> Callable[..., tuple[LinearModel, tuple[CoefficientHistory, ...]]]:
+    """Run of a recursive method whose polynomials have `polynomials[name]` times the order as degree."""
+
+    def run(
+        data: list[SampledData], choices: Choices, order: int, delay: int
+    ) -> tuple[LinearModel, tuple[CoefficientHistory, ...]]:
+        from idloop.estimate.recursion import RecursivePolynomial
+        from idloop.estimate.recursion.estimator import structure
+
+        degrees: dict[str, Any] = {name: _degree(choices, name, order * times) for name, times in polynomials.items()}
+        # A delay for each input also tells their number.
+        orders = structure(**degrees, nk=(delay,) * data[0].input.shape[1])
+
+        def make(output: str) -> RecursivePolynomial:
+            return RecursivePolynomial(
+                orders, method="pseudo-linear" if pseudo_linear else "gradient",
+                sample_time=data[0].sample_time, input_names=data[0].input_names, output_name=output,
+            )  # fmt: skip
+
+        return _tracked(data, orders, make)
+
+    return run
+
+
+def _tracked(
+    data: list[SampledData], orders: Orders, make: Callable[[str], RecursivePolynomial]
+) -> tuple[LinearModel, tuple[CoefficientHistory, ...]]:
+    """Model of the last coefficients of every output, and their way there."""
+    import numpy as np
+
+    from idloop.estimate.polynomial.model import assemble
+    from idloop.estimate.recursion import track
+
+    total = sum(len(one) for one in data)
+    if total <= orders.size:
+        raise InputError(
+            f"{data[0].name}: {total} samples for {orders.size} coefficients; record longer or lower the orders"
+        )
+    every = max(total // _HISTORY, 1)
+    histories = tuple(
+        track(make(name), [one.outputs([i]) for one in data], every=every)
+        for i, name in enumerate(data[0].output_names)
+    )
+    model = assemble("recursive", data, [h.final for h in histories], [[h.innovations] for h in histories])
+    # The loss is that of the last model on all data, as of the other methods; not that of its way there.
+    with np.errstate(all="ignore"):
+        errors = np.concatenate([model.innovations(one) for one in data])
+        covariance = errors.T @ errors / len(errors)
+    return replace(model, covariance=covariance, samples=len(errors)), histories
+
+
+# ---------------------------------------------------------------- the table
+
+_LJUNG = "Ljung, System Identification, 2nd ed."
+_SUBSPACE = ("order", "horizon", "stable")
+
+METHODS: dict[str, Method] = {
+    method.name: method
+    for method in (
+        Method(
+            "etfe", "response", "Raw frequency response, every line of the record.", "open", f"{_LJUNG}, 6.3",
+            ("window",), _etfe,
+        ),
+        Method(
+            "spa", "response", "Smooth frequency response with coherence and bands.", "open", f"{_LJUNG}, 6.4",
+            ("window",), _spa,
+        ),
+        Method(
+            "welch", "response", "Frequency response of long records, averaged over segments.", "open", "Welch 1967",
+            ("window",), _welch,
+        ),
+        Method(
+            "indirect", "response", "Frequency response under feedback, by way of the reference.",
+            "closed, reference recorded", "Wellstead 1981; Pintelon and Schoukens, 2nd ed., 2.6.4",
+            ("window",), _indirect,
+        ),
+        Method(
+            "cra", "response", "Impulse response: delay, feedback, and how long the plant remembers.", "open",
+            f"{_LJUNG}, 6.1", ("window",), _cra,
+        ),
+        Method(
+            "bla", "response", "Noise and nonlinearity told apart; bla-robust for several bags, else bla-fast.",
+            "any, with --closed-loop by the reference", "Pintelon and Schoukens, 2nd ed., 4.3",
+            ("period", "closed_loop"), _bla,
+        ),
+        Method(
+            "bla-robust", "response", "The same from several random-phase multisines.",
+            "any, with --closed-loop by the reference", "Pintelon and Schoukens, 2nd ed., 4.3.1",
+            ("period", "closed_loop"), _bla_robust,
+        ),
+        Method(
+            "bla-fast", "response", "The same from one odd random-phase multisine.",
+            "any, with --closed-loop by the reference", "Pintelon and Schoukens, 2nd ed., 4.3.2",
+            ("period", "closed_loop"), _bla_fast,
+        ),
+        Method(
+            "arx", "linear", "Least squares: quick, right in little noise.", "any, white equation error",
+            f"{_LJUNG}, 7.3", ("order", "delay", "structure", "focus"), _arx, ("na", "nb"), _ORDERS,
+        ),
+        Method(
+            "iv4", "linear", "Instrumental variables: right whatever the noise, without a search.",
+            "open, with --closed-loop by the reference", f"{_LJUNG}, 15.3; Gilson and Van den Hof 2005",
+            ("order", "delay", "structure", "closed_loop"), _iv4, ("na", "nb"), _ORDERS,
+        ),
+        Method(
+            "armax", "linear", "Disturbances that enter where the command does.", "any, noise model right",
+            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus"), _armax, ("na", "nb", "nc"), _ORDERS,
+        ),
+        Method(
+            "oe", "linear", "The best free run: sensor noise, simulation, control design.",
+            "open; closed in white noise only", f"{_LJUNG}, 4.2", ("order", "delay", "structure"), _oe, ("nb", "nf"),
+            _ORDERS,
+        ),
+        Method(
+            "bj", "linear", "Plant and noise share nothing.", "any, noise model right", f"{_LJUNG}, 4.2",
+            ("order", "delay", "structure", "focus"), _bj, ("nb", "nc", "nd", "nf"), _ORDERS,
+        ),
+        Method(
+            "n4sid", "linear", "State space without a search; the order shows in the singular values.", "open",
+            "Van Overschee and De Moor 1996", (*_SUBSPACE, "focus"), _n4sid,
+        ),
+        Method(
+            "moesp", "linear", "The same from the shift of the observability matrix.", "open", "Verhaegen 1994",
+            (*_SUBSPACE, "focus"), _moesp,
+        ),
+        Method(
+            "cva", "linear", "The same from canonical variates: outputs of any unit and noise.", "open",
+            "Larimore 1990", (*_SUBSPACE, "focus"), _cva,
+        ),
+        Method(
+            "vodma", "linear", "State space in a loop whose controller is known and linear.",
+            "closed, controller known", "Van Overschee and De Moor 1997", (*_SUBSPACE, "controller"), _vodma,
+        ),
+        Method(
+            "vodma-direct", "linear", "The same without the controller.", "open", "Linköping thesis 2009, 3.4",
+            _SUBSPACE, _vodma_direct,
+        ),
+        Method(
+            "pbsid", "linear", "State space under any feedback, nothing known of it.", "any", "Chiuso 2007",
+            _SUBSPACE, _pbsid,
+        ),
+        Method(
+            "pem", "linear", "All matrices refined until the one-step errors are least.", "any, noise model right",
+            f"{_LJUNG}, 7.4; McKelvey et al. 2004", (*_SUBSPACE, "focus"), _pem,
+        ),
+        Method(
+            "narx-wavelet", "network", "Nonlinear: linear part and wavelets, selected, no training.", "any",
+            "Zhang and Benveniste 1992", ("order", "delay", "structure", "units", "focus", "seed"), _narx_wavelet,
+            ("na", "nb"), (2,),
+        ),
+        Method(
+            "narx-neural", "network", "Nonlinear: tapped delays and a trained network.", "any",
+            "Hagan and Menhaj 1994", ("order", "delay", "structure", "units", "focus", "seed"), _narx_neural,
+            ("na", "nb"), (2,),
+        ),
+        *(
+            Method(
+                name, "recursive", summary, loop, f"{_LJUNG}, {chapter}; Ljung and Söderström 1983",
+                ("order", "delay", "structure"), _recursive(degrees, pseudo_linear), tuple(degrees), _ORDERS,
+            )
+            for name, summary, loop, chapter, degrees, pseudo_linear in (
+                ("rarx", "Least squares, sample by sample.", "any, white equation error", "11.2",
+                 {"na": 1, "nb": 1}, False),
+                ("rarmax", "ARMAX, sample by sample.", "any, noise model right", "11.4",
+                 {"na": 1, "nb": 1, "nc": 1}, False),
+                ("roe", "Output error, sample by sample.", "open", "11.4", {"nb": 1, "nf": 1}, False),
+                ("rbj", "Box-Jenkins, sample by sample.", "any, noise model right", "11.4",
+                 {"nb": 1, "nc": 1, "nd": 1, "nf": 1}, False),
+                ("rpem", "Any structure, sample by sample; ARMAX unless --structure says otherwise.",
+                 "any, noise model right", "11.4", {"na": 1, "nb": 1, "nc": 1, "nd": 0, "nf": 0}, False),
+                ("rplr", "The same by pseudo-linear regression: simpler, less exact.", "any, noise model right",
+                 "11.5", {"na": 1, "nb": 1, "nc": 1, "nd": 0, "nf": 0}, True),
+            )
+        ),
+    )
+}  # fmt: skip
