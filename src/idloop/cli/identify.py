@@ -212,7 +212,8 @@ def command(
         fitted = even_grids(train, period, detrend, drop)
         return fitted, even_grids(unseen, period, detrend, drop) if unseen else fitted
 
-    own = sample_time or train[0].sample_time
+    # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.
+    own = sample_time or round(train[0].sample_time, 9)
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "records": [record.name for record in train],

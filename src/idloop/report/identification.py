@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _WIDE = 1.96  # standard errors to each side of a band of 95 %
+_MOST_FITS = 3  # that fit above a panel
 _LOWEST = 3e-4  # of the sample rate, where no response says from where it knows something
 
 
@@ -110,6 +111,7 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
         if singular:
             _draw_singular_values(figure.add_subplot(grid[len(heights), :]), singular, drawn)
         figure.align_ylabels()
+        _legend_of_all(figure, drawn, measured=bool(judged))
     return figure
 
 
@@ -166,6 +168,16 @@ def _whole_numbers(axes: Axes) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
+def _legend_of_all(figure: Figure, drawn: Sequence[Drawn], *, measured: bool) -> None:
+    """One legend above all panels: the methods look the same in each of them."""
+    from matplotlib.lines import Line2D
+
+    lines = [Line2D([], [], label=one.label, **_look(one, drawn)) for one in drawn]
+    if measured:
+        lines.insert(0, Line2D([], [], color=drawing.MEASURED, linewidth=1.6, label="measured"))
+    figure.legend(handles=lines, loc="outside upper left", ncols=min(len(lines), 6))
+
+
 def _shown(fit: Array) -> Array:
     return np.where(np.isfinite(fit), fit, np.nan)
 
@@ -186,13 +198,22 @@ def _draw_bode(
     magnitude: Axes, phase: Axes, bode: Sequence[Drawn], drawn: Sequence[Drawn], data: SampledData, column: int
 ) -> None:
     grid = _frequencies(bode, data)
-    for one in bode:
+    # Models first: a measured phase is drawn at the turn that lies nearest to theirs.
+    nearest: tuple[Array, Array] | None = None
+    for one in sorted(bode, key=lambda one: one.found.linear is None):
         frequency, value, size_error, angle_error = _response(one.found, column, grid)
         look = _look(one, drawn)
-        size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
-        drawing.line(magnitude, frequency, size, label=one.label, **look)
+        size = np.abs(value)
+        angle = _phase(frequency, value, nearest, model=one.found.linear is not None)
+        if nearest is None and one.found.linear is not None:
+            nearest = frequency, angle
+        banded = bool(np.any(np.isfinite(size_error)))
+        if not banded and one.found.linear is None:
+            # Neighbouring lines of a raw response have nothing to do with each other.
+            look = {"color": look["color"], "linestyle": "none", "marker": ".", "markersize": 2}
+        drawing.line(magnitude, frequency, size, **look)
         drawing.line(phase, frequency, angle, **look)
-        if np.any(np.isfinite(size_error)):
+        if banded:
             shade = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
             # A band that reaches zero has no lower edge on a logarithmic axis: it ends below the curve.
             lower = np.maximum(size - size_error, 0.3 * np.min(size))
@@ -202,9 +223,22 @@ def _draw_bode(
     magnitude.set(xscale="log", yscale="log", title=f"{data.input_names[0]} → {data.output_names[column]}")
     magnitude.set_ylabel(drawing.label("magnitude", _ratio(data.output_units[column], data.input_units[0])))
     magnitude.tick_params(labelbottom=False)
-    magnitude.legend()
     phase.set_ylabel(drawing.label("phase, 95 % bands", "deg"))
     phase.set_xlabel(drawing.label("frequency", "Hz"))
+
+
+def _phase(
+    frequency: Array, value: NDArray[np.complex128], nearest: tuple[Array, Array] | None, *, model: bool
+) -> Array:
+    """Phase [deg] without jumps; of a measured response the turn next to a model's, else within one turn of -90."""
+    angle = np.degrees(np.angle(value))
+    if model:
+        return np.asarray(np.degrees(np.unwrap(np.angle(value))))
+    smooth = np.degrees(np.unwrap(np.angle(value)))
+    if nearest is None and np.ptp(smooth) < 720.0:
+        return np.asarray(smooth)
+    about = np.full(angle.shape, -90.0) if nearest is None else np.interp(frequency, *nearest)
+    return np.asarray(about + (angle - about + 180.0) % 360.0 - 180.0)
 
 
 def _response(found: Identified, column: int, grid: Array) -> tuple[Array, NDArray[np.complex128], Array, Array]:
@@ -234,7 +268,7 @@ def _draw_impulses(axes: Axes, impulses: Sequence[Drawn], drawn: Sequence[Drawn]
         axes.axhspan(-null, null, color=drawing.BAND, alpha=0.3, linewidth=0, label="no response, 95 %")
         axes.errorbar(
             model.time, model.response[:, column], half, fmt=".", color=color, markersize=4, linewidth=0.6,
-            label=f"{one.label}, 95 % bands",
+            label="with 95 % bands",
         )  # fmt: skip
         axes.set_ylabel(drawing.label("weight", _ratio(model.output_units[column], model.input_unit)))
         axes.set_title(f"{model.input_name} → {model.output_names[column]}")
@@ -249,7 +283,7 @@ def _draw_validation(
     longest = max(range(len(data)), key=lambda i: len(data[i]))
     shown = data[longest]
     measured = shown.output[:, column]
-    drawing.line(top, shown.time, measured, color=drawing.MEASURED, linewidth=1.6, label="measured")
+    drawing.line(top, shown.time, measured, color=drawing.MEASURED, linewidth=1.6)
     below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     reach = 3.0 * max(float(np.ptp(measured)), 1e-300)
     middle = float(np.mean(measured))
@@ -259,12 +293,14 @@ def _draw_validation(
         # A free run that runs away is drawn as far as it is of use.
         run = np.where(np.abs(score.simulated[longest][:, column] - middle) < reach, 1.0, np.nan)
         run = run * np.clip(score.simulated[longest][:, column], middle - reach, middle + reach)
-        drawing.line(top, shown.time, run, label=f"{one.label} (FIT {score.free_run[column]:.3g} %)", **look)
+        drawing.line(top, shown.time, run, label=f"FIT {score.free_run[column]:.3g} %", **look)
         drawing.line(below, shown.time, measured - run, **look)
-    top.set_title(f"{title or shown.name}: free run", loc="left", pad=20)  # clear of the legend
+    top.set_title(f"{title or shown.name}: free run", loc="left", pad=6 if len(judged) > _MOST_FITS else 20)
     top.set_ylabel(drawing.label(shown.output_names[column], shown.output_units[column]))
     top.tick_params(labelbottom=False)
-    legend_above(top, 1 + len(judged))
+    # More are read in the table.
+    if len(judged) <= _MOST_FITS:
+        legend_above(top, len(judged))
     below.set_ylabel(drawing.label("residual", shown.output_units[column]))
     below.set_xlabel(drawing.label("time", "s"))
 
@@ -276,9 +312,9 @@ def _draw_singular_values(axes: Axes, singular: Sequence[Drawn], drawn: Sequence
         relative = model.singular_values / model.singular_values[0]
         color = _look(one, drawn)["color"]
         kept = number <= model.order
-        axes.semilogy(number[kept], relative[kept], "o", color=color, markersize=5, label=f"{one.label}, kept")
+        axes.semilogy(number[kept], relative[kept], "o", color=color, markersize=5)
         axes.semilogy(number[~kept], relative[~kept], "o", color=color, markersize=4, fillstyle="none")
     axes.set_xlabel(drawing.label("number", None))
     axes.set_ylabel(drawing.label("singular value, relative", None))
+    axes.set_title("filled: kept", loc="left")
     _whole_numbers(axes)
-    axes.legend()

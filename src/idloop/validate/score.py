@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _LAGS = 25  # of the residual tests; four times as many samples are needed
+_OVERFLOW = 1e100
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Score:
     simulated : tuple of ndarray, shape (n, p)
         Free run of each stretch [output units].
     tests : tuple of ResidualTest
-        Of the one-step errors on the longest stretch; empty where that is too short.
+        Of the one-step errors on the longest stretch; empty where that is too short or they overflow.
     """
 
     steps: int
@@ -91,7 +92,9 @@ def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: in
     if len(longest) - first >= 4 * _LAGS:
         with np.errstate(all="ignore"):
             errors = model.innovations(longest)[first:]
-        tests = residual_tests(errors, longest.input[first:, 0], longest.output_names, _LAGS)
+        # Predictions that run away leave nothing to test.
+        if np.all(np.abs(errors) < _OVERFLOW):
+            tests = residual_tests(errors, longest.input[first:, 0], longest.output_names, _LAGS)
     return Score(
         steps, data[0].output_names, pooled_fit(data, simulated, first), pooled_fit(data, ahead, first), simulated,
         tuple(tests),

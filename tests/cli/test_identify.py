@@ -1,0 +1,254 @@
+"""`idloop identify`: from a bag to models of any method, tables, one document, figures and a file of the model."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idloop.cli import main
+from idloop.cli._identification import NumbersArgument, parse_structure, parse_sweep, parse_values, pole_row
+from idloop.errors import InputError
+from idloop.estimate.linear import load
+from idloop.estimate.methods import METHODS
+from idloop.physics import load_model, simulate
+from idloop.records import Record, write_bag
+
+# The preset's velocity: J dv/dt + B v = drive gain u.
+POLE = -2.306
+
+
+def write_recording(path: Path, seed: int) -> Path:
+    """Record of the preset, 12 s at 50 Hz with a little noise."""
+    model = load_model("dc_motor")
+    random = np.random.default_rng(seed)
+    time = np.arange(600) * 0.02
+    command = np.repeat(random.uniform(-3.0, 3.0, 60), 10)
+    output = simulate(model, time, command, time).output + random.normal(size=(600, 2)) * [1e-2, 2e-2]
+    units = tuple(o.unit for o in model.outputs)
+    record = Record(path.name, time, command, time, output, model.input.name, "V", model.output_names, units)
+    return write_bag(path, record)
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("bags")
+    return write_recording(folder / "train", 1), write_recording(folder / "unseen", 2)
+
+
+def run(capsys, *words):
+    code = main.run(["identify", *map(str, words)])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+VELOCITY = ("--output", "motor.velocity")
+
+
+def test_several_methods_are_judged_on_the_same_unseen_data(bags, tmp_path, capsys):
+    figure = tmp_path / "compare.svg"
+    methods = ["n4sid", "oe", "narx-wavelet", "welch", "cra"]
+    words = [word for name in methods for word in ("--method", name)]
+    code, out, err = run(capsys, bags[0], *words, "--order", 2, "--validate", bags[1], "--plot", figure, "--json")
+    assert (code, err) == (0, f"written: {figure}\n")
+    document = json.loads(out)
+    assert document["schema"] == "idloop/identify/1"
+    assert (document["judged_on"], document["validation"], document["steps"]) == ("validation", ["unseen"], 10)
+    assert [one["label"] for one in document["results"]] == methods
+    assert "seconds" not in out
+    by_name = {one["label"]: one for one in document["results"]}
+    for name in ("n4sid", "oe"):
+        one = by_name[name]
+        assert one["free_run"]["fit"]["motor.velocity"] > 98
+        assert set(one) > {"loss", "fpe", "aic", "bic", "states", "stable", "residual", "model", "order", "delay"}
+        assert [test["output"] for test in one["residual"]] == ["motor.position", "motor.velocity"]
+    assert (by_name["n4sid"]["states"], by_name["n4sid"]["delay"], by_name["oe"]["delay"]) == (2, None, 1)
+    assert by_name["narx-wavelet"]["stable"] is None
+    assert "free_run" not in by_name["welch"]
+    text = figure.read_text(encoding="utf-8")
+    for words_of_the_figure in ("magnitude [", "phase, 95 % bands [deg]", "weight [", "residual [", "singular value"):
+        assert words_of_the_figure in text
+
+
+def test_one_model_shows_its_poles_and_coefficients_and_is_saved(bags, tmp_path, capsys):
+    file = tmp_path / "motor.json"
+    words = (bags[0], "--method", "oe", "--order", 1, *VELOCITY, "--model", "dc_motor", "--save", file)
+    code, out, err = run(capsys, *words)
+    assert (code, err) == (0, f"written: {file}\n")
+    for text in ("fitted: train", "natural frequency Hz", "b1[motor.effort]", "standard error", "residual of motor"):
+        assert text in out
+    model = load(file)
+    assert model.output_units == ("rad/s",)
+    assert np.log(model.poles[0].real) / model.sample_time == pytest.approx(POLE, rel=0.02)
+    assert model.system.dt == 0.02
+    assert run(capsys, *words)[0] == 2
+    assert run(capsys, *words, "--force")[0] == 0
+    npz = tmp_path / "motor.npz"
+    assert run(capsys, *words[:-1], npz)[0] == 0
+    np.testing.assert_array_equal(load(npz).a, model.a)
+
+
+def test_a_sweep_of_orders_is_a_table_and_a_figure(bags, tmp_path, capsys):
+    figure = tmp_path / "orders.svg"
+    words = (bags[0], "--method", "n4sid", "--validate", bags[1], "--sweep", "order=1:4", "--plot", figure)
+    code, out, _ = run(capsys, *words, "--json")
+    assert code == 0
+    sweep = json.loads(out)["sweep"]
+    assert (sweep["over"], [row["value"] for row in sweep["rows"]]) == ("order", [1, 2, 3, 4])
+    fits = [row["free_run"]["mean_fit"] for row in sweep["rows"]]
+    assert fits[0] < 90
+    assert fits[1] > 99
+    assert sweep["best"]["n4sid"] >= 2
+    assert "FIT, free run [%]" in figure.read_text(encoding="utf-8")
+    code, out, _ = run(capsys, *words)
+    assert code == 0
+    assert "best free run at order" in out
+
+
+def test_sweeps_of_horizon_and_sample_time_leave_out_what_fails(bags, capsys):
+    words = (bags[0], "--method", "n4sid", "--method", "arx", "--order", 2)
+    code, out, _ = run(capsys, *words, "--sweep", "horizon=2,10", "--json")
+    rows = json.loads(out)["sweep"]["rows"]
+    assert code == 0
+    assert [row["error"] is None for row in rows] == [True] * 4
+    code, out, _ = run(capsys, *words, "--sweep", "sample-time=0.02,0.04,5")
+    assert code == 0
+    assert "failed" in out.splitlines()[2]
+    assert "0.04" in out
+
+
+def test_orders_delays_and_trends_are_as_asked(bags, capsys):
+    words = (bags[0], "--method", "arx", *VELOCITY, "--order", "1:3", "--delay", "auto", "--detrend", "mean")
+    code, out, _ = run(capsys, *words, "--drop", 1, "--sample-time", 0.04, "--criterion-steps", 5, "--json")
+    assert code == 0
+    document = json.loads(out)
+    (one,) = document["results"]
+    assert (document["sample_time"], document["detrend"], document["steps"], one["delay"]) == (0.04, "mean", 5, 1)
+    assert [trial["order"] for trial in one["trials"]] == [1, 2, 3]
+    assert one["model"]["samples"] < 10.0 / 0.04 + 2
+    assert one["ahead"]["steps"] == 5
+    code, out, _ = run(capsys, *words)
+    assert "the least BIC of 3 tried" in out
+
+
+def test_a_known_controller_comes_from_a_model_file(bags, tmp_path, capsys):
+    model = tmp_path / "loop.yaml"
+    assert main.run(["model", "dc_motor"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if not line.startswith("controller")]
+    spec = "controller: {type: p, output: motor.position, kp: 0.0, sample_time: 0.02}"
+    model.write_text("\n".join([*lines, spec, ""]), encoding="utf-8")
+    code, out, err = run(capsys, bags[0], "--method", "vodma", "--order", 2, "--controller", model, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["results"][0]["states"] == 2
+    code, _, err = run(capsys, bags[0], "--method", "vodma", "--order", 2)
+    assert code == 2
+    assert "--controller" in err
+
+
+def test_one_failure_of_several_is_told_and_exit_code_1(bags, capsys):
+    code, out, _ = run(capsys, bags[0], "--method", "arx", "--method", "indirect", "--order", 2, *VELOCITY)
+    assert code == 1
+    assert "indirect: failed: train: no reference recorded" in out
+    assert "motor.velocity" in out
+
+
+def test_options_that_mean_nothing_are_said_on_stderr(bags, capsys):
+    words = (bags[0], "--method", "arx", "--method", "n4sid", "--order", 2, "--stable", "--horizon", 8, *VELOCITY)
+    code, out, err = run(capsys, *words, "--json")
+    assert code == 0
+    assert json.loads(out)["results"]
+    assert err == "note: --horizon means nothing to arx\nnote: --stable means nothing to arx\n"
+
+
+def test_the_methods_are_listed_without_a_bag(capsys):
+    code, out, _ = run(capsys, "--list")
+    assert code == 0
+    assert all(f"\n{name} " in out for name in METHODS)
+    code, out, _ = run(capsys, "--list", "--json")
+    assert [one["name"] for one in json.loads(out)["methods"]] == list(METHODS)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    (
+        ([], "--method"),
+        (["--method", "n5sid"], "did you mean 'n4sid'"),
+        (["--method", "oe", "--order", "x"], "--order x: write 3, 1:8 or 1,2,4"),
+        (["--method", "oe", "--order", "0"], "least value is 1"),
+        (["--method", "oe", "--output", "motor.torque"], "no measured output"),
+        (["--method", "oe", "--model", "dc_motor", "--output", "motor.torque"], "no output"),
+        (["--method", "oe", "--sample-time", "-1"], "must be positive"),
+        (["--method", "oe", "--drop", "7"], "nothing left"),
+        (["--method", "oe", "--sweep", "ordre=1:3"], "did you mean 'order'"),
+        (["--method", "oe", "--sweep", "sample-time=0.01:0.05"], "0.01:0.05:0.01"),
+        (["--method", "spa", "--sweep", "order=1:3"], "responses"),
+        (["--method", "oe", "--structure", "nx=2"], "nb"),
+        (["--method", "oe", "--save", "model.mat"], "suffix"),
+        (["--method", "spa", "--save", "model.json"], "no linear model"),
+        (["--method", "oe", "--method", "arx", "--save", "model.json"], "one --method"),
+        (["--method", "bla"], "--period"),
+        (["--method", "oe", "--joint", "moter"], "did you mean 'motor'"),
+        (["--method", "n4sid", "--order", "40", "--horizon", "4"], "longer horizon"),
+    ),
+)
+def test_wrong_use_is_one_line(words, expected, bags, capsys):
+    code, out, err = run(capsys, bags[0], *words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert expected in err
+
+
+def test_a_missing_bag_is_one_line(capsys):
+    assert run(capsys, "--method", "oe")[0] == 2
+    code, _, err = run(capsys, "nowhere", "--method", "oe")
+    assert code == 2
+    assert "no bag nowhere" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    (("3", (3,)), ("1:4", (1, 2, 3, 4)), ("2:8:3", (2, 5, 8)), ("1,4:6", (1, 4, 5, 6))),
+)
+def test_numbers_are_read(text, values):
+    assert parse_values(text, "--order", whole=True, least=1) == values
+
+
+@pytest.mark.parametrize("text", ("", "a", "1:", "4:1", "1:9999", "1:2:3:4", "1:4:0", "1.5"))
+def test_what_is_no_range_is_refused(text):
+    with pytest.raises(InputError, match="write 3, 1:8"):
+        parse_values(text, "--order", whole=True, least=1)
+
+
+def test_times_and_degrees_are_read():
+    assert parse_sweep("sample_time=0.01:0.03:0.01").values == pytest.approx((0.01, 0.02, 0.03))
+    assert parse_structure("na=2, nb=1") == {"na": 2, "nb": 1}
+    assert parse_structure(None) == {}
+    assert NumbersArgument(1).convert("auto", None, None) == "auto"
+
+
+def test_a_pole_is_told_in_continuous_time():
+    pole = np.exp((-1.0 + 2.0j) * 0.1)
+    _, size, natural, damping, time = pole_row(pole, 0.1)
+    assert float(size) == pytest.approx(np.exp(-0.1), rel=1e-5)
+    assert float(natural) == pytest.approx(np.sqrt(5) / (2 * np.pi), rel=1e-3)
+    assert (float(damping), float(time)) == (pytest.approx(0.4472, rel=1e-3), 1.0)
+    assert pole_row(0.0, 0.1)[2:] == ("-", "-", "-")
+
+
+def test_a_real_oscillator_by_way_of_the_command_line(data_dir: Path, tmp_path: Path, capsys):
+    source = data_dir / "silverbox" / "SNLS80mV.csv"
+    if not source.is_file():
+        pytest.skip(f"no {source}: set IDLOOP_DATA to the folder of the measured data")
+    for part in ("multisine_1", "multisine_2"):
+        assert main.run(["import", "silverbox", str(source), str(tmp_path / part), "--part", part]) == 0
+    capsys.readouterr()
+    bags = (tmp_path / "multisine_1", "--validate", tmp_path / "multisine_2", "--detrend", "mean")
+    code, out, _ = run(capsys, *bags, "--method", "oe", "--method", "narx-wavelet", "--order", 2, "--json")
+    assert code == 0
+    linear, network = json.loads(out)["results"]
+    # A Duffing oscillator: the best linear model leaves what its spring hardens by.
+    assert 80 < linear["free_run"]["mean_fit"] < 90 < network["free_run"]["mean_fit"]
+    pole = max(linear["model"]["poles"], key=lambda p: p["imag"])
+    natural = abs(np.log(complex(pole["real"], pole["imag"]))) / 0.0016384 / (2 * np.pi)
+    assert 60 < natural < 80

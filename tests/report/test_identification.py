@@ -1,0 +1,97 @@
+"""Figures of black-box identification: every panel that the results call for, and none that they do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from idloop.drawing import save
+from idloop.estimate.methods import Choices, identify
+from idloop.estimate.sampled import SampledData
+from idloop.report.identification import Drawn, SweepLine, plot_identification, plot_sweep
+from idloop.validate.score import score
+
+
+@pytest.fixture(scope="module")
+def data():
+    random = np.random.default_rng(0)
+    u = random.normal(size=600)
+    y = lfilter([0.0, 0.2, 0.1], [1.0, -1.4, 0.6], u) + 0.02 * random.normal(size=600)
+    return SampledData("run", u[:, None], y[:, None], 0.01, ("motor.effort",), ("N·m",), ("motor.velocity",), ("m/s",))
+
+
+def drawn(data, *names):
+    results = []
+    for name in names:
+        found = identify(data, name, Choices(order=2))
+        results.append(Drawn(name, found, score(found.model, [data]) if found.predicts else None))
+    return results
+
+
+def labels(figure):
+    return [axes.get_ylabel() for axes in figure.axes]
+
+
+BODE = ["magnitude [m/s/(N·m)]", "phase, 95 % bands [deg]"]
+VALIDATION = ["motor.velocity [m/s]", "residual [m/s]"]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    (
+        (("oe",), BODE + VALIDATION),
+        (("n4sid", "spa"), [*BODE, *VALIDATION, "singular value, relative [-]"]),
+        (("etfe",), BODE),
+        (("cra",), ["weight [m/s/(N·m)]"]),
+        (("narx-wavelet",), VALIDATION),
+    ),
+)
+def test_the_panels_are_those_of_the_results(names, expected, data):
+    assert labels(plot_identification(drawn(data, *names), [data])) == expected
+
+
+def test_a_polynomial_model_has_a_band_about_its_curve(data):
+    figure = plot_identification(drawn(data, "oe"), [data])
+    magnitude, phase = figure.axes[:2]
+    for axes in (magnitude, phase):
+        (curve,), (band,) = axes.get_lines(), axes.collections
+        low, high = band.get_datalim(axes.transData).intervaly
+        assert low < np.min(curve.get_ydata())
+        assert high > np.max(curve.get_ydata())
+    assert not plot_identification(drawn(data, "n4sid"), [data]).axes[0].collections
+
+
+def test_the_measured_phase_lies_beside_the_models(data):
+    figure = plot_identification(drawn(data, "spa", "oe"), [data])
+    models, measured = (line.get_ydata() for line in figure.axes[1].get_lines())
+    assert np.ptp(measured) < np.ptp(models) + 60.0
+
+
+def test_one_legend_names_every_method(data, tmp_path):
+    names = ("arx", "oe", "n4sid", "iv4", "cra")
+    figure = plot_identification(drawn(data, *names), [data], "validation: run")
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["measured", *names]
+    assert save(figure, tmp_path / "figure.png").stat().st_size > 20000
+
+
+def test_a_model_that_runs_away_does_not_spoil_the_scale(data):
+    (one,) = drawn(data, "oe")
+    away = tuple(run * np.exp(np.arange(len(run)))[:, None] for run in one.score.simulated)
+    from dataclasses import replace
+
+    figure = plot_identification([replace(one, score=replace(one.score, simulated=away))], [data])
+    assert np.ptp(figure.axes[2].get_ylim()) < 10 * np.ptp(data.output)
+
+
+def test_a_sweep_shows_both_fits_and_keeps_its_scale():
+    value = np.array([1.0, 2.0, 3.0])
+    line = SweepLine("oe", value, np.array([50.0, 90.0, -np.inf]), np.array([60.0, 95.0, 40.0]))
+    bad = SweepLine("arx", value, np.array([-1e9, 80.0, 70.0]), np.array([50.0, 50.0, 50.0]))
+    figure = plot_sweep("order", None, [line, bad], 10, "validation: run")
+    top, bottom = figure.axes
+    assert (top.get_ylabel(), bottom.get_ylabel()) == ("FIT, free run [%]", "FIT, 10 ahead [%]")
+    assert bottom.get_xlabel() == "order [-]"
+    assert top.get_ylim()[0] > -100
+    assert np.isnan(top.get_lines()[0].get_ydata()[2])
