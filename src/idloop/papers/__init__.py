@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 Progress = Callable[[float, str], None]
 
 LEHIGH = "Rungroungdouyboon, Lehigh University 1999"
+STAGE = "Shamseldin, WSEAS 2022"
 
 
 class Row(NamedTuple):
@@ -37,6 +38,10 @@ ROWS: dict[str, Row] = {
     "A5": Row("Linear fits of a motor with dead zone and backlash", LEHIGH, "dead_zone_and_backlash:reproduce"),
     "A7": Row("Describing functions and limit cycles", LEHIGH, "describing_functions:reproduce"),
     "A8": Row("Response of the closed loop", LEHIGH, "closed_loop_response:reproduce"),
+    "C1": Row("The lead-screw stage and its PRBS experiment", STAGE, "stage_machine:reproduce"),
+    "C2": Row("Linear transfer function of the stage", STAGE, "stage_linear:reproduce"),
+    "C3": Row("Wavelet network of the stage", STAGE, "stage_wavelet:reproduce"),
+    "C4": Row("Neural network of the stage", STAGE, "stage_neural:reproduce"),
 }
 
 

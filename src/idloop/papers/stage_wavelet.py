@@ -1,0 +1,47 @@
+"""Row C3: nonlinear ARX model of the lead-screw stage with a wavelet network of 25 units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from idloop.papers import Progress, stage_paper
+from idloop.papers.reproduction import Line
+from idloop.papers.stage_candidates import StageFits, bench, black_box
+
+if TYPE_CHECKING:
+    from idloop.estimate.networks import NarxModel
+    from idloop.estimate.sampled import SampledData
+
+
+def wavelet_network(data: SampledData) -> NarxModel:
+    """Two past speeds and commands, 25 units, fitted one step ahead as the toolbox does by default."""
+    from idloop.estimate.networks import narx_wavelet
+
+    return narx_wavelet(data, units=stage_paper.WAVELET_UNITS)
+
+
+def reproduce(seed: int, progress: Progress, duration: float = stage_paper.DURATION) -> StageFits:
+    """Fit the wavelet network to the stage.
+
+    Parameters
+    ----------
+    seed : int
+        Of the excitation.
+    progress : callable
+    duration : float
+        Of each record [s].
+
+    Returns
+    -------
+    StageFits
+    """
+    progress(0.0, "experiments")
+    data = bench(seed, duration)
+    progress(0.5, "wavelet network")
+    model = wavelet_network(data.train)
+    lines = (
+        Line("units", float(model.units), float(stage_paper.WAVELET_UNITS), "", "section 3",
+             model.units == stage_paper.WAVELET_UNITS),
+    )  # fmt: skip
+    said = ("The orders of eq. 9 are a picture in the paper; two past speeds and two commands are taken.",)
+    return StageFits(data, (black_box("wavelet network", model, data),), stage_paper.WAVELET, lines, said)
