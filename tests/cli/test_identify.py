@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -133,6 +134,12 @@ def test_orders_delays_and_trends_are_as_asked(bags, capsys):
     assert "the least BIC of 3 tried" in out
 
 
+def test_a_delay_is_one_row_of_poles(bags, capsys):
+    code, out, _ = run(capsys, bags[0], "--method", "arx", "--order", 1, "--delay", 5, *VELOCITY)
+    assert code == 0
+    assert "0 (4 times)" in out
+
+
 def test_a_known_controller_comes_from_a_model_file(bags, tmp_path, capsys):
     model = tmp_path / "loop.yaml"
     assert main.run(["model", "dc_motor"]) == 0
@@ -233,7 +240,46 @@ def test_a_pole_is_told_in_continuous_time():
     assert float(size) == pytest.approx(np.exp(-0.1), rel=1e-5)
     assert float(natural) == pytest.approx(np.sqrt(5) / (2 * np.pi), rel=1e-3)
     assert (float(damping), float(time)) == (pytest.approx(0.4472, rel=1e-3), 1.0)
-    assert pole_row(0.0, 0.1)[2:] == ("-", "-", "-")
+
+
+def same_line(ours: str, shown: str) -> bool:
+    """Equal words, and numbers within five per cent or half a FIT point."""
+
+    def number(word):
+        try:
+            return float(word)
+        except ValueError:
+            return None
+
+    pairs = list(zip(ours.split(), shown.split(), strict=False))
+    return len(ours.split()) == len(shown.split()) and all(
+        a == b if number(b) is None or number(a) is None else number(a) == pytest.approx(number(b), rel=0.05, abs=0.5)
+        for a, b in pairs
+    )
+
+
+def test_the_documentation_shows_what_its_commands_print(data_dir: Path, tmp_path: Path, monkeypatch, capsys):
+    for name in ("dcmotor_fra233", "silverbox"):
+        if not (data_dir / name).is_dir():
+            pytest.skip(f"no {data_dir / name}: set IDLOOP_DATA to the folder of the measured data")
+    page = (Path(__file__).parents[2] / "docs" / "identification.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bags").mkdir()
+    printed = ""
+    for language, block in re.findall(r"```(sh|text)\n(.*?)```", page, re.DOTALL):
+        if language == "text":
+            lines = printed.splitlines()
+            for shown in block.strip().splitlines():
+                if set(shown) != {"-", " "}:
+                    assert any(same_line(ours, shown) for ours in lines), shown
+            continue
+        for line in block.strip().splitlines():
+            words = line.partition("  #")[0].replace("../shared/data", str(data_dir)).split()
+            assert words[0] == "idloop"
+            assert main.run(words[1:]) == 0, line
+            printed = capsys.readouterr().out
+    for name, method in METHODS.items():
+        assert f"| `{name}` | {method.summary} | {method.loop} | {method.source} |" in page
 
 
 def test_a_real_oscillator_by_way_of_the_command_line(data_dir: Path, tmp_path: Path, capsys):

@@ -141,11 +141,13 @@ def test_under_feedback_methods_that_allow_it_beat_those_that_do_not():
         ("indirect", {}, "no reference"),
         ("n4sid", {"order": 60, "horizon": 10}, "longer horizon"),
         ("oe", {"order": (900, 901)}, "record"),
+        ("oe", {"order": 2, "delay": "auto"}, "no clear effect"),
     ),
 )
 def test_what_cannot_be_done_is_one_line(method, choices, words):
+    data = open_loop(400, delay=30) if choices.get("delay") == "auto" else open_loop(400)
     with pytest.raises(InputError, match=words) as caught:
-        identify(open_loop(400), method, Choices(**choices))
+        identify(data, method, Choices(**choices))
     assert "\n" not in str(caught.value)
 
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _MOST_VALUES = 200  # of a range: more are a slip of the pen
 
+_AWAY = -999.0  # FIT [%]
+_AT_ZERO = 1e-12
 _EDGE = 1e-3  # a pole this close to the unit circle is as good as on it
 
 # Settings that a sweep may go over, and their units.
@@ -114,7 +116,7 @@ class Sweep:
 class NumbersArgument(click.ParamType[Any]):
     """A whole number, a range such as 1:8, a list such as 1,2,4, or auto."""
 
-    name = "N|A:B|auto"
+    name = "numbers"
 
     def __init__(self, least: int) -> None:
         self.least = least
@@ -258,8 +260,8 @@ def print_outcomes(outcomes: Sequence[Outcome], steps: int) -> None:
                     _text(one.states) if first else "",
                     _text(None if one.found is None else one.found.delay) if first else "",
                     name,
-                    percent(float(one.score.free_run[index])),
-                    percent(float(one.score.ahead[index])),
+                    fit_text(float(one.score.free_run[index])),
+                    fit_text(float(one.score.ahead[index])),
                     *(said if first else [""] * len(said)),
                     _stability(one) if first else "",
                 )
@@ -296,10 +298,13 @@ def print_details(one: Outcome) -> None:
     if model is None:
         return
     click.echo()
-    print_table(
-        ["pole", "|z|", "natural frequency Hz", "damping", "time constant s"],
-        [pole_row(pole, model.sample_time) for pole in sorted(model.poles, key=lambda p: (-abs(p), -p.imag))],
-    )
+    poles = sorted(model.poles, key=lambda p: (-abs(p), -p.imag))
+    # A delay is a row of poles at zero.
+    moving = [pole for pole in poles if abs(pole) > _AT_ZERO]
+    rows = [pole_row(pole, model.sample_time) for pole in moving]
+    if len(moving) < len(poles):
+        rows.append((f"0 ({len(poles) - len(moving)} times)", "0", "-", "-", "-"))
+    print_table(["pole", "|z|", "natural frequency Hz", "damping", "time constant s"], rows)
     if model.coefficients:
         click.echo()
         print_table(
@@ -313,8 +318,6 @@ def pole_row(pole: complex, sample_time: float) -> tuple[str, ...]:
     import cmath
 
     text = f"{pole.real:.6g}" + (f"{pole.imag:+.6g}j" if pole.imag else "")
-    if abs(pole) < 1e-12:
-        return text, number(abs(pole)), "-", "-", "-"
     s = cmath.log(pole) / sample_time
     natural = abs(s)
     damping = -s.real / natural if natural > 0 else math.nan
@@ -359,8 +362,8 @@ def print_sweep(sweep: Sweep, rows: Sequence[tuple[float, Outcome]], steps: int)
                 number(value, 6),
                 one.label,
                 _text(one.states),
-                percent(mean(one, "free_run")),
-                percent(mean(one, "ahead")),
+                fit_text(mean(one, "free_run")),
+                fit_text(mean(one, "ahead")),
                 *(number(None if known is None else getattr(known, name)) for name in ("loss", "fpe", "aic", "bic")),
                 _stability(one),
                 one.error,
@@ -433,6 +436,11 @@ def check_save(path: Path, kinds: Sequence[str], *, swept: bool, overwrite: bool
 
 def _text(value: int | None) -> str:
     return "-" if value is None else str(value)
+
+
+def fit_text(fit: float) -> str:
+    """Text of a FIT; of a model that runs away no digit means anything."""
+    return percent(fit) if not fit < _AWAY else f"{_AWAY:.0f} or less"
 
 
 def _stability(one: Outcome) -> str:

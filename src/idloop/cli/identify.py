@@ -90,6 +90,7 @@ A saved model in Python, with idloop or without it:
 @click.option(
     "--order",
     type=NumbersArgument(1),
+    metavar="N|A:B|auto",
     default="auto",
     show_default=True,
     help="States, or degree of every polynomial; of several the one with the least BIC.",
@@ -100,6 +101,7 @@ A saved model in Python, with idloop or without it:
 @click.option(
     "--delay",
     type=NumbersArgument(0),
+    metavar="N|A:B|auto",
     default="1",
     show_default=True,
     help="Samples from a command to its first effect; 1 is none beyond that of sampling.",

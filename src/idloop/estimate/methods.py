@@ -298,7 +298,13 @@ def _delays(method: Method, choices: Choices, data: list[SampledData]) -> Sequen
     columns = range(data[0].output.shape[1])
     found = [estimate_delay([one.outputs([i]) for one in data], longest=_DELAYS) for i in columns]
     # One delay serves all outputs: a longer one would cut into the response of the quickest.
-    return (min(min(one.delay) for one in found),)
+    shortest = min(min(one.delay) for one in found)
+    if shortest >= _DELAYS:
+        raise InputError(
+            f"{data[0].name}: the command has no clear effect within {_DELAYS} samples; look at the response with cra,"
+            " or give --delay a number"
+        )
+    return (shortest,)
 
 
 # ---------------------------------------------------------------- responses
@@ -535,7 +541,7 @@ def _tracked(
 
 # ---------------------------------------------------------------- the table
 
-_LJUNG = "Ljung, System Identification, 2nd ed."
+_LJUNG = "Ljung 1999"
 _SUBSPACE = ("order", "horizon", "stable")
 
 METHODS: dict[str, Method] = {
@@ -555,7 +561,7 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "indirect", "response", "Frequency response under feedback, by way of the reference.",
-            "closed, reference recorded", "Wellstead 1981; Pintelon and Schoukens, 2nd ed., 2.6.4",
+            "closed, reference recorded", "Wellstead 1981",
             ("window",), _indirect,
         ),
         Method(
@@ -564,17 +570,17 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "bla", "response", "Noise and nonlinearity told apart; bla-robust for several bags, else bla-fast.",
-            "any, with --closed-loop by the reference", "Pintelon and Schoukens, 2nd ed., 4.3",
+            "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3",
             ("period", "closed_loop"), _bla,
         ),
         Method(
             "bla-robust", "response", "The same from several random-phase multisines.",
-            "any, with --closed-loop by the reference", "Pintelon and Schoukens, 2nd ed., 4.3.1",
+            "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3.1",
             ("period", "closed_loop"), _bla_robust,
         ),
         Method(
             "bla-fast", "response", "The same from one odd random-phase multisine.",
-            "any, with --closed-loop by the reference", "Pintelon and Schoukens, 2nd ed., 4.3.2",
+            "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3.2",
             ("period", "closed_loop"), _bla_fast,
         ),
         Method(
@@ -639,7 +645,7 @@ METHODS: dict[str, Method] = {
         ),
         *(
             Method(
-                name, "recursive", summary, loop, f"{_LJUNG}, {chapter}; Ljung and Söderström 1983",
+                name, "recursive", summary, loop, f"{_LJUNG}, {chapter}",
                 ("order", "delay", "structure"), _recursive(degrees, pseudo_linear), tuple(degrees), _ORDERS,
             )
             for name, summary, loop, chapter, degrees, pseudo_linear in (
