@@ -111,6 +111,14 @@ def closed_loop(samples, noise, seed):
     return data, spec
 
 
+def test_a_controller_of_another_period_is_noted():
+    data, spec = closed_loop(1000, 0.1, 0)
+    choices = Choices(order=2, controller=spec)
+    assert not any("approximated" in note for note in identify(data, "vodma", choices).model.notes)
+    quick = Choices(order=2, controller={**spec, "sample_time": STEP / 10})
+    assert any("approximated" in note for note in identify(data, "vodma", quick).model.notes)
+
+
 def test_under_feedback_methods_that_allow_it_beat_those_that_do_not():
     data, spec = closed_loop(8000, 0.3, 2)
     z = np.exp(-2j * np.pi * HZ * STEP)

@@ -444,9 +444,13 @@ def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto
 
     if choices.controller is None:
         raise InputError("vodma needs the controller that ran; give a model file with one: --controller MODEL")
-    # Sampled anew: data on a coarser grid than the controller's see its law at their own samples only.
-    feedback = linear_feedback(choices.controller, data[0].sample_time)
-    return vodma(data, feedback, order, horizon=choices.horizon, stable=choices.stable)
+    period, own = data[0].sample_time, float(choices.controller.get("sample_time", data[0].sample_time))
+    feedback = linear_feedback(choices.controller, period)
+    model = vodma(data, feedback, order, horizon=choices.horizon, stable=choices.stable)
+    if abs(period - own) <= 1e-3 * period:
+        return model
+    note = f"the controller ran every {own:g} s and is only approximated on data every {period:g} s"
+    return replace(model, notes=(*model.notes, f"{note}; identify at its period"))
 
 
 def _vodma_direct(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
