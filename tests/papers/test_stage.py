@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idloop.papers import stage_linear, stage_machine, stage_neural, stage_paper, stage_wavelet
+from idloop.papers import stage_comparison, stage_linear, stage_machine, stage_neural, stage_paper, stage_wavelet
 from idloop.papers.stage_candidates import Bench, Candidate, bench, limit, scores
 
 SECONDS = 30.0
@@ -103,3 +103,69 @@ def test_scores_know_a_perfect_and_a_silent_model() -> None:
     assert (perfect.free, perfect.half, perfect.free_mse, perfect.train) == (100.0, 100.0, 0.0, 100.0)
     mean = tuple(np.full(run.shape, run.mean()) for run in measured)
     assert scores(Candidate("mean", None, mean), data).free == pytest.approx(0.0, abs=1e-9)
+
+
+# -- the comparison -------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def comparison() -> stage_comparison.StageComparison:
+    """With a diagnosis that knows few effects: the whole catalogue takes a minute."""
+    from idloop.diagnose import refine
+
+    def quick(record, progress):
+        start, known = stage_paper.rigid(), ["coulomb_friction", "presliding_friction", "stribeck_friction"]
+        return refine(start, [record.cut(0.0, stage_comparison.READ)], effects=known, progress=progress)
+
+    return stage_comparison.reproduce(0, lambda share, text: None, repeats=0, find=quick)
+
+
+@pytest.mark.slow
+def test_c5(comparison, complete) -> None:
+    complete(comparison)
+    assert comparison.ladder.added[0] == "presliding_friction@screw"
+    # The plain model is no better than the linear one, the effect makes the difference at both amplitudes.
+    plain = scores(stage_comparison.grey_box(comparison.ladder.steps[0].model, comparison.data), comparison.data)
+    found = comparison.found(stage_comparison.GREY)
+    assert plain.free < comparison.found(stage_comparison.LINEAR).free + 3.0
+    assert found.free > plain.free + 10.0
+    assert found.half > plain.half + 40.0
+
+
+@pytest.mark.slow
+def test_c5_does_not_hold_where_the_network_is_better(comparison) -> None:
+    from dataclasses import replace
+
+    # Forged: what the wavelet network said is what was measured.
+    linear, wavelet, *rest = comparison.candidates
+    data = comparison.data
+    perfect = replace(wavelet, free=tuple(each.output[:, 0] for each in (data.train, data.validation, data.half)))
+    forged = replace(comparison, candidates=(linear, perfect, *rest))
+    missed = {line.quantity for line in forged.rows() if line.holds is False}
+    assert any(text.startswith("order of methods") for text in missed)
+    assert any(text.startswith("grey-box: FIT, free run") for text in missed)
+    assert any(text.startswith("networks: best FIT at half") for text in missed)
+
+
+@pytest.mark.slow
+def test_the_order_of_methods_is_counted_over_stretches(comparison) -> None:
+    from dataclasses import replace
+
+    def stretch(wavelet: float, neural: float, half: float) -> stage_comparison.Stretch:
+        return stage_comparison.Stretch((80.0, wavelet, neural, 96.0), (20.0, half, -500.0, 87.0))
+
+    right, wrong = stretch(94.0, 95.0, 40.0), stretch(95.0, 94.0, 80.0)
+    mostly = replace(comparison, stretches=(right, wrong, right))
+    for text in ("the order holds", "networks fail at half"):
+        assert (named(mostly, text).ours, named(mostly, text).holds) == (2.0, True)
+        assert named(replace(comparison, stretches=(right, wrong, wrong)), text).holds is False
+        # Nothing was counted, nothing is claimed.
+        assert named(comparison, text).holds is None
+    assert len(mostly.tables()) == len(comparison.tables()) + 1
+
+
+def test_the_rigid_start_weighs_what_the_chain_weighs() -> None:
+    frequency = np.array([0.2, 1.0, 5.0])
+    chain = stage_machine.chain_response(stage_paper.plain(), frequency)
+    rigid = stage_machine.chain_response(stage_paper.rigid(), frequency)
+    assert np.max(np.abs(rigid / chain - 1.0)) < 0.02

@@ -42,6 +42,7 @@ ROWS: dict[str, Row] = {
     "C2": Row("Linear transfer function of the stage", STAGE, "stage_linear:reproduce"),
     "C3": Row("Wavelet network of the stage", STAGE, "stage_wavelet:reproduce"),
     "C4": Row("Neural network of the stage", STAGE, "stage_neural:reproduce"),
+    "C5": Row("All candidates of the stage, and a grey-box model", STAGE, "stage_comparison:reproduce"),
 }
 
 
