@@ -236,7 +236,8 @@ def draw(data: Bench, candidates: tuple[Candidate, ...], axes: Any = None) -> An
                 share = float(fit_percent(record.output[:, 0], run)[0])
                 text = f"{candidate.name}, {share:.1f} %"
                 drawing.line(ax, record.time, run, label=text, **drawing.model_look(index))
-            most = 1.3 * float(np.max(np.abs(record.output)))
+            # Room for the legend; a run that leaves it has failed.
+            most = 1.8 * float(np.max(np.abs(record.output)))
             ax.set(xlim=(0.0, min(_SHOWN, float(record.time[-1]))), ylim=(-most, most))
             ax.set_title(record.name)
             ax.set_ylabel(drawing.label("speed", "in/s"))
