@@ -279,6 +279,7 @@ def diagnose_fitted(
             setting, parent, hidden, lambda share, text: tell(0.8 + 0.05 * share, f"refitting with {text}"), afar=True
         )
         confirmed = list({c.proposal.name: c for c in sorted(confirmed, key=lambda c: c.gain)}.values())
+    confirmed = _beside_the_best_noise(setting, parent, confirmed)
     if swallowed:
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = _same_footing(setting, parent, confirmed, bar)
@@ -437,9 +438,21 @@ def _same_footing(
     return parent, confirmed
 
 
-def _beside(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
-    """A candidate refitted with the noise of a parent that has been lifted."""
-    fit = refit_or_none(setting, confirmed.fit.model, None, parent)
+def _beside_the_best_noise(setting: Setting, parent: Refit, confirmed: list[Confirmed]) -> list[Confirmed]:
+    """Rivals of a constant force refitted with the shorter memory that it was found beside."""
+    if not confirmed or not isinstance(parent.criterion, InnovationCriterion):
+        return confirmed
+    best = max(confirmed, key=lambda c: c.gain)
+    own = best.fit.criterion
+    forgets = isinstance(own, InnovationCriterion) and own.memory < LONG_MEMORY <= parent.criterion.memory
+    if not best.proposal.effect.slow or not forgets:
+        return confirmed
+    return [c if c.proposal.effect.slow else _beside(setting, parent, c, best.fit) for c in confirmed]
+
+
+def _beside(setting: Setting, parent: Refit, confirmed: Confirmed, noise: Refit | None = None) -> Confirmed:
+    """A candidate refitted with the noise of a parent that has been lifted, or of another model."""
+    fit = refit_or_none(setting, confirmed.fit.model, None, noise or parent)
     again = confirmed if fit is None else confirmed.refitted(fit, parent)
     return again if again.gain > confirmed.gain else confirmed
 
