@@ -150,8 +150,8 @@ class StageComparison(Reproduction):
             (
                 f"Built into the machine: {built}. The encoder sits on the screw and sees of the guides what comes back"
                 " through the nut: after each reversal their friction is missing until the play is crossed. To a"
-                " rigid model that is friction that builds up over a distance, presliding friction; the gap itself"
-                " cannot be told from it without a sensor on the stage."
+                " rigid model that is friction that builds up over a distance, presliding friction. It has no"
+                " place for the gap itself, so the gap is not named, and a part of its effect at small motion is missed."
             ),
             (
                 "The networks saw two levels of command and none between: elsewhere their free run is what their units"
@@ -160,8 +160,8 @@ class StageComparison(Reproduction):
             ),
             (
                 "The neural network of table 2 is taken in closed-loop form; its open-loop form is listed too, and its"
-                " free run may fall behind the wavelet network's. At the training amplitude the closed-loop form and the"
-                " grey-box model both come near what the encoder's counts allow: which is ahead, by tenths, changes"
+                " free run may fall behind the wavelet network's. At the training amplitude the closed-loop form and"
+                " the grey-box model both come near what the encoder's counts allow: which is ahead, by tenths, changes"
                 " from stretch to stretch (of seeds 0, 1 and 2 the network is at 2). At half of it only one is left."
             ),
             *stage_paper.choices(),
