@@ -151,7 +151,7 @@ class StageComparison(Reproduction):
                 f"Built into the machine: {built}. The encoder sits on the screw and sees of the guides what comes back"
                 " through the nut: after each reversal their friction is missing until the play is crossed. To a"
                 " rigid model that is friction that builds up over a distance, presliding friction. It has no"
-                " place for the gap itself, so the gap is not named, and a part of its effect at small motion is missed."
+                " place for the gap itself, so the gap is not named, and part of it is missed at small motion."
             ),
             (
                 "The networks saw two levels of command and none between: elsewhere their free run is what their units"
