@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 Progress = Callable[[float, str], None]
 
 LEHIGH = "Rungroungdouyboon, Lehigh University 1999"
+LINKOPING = "Myklebust, Linköping University 2009"
 STAGE = "Shamseldin, WSEAS 2022"
 
 
@@ -38,6 +39,13 @@ ROWS: dict[str, Row] = {
     "A5": Row("Linear fits of a motor with dead zone and backlash", LEHIGH, "dead_zone_and_backlash:reproduce"),
     "A7": Row("Describing functions and limit cycles", LEHIGH, "describing_functions:reproduce"),
     "A8": Row("Response of the closed loop", LEHIGH, "closed_loop_response:reproduce"),
+    "B1": Row("The torsion plant and a misprint in it", LINKOPING, "torsion_plant:reproduce"),
+    "B3": Row("PID and PD controllers and their limit", LINKOPING, "torsion_controller:reproduce"),
+    "B4": Row("PRBS and Gaussian references, scaled and down-sampled", LINKOPING, "torsion_excitation:reproduce"),
+    "B5": Row("The offset of the input compensated, or not", LINKOPING, "torsion_compensation:reproduce"),
+    "B6": Row("Seven ways to identify, verified in simulation", LINKOPING, "torsion_verification:reproduce"),
+    "B7": Row("FIT per output and averaged", LINKOPING, "torsion_fit_measure:reproduce"),
+    "B8": Row("Sweeps of excitation, sample time, states, horizon", LINKOPING, "torsion_sweeps:reproduce"),
     "C1": Row("The lead-screw stage and its PRBS experiment", STAGE, "stage_machine:reproduce"),
     "C2": Row("Linear transfer function of the stage", STAGE, "stage_linear:reproduce"),
     "C3": Row("Wavelet network of the stage", STAGE, "stage_wavelet:reproduce"),
