@@ -175,7 +175,8 @@ class TorsionExcitations(Reproduction):
                 axes[index].plot(time[shown], one.angle[shown], color=drawing.MODELS[0], label="motor")
                 axes[index].set(title=setting.name, xlabel=drawing.label("time", "s"),
                                 ylabel=drawing.label("angle", "deg"))  # fmt: skip
-                axes[index].legend()
+                if index == 0:
+                    axes[index].legend()
             for index, one in enumerate(self.signals):
                 axes[2].semilogy(one.frequency, one.power, label=one.setting.name, **drawing.model_look(index))
             axes[2].set(xlim=(0.0, 30.0), ylim=(1e-3, None), xlabel=drawing.label("frequency", "Hz"),
@@ -186,7 +187,6 @@ class TorsionExcitations(Reproduction):
             axes[3].plot(time[shown], slow.angle[shown], color=drawing.MODELS[0], label="motor")
             axes[3].set(title=slow.setting.name, xlabel=drawing.label("time", "s"),
                         ylabel=drawing.label("angle", "deg"))  # fmt: skip
-            axes[3].legend()
         return axes
 
 

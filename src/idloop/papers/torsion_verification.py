@@ -118,13 +118,13 @@ class AlgorithmVerification(Reproduction):
         """Ours over the thesis's, and the fit of the motion without noise."""
         body: list[tuple[Cell, ...]] = []
         for one in self.experiments:
-            body.append((one.name, "ours", *(one.fits.get(column, None) for column in COLUMNS)))
+            body.append((one.name, "ours", *(_shown(one.fits.get(column)) for column in COLUMNS)))
             published = thesis.TABLE_B_1[thesis.SATURATION if one.name == UNKNOWN else one.name]
             body.append(("", "thesis", *published))
         noise = next(one for one in self.experiments if one.name == thesis.NOISE)
         motion = tuple(noise.motion.get(column, None) for column in COLUMNS)
         return (
-            Table("Table B.1: FIT [%]", ("experiment", "whose", *COLUMNS), body),
+            Table("Table B.1: FIT [%]; x: below 0", ("experiment", "whose", *COLUMNS), body),
             Table("With noise, against the true motion: FIT [%]", ("whose", *COLUMNS), [("ours", *motion)]),
         )
 
@@ -154,6 +154,10 @@ class AlgorithmVerification(Reproduction):
                 f" what the thesis's own figures leave for noise ({implied_floor():.1f} %) sets it. In the loop a part"
                 " of the motor's noise is in the command of the same sample, so a model can explain a little of it: the"
                 " second table has the fit of the true motion."
+            ),
+            (
+                "The noise row is one draw, as the thesis's is. Of seeds 0 to 11 the subspace methods reach their cells"
+                " on all but seed 1, where VODMA DI has 92.3 % for the thesis's 93.10 %."
             ),
             (
                 f"Saturation: {100.0 * share:.0f} % of the samples are at the limit. Known as an effect, the subspace"
@@ -207,6 +211,11 @@ class AlgorithmVerification(Reproduction):
             axes[5].set(title="limited command (figure B.1)", xlabel=drawing.label("time", "s"),
                         ylabel=drawing.label("command", "A"))  # fmt: skip
         return axes
+
+
+def _shown(fit: float | None) -> Cell:
+    """As in the thesis's other tables: a cross below 0."""
+    return "x" if fit is not None and not fit >= 0.0 else fit
 
 
 def implied_floor() -> float:
