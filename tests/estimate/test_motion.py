@@ -3,8 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.estimate.motion import differentiate, excitation_band, low_pass, uniform
+from idloop.estimate.motion import differentiate, excitation_band, lagging_sensors, low_pass, measured_motion, uniform
 from idloop.estimate.noise import noise_std, resolution
+from idloop.physics import load_model
+from idloop.records import Record
 
 
 @given(st.floats(0.5, 5.0), st.floats(0.0, 6.0))
@@ -52,3 +54,20 @@ def test_noise_of_a_quantised_sensor_is_that_of_rounding() -> None:
     y = 0.01 * np.round(np.sin(np.linspace(0.0, 20.0, 5000)) / 0.01)
     assert resolution(y) == pytest.approx(0.01)
     assert noise_std(y) >= 0.01 / np.sqrt(12.0) * 0.999
+
+
+def test_a_sensor_that_lags_is_not_asked_where_another_sees_the_body() -> None:
+    t = np.arange(0.0, 4.0, 1e-3)
+    place, late = np.sin(6.0 * t), 6.0 * np.cos(6.0 * (t - 0.05))
+    model = load_model("axis")
+    names, units = model.output_names, tuple(o.unit for o in model.outputs)
+    record = Record("run", t, np.zeros_like(t), t, np.column_stack([place, late]), "effort", "N·m", names, units)
+    slow = model.with_effects(["velocity_filter@velocity[axis](time_constant=0.05)"])
+    assert lagging_sensors(model) == set()
+    assert lagging_sensors(slow) == {1}
+    trusting, knowing = measured_motion(model, record), measured_motion(slow, record)
+    assert trusting is not None
+    assert knowing is not None
+    truth = 6.0 * np.cos(6.0 * t)
+    assert np.max(np.abs(knowing.velocity[100:-100, 0] - truth[100:-100])) < 0.01
+    assert np.max(np.abs(trusting.velocity[100:-100, 0] - truth[100:-100])) > 1.0

@@ -91,6 +91,19 @@ def test_missing_outputs_are_predicted_around(motor: Model, experiment: Make) ->
     assert estimator.parameters["drive.gain"] == pytest.approx(motor.values["drive.gain"], rel=0.05)
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_infinite_reading_is_none(motor: Model, experiment: Make) -> None:
+    record = experiment(motor, samples=600)
+    spoilt, missing = record.output.copy(), record.output.copy()
+    spoilt[100], spoilt[200:220, 1] = np.inf, -np.inf
+    missing[100], missing[200:220, 1] = np.nan, np.nan
+    one, other = RecursiveEstimator(motor), RecursiveEstimator(motor)
+    predicted = one.update_block(record.time, record.input, spoilt)
+    assert np.array_equal(predicted, other.update_block(record.time, record.input, missing), equal_nan=True)
+    assert one.resets == 0
+    assert np.isinf(spoilt[100]).all(), "the caller's data stay"
+
+
 def test_set_model_goes_on_without_a_jump(motor: Model, experiment: Make) -> None:
     record = experiment(motor, samples=1200, seed=4)
     estimator = RecursiveEstimator(motor, adapt=False)

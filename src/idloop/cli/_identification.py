@@ -416,22 +416,36 @@ def drawn(outcomes: Sequence[Outcome]) -> list[Drawn]:
 
 
 def check_save(path: Path, kinds: Sequence[str], *, swept: bool, overwrite: bool) -> None:
-    """Refuse a file that could not be written, or a result that is no linear model, before the work is done.
+    """Refuse a file that could not be written, or a result that is no model, before the work is done.
 
     Raises
     ------
     InputError
     """
     from idloop.cli._common import check_folder
-    from idloop.estimate.linear.model_file import check_suffix
+    from idloop.estimate import linear, networks
 
-    check_suffix(check_folder(path, "--save"))
+    check_folder(path, "--save")
     if swept or len(kinds) != 1:
         raise InputError(f"--save {path}: it takes one model; give one --method and no --sweep")
-    if kinds[0] not in {"linear", "recursive"}:
-        raise InputError(f"--save {path}: the method gives no linear model; idloop identify --list shows which do")
+    if kinds[0] == "response":
+        raise InputError(
+            f"--save {path}: the method gives a response and no model; idloop identify --list shows which do"
+        )
+    file = networks.model_file if kinds[0] == "network" else linear.model_file
+    file.check_suffix(path)
     if path.exists() and not overwrite:
         raise InputError(f"--save {path}: the file is there already, name another or add --force")
+
+
+def save_model(model: Any, path: Path) -> None:
+    """Write a linear model or a network."""
+    from idloop.estimate import linear, networks
+
+    if isinstance(model, networks.NarxModel):
+        networks.save(model, path)
+    else:
+        linear.save(model, path)
 
 
 def _text(value: int | None) -> str:

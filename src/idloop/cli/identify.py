@@ -37,6 +37,7 @@ from idloop.cli._identification import (
     print_responses,
     print_sweep,
     print_verdicts,
+    save_model,
     sweep_lines,
 )
 from idloop.cli.main import COULD_NOT, DONE
@@ -118,6 +119,7 @@ A saved model in Python, with idloop or without it:
     help="What is made small: errors one step ahead, or those of the free run.",
 )
 @click.option("--stable", is_flag=True, help="Reflect unstable poles (subspace methods).")
+@click.option("--integrates", is_flag=True, help="Put the pole nearest 1 there (subspace methods).")
 @click.option("--closed-loop", is_flag=True, help="Go by way of the recorded reference (iv4, bla).")
 @click.option(
     "--controller", type=MODEL, metavar="MODEL", help="Model file whose controller ran (vodma); that of --model."
@@ -133,7 +135,9 @@ A saved model in Python, with idloop or without it:
 )
 @click.option("--sweep", metavar="NAME=VALUES", help=f"Table and figure over one of {', '.join(SWEPT)}.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of networks.")
-@click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write the linear model (.json, .npz).")
+@click.option(
+    "--save", type=click.Path(path_type=Path), metavar="FILE", help="Write the model (.json; linear ones also .npz)."
+)
 @click.option("--force", is_flag=True, help="Overwrite the file of --save.")
 @click.option("--list", "show_list", is_flag=True, help="List the methods with what they are for.")
 @plot_option
@@ -158,6 +162,7 @@ def command(
     units: int | None,
     focus: Literal["prediction", "simulation"],
     stable: bool,
+    integrates: bool,
     closed_loop: bool,
     controller: Model | None,
     steps: int,
@@ -202,6 +207,7 @@ def command(
         units=units,
         focus=focus,
         stable=stable,
+        integrates=integrates,
         closed_loop=closed_loop,
         controller=None if law is None else law.controller,
         seed=seed,
@@ -257,7 +263,8 @@ def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> Non
     from idloop.estimate.methods import METHODS
 
     options = (
-        "order", "structure", "delay", "horizon", "window", "period", "units", "focus", "stable", "closed_loop", "seed",
+        "order", "structure", "delay", "horizon", "window", "period", "units", "focus", "stable", "integrates",
+        "closed_loop", "seed",
     )  # fmt: skip
     for option in options:
         if getattr(choices, option) == getattr(default, option):
@@ -383,12 +390,8 @@ def finish(
     as_json: bool,
 ) -> int:
     """Write files and print the comparison; exit code 1 where a method failed."""
-    if save is not None:
-        from idloop.estimate import linear
-
-        model = outcomes[0].found.linear if outcomes[0].found is not None else None
-        if model is not None:
-            linear.save(model, save)
+    if save is not None and outcomes[0].found is not None:
+        save_model(outcomes[0].found.model, save)
     if plot is not None and any(one.found is not None for one in outcomes):
         from idloop.drawing import save as save_figure
         from idloop.report.identification import plot_identification

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimate.criterion import Errors, InitialStates
 from idloop.estimate.dataset import Data, output_groups
-from idloop.estimate.settling import SettlingObserver, settling_observer
+from idloop.estimate.settling import SettlingObserver, scale_start, scalings_to_last, settling_observer
 
 if TYPE_CHECKING:
     from idloop.physics import Engine
@@ -53,8 +53,13 @@ class InnovationCriterion:
         Intensity to start from, in decades.
     memory : float
         Correlation time of the disturbance to start from, in decades of a sample.
-    longest : float
-        Longest correlation time that it may take.
+
+    Attributes
+    ----------
+    longest, strongest : float
+        Longest correlation time and largest intensity that the disturbance may take, in decades.
+    translates : bool
+        Whether innovations may be translated from one disturbance to another, as far as is known.
     """
 
     name = "prediction"
@@ -68,20 +73,21 @@ class InnovationCriterion:
         force_scale: float,
         exponent: float = -4.0,
         memory: float = WALK,
-        longest: float = WALK,
     ) -> None:
-        self.longest = longest
+        self.longest, self.strongest = WALK, MOST_EXPONENT
+        self.translates = True
         self.engine, self.data, self.output_noise = engine, data, output_noise
         self.groups = output_groups(data)
         self.measured = sorted(column for group in self.groups for column in group)
-        longest = max(float(d.time[-1] - d.time[0]) for d in data)
-        self.unit, self._longest = force_scale**2 / longest, longest
-        self.exponent, self.memory = exponent, min(memory, longest)
+        self._longest = max(float(d.time[-1] - d.time[0]) for d in data)
+        self.unit = force_scale**2 / self._longest
+        self.exponent, self.memory = exponent, memory
         self._shortest = min(d.sample_time for d in data)
         self.initial = InitialStates(engine, data, force_scale)
-        self._linear: Linear = engine.linearise(None)
+        self.linear: Linear = engine.linearise(None)
         self._chain: tuple[int, ...] = engine.layout(None).body_of
         self._observers: dict[tuple[float, float, float], tuple[SettlingObserver, list[Array]]] = {}
+        self._last: dict[int, tuple[bytes, Array]] = {}
         self._rows = [[_usable(d, group) for d in data] for group in self.groups]
 
     @property
@@ -91,13 +97,15 @@ class InnovationCriterion:
 
     def retune(self, theta: Array) -> None:
         """Design the observers anew for the linear part at these parameters."""
-        self._linear = self.engine.linearise(theta)
+        self.linear = self.engine.linearise(theta)
         self._chain = self.engine.layout(theta).body_of
         self._observers.clear()
+        self._last.clear()
 
     def adopt(self, other: InnovationCriterion) -> None:
         """Use the observers of a neighbouring model with the same linear part."""
-        self._linear, self._chain, self._observers = other._linear, other._chain, other._observers
+        self.linear, self._chain, self._observers = other.linear, other._chain, other._observers
+        self._last.clear()
 
     def glimpse(self, samples: int) -> InnovationCriterion | None:
         """The same on a stretch from the middle of every record; None where it would not be much shorter.
@@ -121,17 +129,18 @@ class InnovationCriterion:
         """Read other records of the same outputs; the unit of the intensity stays."""
         self.data = data
         self.initial = InitialStates(self.engine, data, float(np.sqrt(self.unit * self._longest)))
-        self._observers = {}
+        self._observers, self._last = {}, {}
         self._rows = [[_usable(d, group) for d in data] for group in self.groups]
 
     def nuisance(self) -> tuple[Array, Array, Array, Array]:
         """Exponent and memory, their range and size."""
         here, low = np.array([self.exponent, self.memory]), np.array([LEAST_EXPONENT, WHITE])
-        return here, low, np.array([MOST_EXPONENT, self.longest]), np.ones(2)
+        return here, low, np.array([self.strongest, self.longest]), np.ones(2)
 
     def keep(self, nuisance: Array) -> None:
         """Go on from this disturbance."""
-        self.exponent, self.memory = float(nuisance[0]), min(float(nuisance[1]), self.longest)
+        self.exponent = min(float(nuisance[0]), self.strongest)
+        self.memory = min(float(nuisance[1]), self.longest)
 
     def decay(self, memory: float, record: int) -> float:
         """Part of the disturbance that one sample of a record leaves for the next."""
@@ -141,25 +150,36 @@ class InnovationCriterion:
 
     def innovation(self, theta: Array, nuisance: Array, record: int) -> Array:
         """One-step prediction errors of one record, shape (n, p), NaN where not measured."""
-        d = self.data[record]
-        observer, _ = self._observer(nuisance, record)
-        state = self.initial.state(self.initial.values, record, theta)
-        decay = self.decay(float(nuisance[1]), record)
-        return self.engine.predict(theta, d.input_time, d.input, d.time, d.output, observer.gain, state, decay)
+        key = theta.tobytes() + nuisance.tobytes()
+        if record not in self._last or self._last[record][0] != key:
+            d, observer = self.data[record], self.observer(nuisance, record)
+            gain = observer.gains.reshape(-1, d.output.shape[1])
+            state = self.initial.state(self.initial.values, record, theta)
+            decay = self.decay(float(nuisance[1]), record)
+            found = self.engine.predict(
+                theta, d.input_time, d.input, d.time, d.output, gain, state, decay, observer.place
+            )
+            self._last[record] = key, found
+        return self._last[record][1]
 
     def errors(self, theta: Array, nuisance: Array) -> Errors:
         """Innovations by group and record, those of the start scaled to the settled ones' covariance."""
+        return self.arranged([self.innovation(theta, nuisance, r) for r in range(len(self.data))], nuisance)
+
+    def arranged(self, innovations: list[Array], nuisance: Array) -> Errors:
+        """Innovations (n, p) of each record by group, those of the start scaled to the settled ones' covariance."""
         found: Errors = [[] for _ in self.groups]
-        for r in range(len(self.data)):
-            full = self.innovation(theta, nuisance, r)
-            _, scalings = self._observer(nuisance, r)
+        for r, full in enumerate(innovations):
+            observer, scalings = self._observer(nuisance, r)
             for place, (group, rows) in enumerate(zip(self.groups, self._rows, strict=True)):
-                part = np.ascontiguousarray(full[:, group])
-                # A short record may end before the observer has settled.
-                scaling = scalings[place][: len(part)]
-                part[: len(scaling)] = np.einsum("tij,tj->ti", scaling, part[: len(scaling)])
-                found[place].append(np.ascontiguousarray(part[rows[r]]))
+                part = full.copy() if len(group) == full.shape[1] else np.ascontiguousarray(full[:, group])
+                scale_start(part, scalings[place], observer.place)
+                found[place].append(part if rows[r] is None else part[rows[r]])
         return found
+
+    def observer(self, nuisance: Array, record: int) -> SettlingObserver:
+        """Observer of one record."""
+        return self._observer(nuisance, record)[0]
 
     def _observer(self, nuisance: Array, record: int) -> tuple[SettlingObserver, list[Array]]:
         """Observer of one record and the scaling of its first innovations, by group."""
@@ -175,23 +195,22 @@ class InnovationCriterion:
             # No more of a constant force than the disturbance makes by itself: an offset is not noise.
             gained, decay = self.unit * 10.0**exponent, self.decay(memory, record)
             scale[-1] = np.sqrt(gained * min(self._longest, step / max(1.0 - decay**2, 1e-12)))
-            starts = [*self._chain, len(self._linear.A) // 2]
+            starts = [*self._chain, len(self.linear.A) // 2]
             halves = np.diff(starts)
             spread = np.concatenate([np.repeat(scale[:n], halves), np.repeat(scale[n : 2 * n], halves), scale[2 * n :]])
             observer = settling_observer(
-                self._linear, self.measured, step, gained, self.output_noise, spread, samples, decay
+                self.linear, self.measured, step, gained, self.output_noise, spread, samples, decay
             )
-            if not np.all(np.isfinite(observer.gain)):
+            if not np.all(np.isfinite(observer.gains)):
                 raise IdloopError("no observer could be designed for this model and data")
-            self._observers[key] = (observer, [_scalings(observer.covariance, group) for group in self.groups])
+            self._observers[key] = (observer, [_scalings(observer.covariances, group) for group in self.groups])
         return self._observers[key]
 
 
 def _scalings(covariance: Array, group: list[int]) -> Array:
-    """Matrices that bring the first innovations of a group to the settled covariance, shape (m, g, g)."""
-    own = covariance[:, group][:, :, group]
-    roots = np.linalg.cholesky(own)
-    return np.asarray(roots[-1] @ np.linalg.inv(roots[:-1]))
+    """Matrices that bring innovations of a group to the settled covariance, one for each gain, shape (m, g, g)."""
+    own = np.ascontiguousarray(covariance[:, group][:, :, group])
+    return np.asarray(scalings_to_last(own))
 
 
 def _middle(data: Data, share: float) -> Data:
@@ -203,8 +222,8 @@ def _middle(data: Data, share: float) -> Data:
     return replace(data, time=data.time[part], output=data.output[part], gaps=gaps)
 
 
-def _usable(data: Data, group: list[int]) -> NDArray[np.bool_]:
-    """Rows at which a group is measured, without the first one after a gap."""
+def _usable(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
+    """Rows at which a group is measured, without the first one after a gap; None for all rows."""
     keep = np.all(np.isfinite(data.output[:, group]), axis=1)
     keep[data.gaps] = False
-    return np.asarray(keep)
+    return None if np.all(keep) else np.asarray(keep)

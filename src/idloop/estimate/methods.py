@@ -31,6 +31,8 @@ Progress = Callable[[float, str], None]
 
 _ORDERS = tuple(range(1, 9))  # tried for "auto" where a method has no choice of its own
 _DELAYS = 20  # samples that "auto" looks back for the first effect of the command
+_FAR = 10.0  # times its motion that an output may lie from 0 before that is noted
+_SHORTENED = 0.02  # share of a recursion's steps that may be shortened before that is noted
 _HISTORY = 2000  # rows that are remembered of a recursive estimate
 
 
@@ -57,6 +59,8 @@ class Choices:
     focus : "prediction" or "simulation"
     stable : bool
         Reflect poles into the unit circle.
+    integrates : bool
+        Put the pole nearest 1 there.
     closed_loop : bool
         Go by way of the reference where a method can.
     controller : mapping, optional
@@ -74,6 +78,7 @@ class Choices:
     units: int | None = None
     focus: Literal["prediction", "simulation"] = "prediction"
     stable: bool = False
+    integrates: bool = False
     closed_loop: bool = False
     controller: Mapping[str, Any] | None = None
     seed: int = 0
@@ -274,7 +279,24 @@ def _tried(
 ) -> Identified:
     found = method.run(data, choices, order, delay)
     model, history = found if isinstance(found, tuple) else (found, ())
+    if method.kind in ("linear", "recursive"):
+        model = replace(model, notes=(*model.notes, *_offset_notes(data)))
     return Identified(method, model, order, delay if "delay" in method.needs else None, history=history)
+
+
+def _offset_notes(data: list[SampledData]) -> list[str]:
+    """One note for each output that lies so far from 0 that a linear model spends itself on that."""
+    import numpy as np
+
+    notes = []
+    for column, name in enumerate(data[0].output_names):
+        levels = [abs(float(np.mean(one.output[:, column]))) for one in data]
+        spans = [float(np.ptp(one.output[:, column])) for one in data]
+        if max(levels) > _FAR * max(spans):
+            notes.append(
+                f"{name} lies {max(levels) / max(spans):.0f} times its whole motion from 0: take that away first"
+            )
+    return notes
 
 
 def _orders(method: Method, choices: Choices) -> Sequence[int | Literal["auto"]]:
@@ -414,28 +436,33 @@ def _bj(data: list[SampledData], choices: Choices, order: int, delay: int) -> Re
 # ---------------------------------------------------------------- state space
 
 
+def _poles(choices: Choices) -> dict[str, Any]:
+    """What is imposed on the poles of a subspace method."""
+    return {"stable": choices.stable, "integrates": choices.integrates}
+
+
 def _n4sid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
     from idloop.estimate.subspace import n4sid
 
-    return n4sid(data, order, horizon=choices.horizon, focus=choices.focus, stable=choices.stable)
+    return n4sid(data, order, horizon=choices.horizon, focus=choices.focus, **_poles(choices))
 
 
 def _moesp(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
     from idloop.estimate.subspace import moesp
 
-    return moesp(data, order, horizon=choices.horizon, focus=choices.focus, stable=choices.stable)
+    return moesp(data, order, horizon=choices.horizon, focus=choices.focus, **_poles(choices))
 
 
 def _cva(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
     from idloop.estimate.subspace import cva
 
-    return cva(data, order, horizon=choices.horizon, focus=choices.focus, stable=choices.stable)
+    return cva(data, order, horizon=choices.horizon, focus=choices.focus, **_poles(choices))
 
 
 def _pbsid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> LinearModel:
     from idloop.estimate.subspace import pbsid
 
-    return pbsid(data, order, past=choices.horizon, stable=choices.stable)
+    return pbsid(data, order, past=choices.horizon, **_poles(choices))
 
 
 def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
@@ -446,7 +473,7 @@ def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto
         raise InputError("vodma needs the controller that ran; give a model file with one: --controller MODEL")
     period, own = data[0].sample_time, float(choices.controller.get("sample_time", data[0].sample_time))
     feedback = linear_feedback(choices.controller, period)
-    model = vodma(data, feedback, order, horizon=choices.horizon, stable=choices.stable)
+    model = vodma(data, feedback, order, horizon=choices.horizon, **_poles(choices))
     if abs(period - own) <= 1e-3 * period:
         return model
     note = f"the controller ran every {own:g} s and is only approximated on data every {period:g} s"
@@ -456,7 +483,7 @@ def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto
 def _vodma_direct(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
     from idloop.estimate.subspace import vodma_direct
 
-    return vodma_direct(data, order, horizon=choices.horizon, stable=choices.stable)
+    return vodma_direct(data, order, horizon=choices.horizon, **_poles(choices))
 
 
 def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
@@ -490,26 +517,26 @@ def _narx_neural(data: list[SampledData], choices: Choices, order: int, delay: i
 # ---------------------------------------------------------------- recursive
 
 
-def _recursive(
-    polynomials: Mapping[str, int], pseudo_linear: bool = False
-) -> Callable[..., tuple[LinearModel, tuple[CoefficientHistory, ...]]]:
-    """Run of a recursive method whose polynomials have `polynomials[name]` times the order as degree."""
+def _recursive(name: str) -> Callable[..., tuple[LinearModel, tuple[CoefficientHistory, ...]]]:
+    """Run of a recursive method, whose polynomials have the order as degree where the settings say nothing else."""
 
     def run(
         data: list[SampledData], choices: Choices, order: int, delay: int
     ) -> tuple[LinearModel, tuple[CoefficientHistory, ...]]:
-        from idloop.estimate.recursion import RecursivePolynomial
+        from idloop.estimate.recursion import RECURSIVE_METHODS, recursive_estimator
         from idloop.estimate.recursion.estimator import structure
 
-        degrees: dict[str, Any] = {name: _degree(choices, name, order * times) for name, times in polynomials.items()}
+        degrees: dict[str, Any] = {
+            polynomial: _degree(choices, polynomial, order * times)
+            for polynomial, times in RECURSIVE_METHODS[name].degrees.items()
+        }
         # A delay for each input also tells their number.
         orders = structure(**degrees, nk=(delay,) * data[0].input.shape[1])
 
         def make(output: str) -> RecursivePolynomial:
-            return RecursivePolynomial(
-                orders, method="pseudo-linear" if pseudo_linear else "gradient",
-                sample_time=data[0].sample_time, input_names=data[0].input_names, output_name=output,
-            )  # fmt: skip
+            return recursive_estimator(
+                name, orders, sample_time=data[0].sample_time, input_names=data[0].input_names, output_name=output
+            )
 
         return _tracked(data, orders, make)
 
@@ -522,20 +549,26 @@ def _tracked(
     """Model of the last coefficients of every output, and their way there."""
     import numpy as np
 
+    from idloop.estimate.polynomial.arx import check_inputs
     from idloop.estimate.polynomial.model import assemble
     from idloop.estimate.recursion import track
 
+    check_inputs(data, orders)
     total = sum(len(one) for one in data)
     if total <= orders.size:
         raise InputError(
             f"{data[0].name}: {total} samples for {orders.size} coefficients; record longer or lower the orders"
         )
     every = max(total // _HISTORY, 1)
-    histories = tuple(
-        track(make(name), [one.outputs([i]) for one in data], every=every)
-        for i, name in enumerate(data[0].output_names)
-    )
-    model = assemble("recursive", data, [h.final for h in histories], [[h.innovations] for h in histories])
+    estimators = [make(name) for name in data[0].output_names]
+    histories = tuple(track(one, [each.outputs([i]) for each in data], every=every) for i, one in enumerate(estimators))
+    notes = [
+        f"{one.output_name}: {one.projections} of {total} steps were shortened to keep the predictor stable;"
+        " rarx and rarmax follow plants that integrate"
+        for one in estimators
+        if one.projections > _SHORTENED * total
+    ]
+    model = assemble("recursive", data, [h.final for h in histories], [[h.innovations] for h in histories], notes=notes)
     # The loss is that of the last model on all data, as of the other methods; not that of its way there.
     with np.errstate(all="ignore"):
         errors = np.concatenate([model.innovations(one) for one in data])
@@ -546,7 +579,7 @@ def _tracked(
 # ---------------------------------------------------------------- the table
 
 _LJUNG = "Ljung 1999"
-_SUBSPACE = ("order", "horizon", "stable")
+_SUBSPACE = ("order", "horizon", "stable", "integrates")
 
 METHODS: dict[str, Method] = {
     method.name: method
@@ -649,21 +682,24 @@ METHODS: dict[str, Method] = {
         ),
         *(
             Method(
-                name, "recursive", summary, loop, f"{_LJUNG}, {chapter}",
-                ("order", "delay", "structure"), _recursive(degrees, pseudo_linear), tuple(degrees), _ORDERS,
+                name, "recursive", summary, loop, source,
+                ("order", "delay", "structure"), _recursive(name), polynomials, _ORDERS,
             )
-            for name, summary, loop, chapter, degrees, pseudo_linear in (
-                ("rarx", "Least squares, sample by sample.", "any, white equation error", "11.2",
-                 {"na": 1, "nb": 1}, False),
-                ("rarmax", "ARMAX, sample by sample.", "any, noise model right", "11.4",
-                 {"na": 1, "nb": 1, "nc": 1}, False),
-                ("roe", "Output error, sample by sample.", "open", "11.4", {"nb": 1, "nf": 1}, False),
-                ("rbj", "Box-Jenkins, sample by sample.", "any, noise model right", "11.4",
-                 {"nb": 1, "nc": 1, "nd": 1, "nf": 1}, False),
+            for name, summary, loop, source, polynomials in (
+                ("rarx", "Least squares, sample by sample.", "any, white equation error", f"{_LJUNG}, 11.2",
+                 ("na", "nb")),
+                ("kalman", "The same for coefficients that wander.", "any, white equation error", f"{_LJUNG}, 11.2",
+                 ("na", "nb")),
+                ("ekf", "State and coefficients in one extended Kalman filter: biased where its noises are wrong.",
+                 "any, noise levels right", "Ljung 1979", ("na", "nb")),
+                ("rarmax", "ARMAX, sample by sample.", "any, noise model right", f"{_LJUNG}, 11.4", ("na", "nb", "nc")),
+                ("roe", "Output error, sample by sample.", "open", f"{_LJUNG}, 11.4", ("nb", "nf")),
+                ("rbj", "Box-Jenkins, sample by sample.", "any, noise model right", f"{_LJUNG}, 11.4",
+                 ("nb", "nc", "nd", "nf")),
                 ("rpem", "Any structure, sample by sample; ARMAX unless --structure says otherwise.",
-                 "any, noise model right", "11.4", {"na": 1, "nb": 1, "nc": 1, "nd": 0, "nf": 0}, False),
+                 "any, noise model right", f"{_LJUNG}, 11.4", ("na", "nb", "nc", "nd", "nf")),
                 ("rplr", "The same by pseudo-linear regression: simpler, less exact.", "any, noise model right",
-                 "11.5", {"na": 1, "nb": 1, "nc": 1, "nd": 0, "nf": 0}, True),
+                 f"{_LJUNG}, 11.5", ("na", "nb", "nc", "nd", "nf")),
             )
         ),
     )

@@ -84,6 +84,22 @@ def body_sensors(model: Model) -> list[tuple[int | None, int | None]]:
     return [(pair[0], pair[1]) for pair in found.values()]
 
 
+def lagging_sensors(model: Model) -> set[int]:
+    """Outputs that, as the model has it, show another motion than that of the moment.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    set of int
+        Indices into the model's outputs.
+    """
+    sites = {active.at for active in model.effects if active.effect.site == "output" and active.effect.lags}
+    return {row for row, output in enumerate(model.outputs) if output.site in sites}
+
+
 def low_pass(values: Array, cutoff: float, sample_time: float) -> Array:
     """Zero-phase fourth-order Butterworth filter along the first axis.
 
@@ -208,16 +224,20 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
     sensors = body_sensors(model)
     if any(pair == (None, None) for pair in sensors) or len(record.time) < 100:
         return None
+    # Where another sensor sees the body as well, one that lags is not asked.
+    late = lagging_sensors(model)
+    prompt = [tuple(None if row in late else row for row in pair) for pair in sensors]
+    pairs = [best if any(row is not None for row in best) else pair for pair, best in zip(sensors, prompt, strict=True)]
     series: dict[int, Array] = {}
     grid = record.time
-    for pair in sensors:
+    for pair in pairs:
         for row in pair:
             if row is None:
                 continue
             column = uniform(record.time, record.output[:, row])
             if column is not None:
                 grid, series[row] = column[0], column[1] / model.outputs[row].scale
-    pairs = [tuple(r if r in series else None for r in pair) for pair in sensors]
+    pairs = [tuple(r if r in series else None for r in pair) for pair in pairs]
     if any(pair == (None, None) for pair in pairs):
         return None
     step = float(np.median(np.diff(grid)))

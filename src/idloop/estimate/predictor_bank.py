@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _COMMANDS_KEPT = 16384
+_ONE_GAIN = np.zeros(1, dtype=np.int64)
 
 
 class PredictorBank:
@@ -239,7 +240,7 @@ class PredictorBank:
         self, layout: Any, gain: Array, state: Array, history: Array, t: Array, y: Array, innovation: Array
     ) -> None:
         time, value = self._command_time[: self._commands], self._command[: self._commands]
-        self.kernel.predict(layout.axis, time, value, t, y, gain, 1.0, state, history, innovation)
+        self.kernel.predict(layout.axis, time, value, t, y, gain, _ONE_GAIN, 1.0, state, history, innovation)
 
     def _append(self, t: Array, u: Array) -> None:
         count = len(t)

@@ -159,7 +159,7 @@ class RecursiveEstimator:
         u : float
             Command that takes effect at ``t``, after the measurement.
         y : array, shape (p,)
-            Measurement; NaN where there is none.
+            Measurement; not finite where there is none.
 
         Returns
         -------
@@ -178,7 +178,7 @@ class RecursiveEstimator:
         t, u : array, shape (n,)
             Times [s] and commands that take effect there.
         y : array, shape (n, p)
-            Measurements; NaN where there is none.
+            Measurements; not finite where there is none.
 
         Returns
         -------
@@ -187,7 +187,9 @@ class RecursiveEstimator:
         """
         times = np.array(t, dtype=float)
         commands = np.ascontiguousarray(u, dtype=float)
-        measured = np.ascontiguousarray(y, dtype=float)
+        measured = np.array(y, dtype=float, order="C")
+        # A reading without a size says nothing, as if there was none.
+        measured[~np.isfinite(measured)] = np.nan
         prediction = np.full(measured.shape, np.nan)
         if not np.isfinite(self._origin) and len(times):
             self._origin = float(times[0])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    import control
     from idloop.physics import Model
 
 Array = NDArray[np.float64]
@@ -96,6 +97,20 @@ class FitResult:
         """Correlation matrix of the estimates, shape (k, k)."""
         size = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
         return np.asarray(self.covariance / np.outer(size, size))
+
+    @property
+    def system(self) -> control.StateSpace:
+        """Linear part of the fitted model as a python-control system, from the command to the outputs."""
+        import control
+        from idloop.estimate.control_names import control_names
+        from idloop.physics import Engine
+
+        linear = Engine(self.model).linearise()
+        names = control_names(self.model.output_names)
+        return control.ss(
+            linear.A, linear.B.reshape(-1, 1), linear.C, np.zeros((len(names), 1)),
+            inputs=control_names([self.model.input.name]), outputs=names, remove_useless_states=False,
+        )  # fmt: skip
 
     def interval(self, name: str) -> tuple[float, float]:
         """95 % confidence interval of one parameter.

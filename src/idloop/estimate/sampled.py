@@ -15,6 +15,7 @@ from idloop.records import Record
 Array = NDArray[np.float64]
 
 _EVEN = 0.05  # stamps within 5 % of a period are jitter of the clock, not another grid
+_SIZES = (1e-60, 1e60)  # beyond these, products of squares are 0 or infinite
 _SHORTEST = 20  # samples: a shorter stretch between two holes carries no dynamics
 
 
@@ -68,6 +69,11 @@ class SampledData:
                 )
             if not np.all(np.isfinite(value)):
                 raise InputError(f"{self.name}: {what} holds NaN or infinite samples; cut them out first")
+            size = float(np.max(np.abs(value), initial=0.0))
+            if size and not _SIZES[0] < size < _SIZES[1]:
+                raise InputError(
+                    f"{self.name}: {what} of size {size:.3g}, whose squares no number holds; give it another unit"
+                )
         if not self.sample_time > 0:
             raise InputError(f"{self.name}: sample time {self.sample_time:g} s; it must be positive")
 

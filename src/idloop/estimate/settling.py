@@ -9,13 +9,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from idloop.estimate.small_matrices import cholesky, multiply, multiply_transposed, solve_from_right
+
 if TYPE_CHECKING:
     from idloop.physics.engine import Linear
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int64]
 
 # Gains that change less than this over the rest of the record are taken as settled.
 _SETTLED = 1e-3
+# From so many measurements on the gain is held for this part of those so far.
+_SLOWLY, _HELD = 256, 128
 # Measurements after which the gain is held in any case.
 _MOST = 20_000
 
@@ -26,19 +31,32 @@ class SettlingObserver:
 
     Attributes
     ----------
-    gain : array, shape (m (2 b + 1), p)
-        Gains one below the other, for the first m measurements; the last holds from there on.
-    covariance : array, shape (m, p, p)
-        Innovation covariance that the linear theory expects at each of them.
+    gains : array, shape (g, 2 b + 1, p)
+        Gains in the order in which they serve.
+    covariances : array, shape (g, p, p)
+        Innovation covariance that the linear theory expects with each of them.
+    place : array of int, shape (m,)
+        Which of them serve the first m measurements; the last of these holds from there on.
     """
 
-    gain: Array
-    covariance: Array
+    gains: Array
+    covariances: Array
+    place: Places
 
     @property
     def steps(self) -> int:
         """Measurements until the gain has settled."""
-        return len(self.covariance)
+        return len(self.place)
+
+    @property
+    def gain(self) -> Array:
+        """Gains of the first m measurements one below the other, shape (m (2 b + 1), p)."""
+        return self.gains[self.place].reshape(-1, self.gains.shape[2])
+
+    @property
+    def covariance(self) -> Array:
+        """Innovation covariance at each of the first m measurements, shape (m, p, p)."""
+        return self.covariances[self.place]
 
 
 def settling_observer(
@@ -94,106 +112,170 @@ def settling_observer(
     prior = np.square(start)
     prior[m] /= force**2
     most = max(min(samples, _MOST), 1)
-    gains = np.empty((most, m + 1, len(measured)))
-    covariances = np.empty((most, len(measured), len(measured)))
+    room = min(most, _room(most))
+    gains = np.empty((room, m + 1, len(measured)))
+    covariances = np.empty((room, len(measured), len(measured)))
+    place = np.empty(most, dtype=np.int64)
     count = _recursion(
         np.ascontiguousarray(transition), np.ascontiguousarray(output), process, np.diag(prior), samples, gains,
-        covariances,
+        covariances, place,
     )  # fmt: skip
-    gains, covariances = gains[:count], covariances[:count]
-    full = np.zeros((count, m + 1, p))
-    full[:, :, measured] = gains / noise
+    different = int(place[count - 1]) + 1
+    full = np.zeros((different, m + 1, p))
+    full[:, :, measured] = gains[:different] / noise
     full[:, m] *= force
-    expected = np.zeros((count, p, p))
-    expected[np.ix_(range(count), measured, measured)] = covariances * np.outer(noise, noise)
-    return SettlingObserver(full.reshape(count * (m + 1), p), expected)
+    expected = np.zeros((different, p, p))
+    expected[np.ix_(range(different), measured, measured)] = covariances[:different] * np.outer(noise, noise)
+    return SettlingObserver(full, expected, place[:count])
 
 
-# Matrices of a few rows are multiplied faster here than by a library that is called for each.
-@njit(cache=True, nogil=True, inline="always")
-def _multiply(a: Any, b: Any, out: Any) -> None:
-    """Matrix product A B into `out`."""
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            total = 0.0
-            for n in range(a.shape[1]):
-                total += a[i, n] * b[n, j]
-            out[i, j] = total
+def _room(most: int) -> int:
+    """Bound on the number of different gains: all of the first ones, then twice `_HELD` for each doubling."""
+    return _SLOWLY + (2 * _HELD + 2) * (int(np.log2(most)) + 2)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _multiply_transposed(a: Any, b: Any, out: Any) -> None:
-    """Matrix product A B' into `out`."""
-    for i in range(a.shape[0]):
-        for j in range(b.shape[0]):
-            total = 0.0
-            for n in range(a.shape[1]):
-                total += a[i, n] * b[j, n]
-            out[i, j] = total
+@njit(cache=True, nogil=True)
+def scalings_to_last(covariance: Any) -> Any:
+    """Matrices that bring vectors of given covariances to the last one of these.
+
+    Parameters
+    ----------
+    covariance : array, shape (g, p, p)
+        Positive matrices.
+
+    Returns
+    -------
+    array, shape (g, p, p)
+    """
+    m, p = covariance.shape[:2]
+    last, factor = np.zeros((p, p)), np.zeros((p, p))
+    cholesky(covariance[m - 1], last)
+    found = np.empty((m, p, p))
+    for k in range(m):
+        cholesky(covariance[k], factor)
+        # X L = L_last, row by row from the right.
+        for row in range(p):
+            for back in range(p):
+                i = p - 1 - back
+                total = last[row, i]
+                for n in range(i + 1, p):
+                    total -= found[k, row, n] * factor[n, i]
+                found[k, row, i] = total / factor[i, i]
+    return found
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _solve_from_right(a: Any, factor: Any, b: Any) -> None:
-    """Replace the rows of `b` by B A^-1, A symmetric and positive; `factor` takes its Cholesky factor."""
-    p = a.shape[0]
-    for i in range(p):
-        for j in range(i + 1):
-            total = a[i, j]
-            for n in range(j):
-                total -= factor[i, n] * factor[j, n]
-            factor[i, j] = np.sqrt(total) if i == j else total / factor[j, j]
-    for row in range(b.shape[0]):
+@njit(cache=True, nogil=True)
+def scale_start(series: Any, scalings: Any, place: Any) -> None:
+    """Multiply the first rows of a series, each by its matrix, in place.
+
+    Parameters
+    ----------
+    series : array, shape (n, p)
+    scalings : array, shape (g, p, p)
+    place : array of int, shape (m,)
+        Which matrix each of the first m rows takes; n may be less.
+    """
+    p = series.shape[1]
+    row = np.empty(p)
+    for k in range(min(series.shape[0], place.shape[0])):
+        matrix = scalings[place[k]]
         for i in range(p):
-            total = b[row, i]
-            for n in range(i):
-                total -= factor[i, n] * b[row, n]
-            b[row, i] = total / factor[i, i]
-        for back in range(p):
-            i = p - 1 - back
-            total = b[row, i]
-            for n in range(i + 1, p):
-                total -= factor[n, i] * b[row, n]
-            b[row, i] = total / factor[i, i]
+            row[i] = series[k, i]
+        for i in range(p):
+            total = 0.0
+            for j in range(p):
+                total += matrix[i, j] * row[j]
+            series[k, i] = total
+
+
+@njit(cache=True, nogil=True)
+def _leaps(transition: Any, output: Any, process: Any, count: int) -> Any:
+    """What 2^j steps make of a covariance P, as (A, Q, M) of Q + A P (I + M P)^-1 A', shape (count, 3, m, m).
+
+    Doubling: Anderson, "Second-order convergent algorithms for the steady-state Riccati equation",
+    Int. J. Control 28, 1978.
+    """
+    m = transition.shape[0]
+    found = np.empty((count, 3, m, m))
+    found[0, 0], found[0, 1], found[0, 2] = transition, process, np.ascontiguousarray(output.T) @ output
+    for j in range(1, count):
+        a, q, h = found[j - 1, 0], found[j - 1, 1], found[j - 1, 2]
+        back = np.ascontiguousarray(a.T)
+        inverse = np.linalg.inv(np.eye(m) + q @ h)
+        ahead = inverse @ a
+        found[j, 0] = a @ ahead
+        found[j, 1] = q + a @ (inverse @ (q @ back))
+        found[j, 2] = h + back @ (h @ ahead)
+        for part in range(1, 3):
+            found[j, part] = 0.5 * (found[j, part] + found[j, part].T)
+    return found
 
 
 @njit(cache=True, nogil=True)
 def _recursion(
-    transition: Any, output: Any, process: Any, covariance: Any, samples: int, gains: Any, innovations: Any
+    transition: Any, output: Any, process: Any, covariance: Any, samples: int, gains: Any, innovations: Any, place: Any
 ) -> int:
-    """Kalman recursion with unit measurement noise; returns the number of steps until the gain settles."""
+    """Kalman recursion with unit measurement noise; returns the number of steps until the gain settles.
+
+    Different gains go to ``gains``, and which of them serves each measurement to ``place``.
+
+    Later on the gain changes slowly: from there it is computed every so often, and held in between.
+    """
     m = transition.shape[0]
     p = output.shape[0]
-    most = gains.shape[0]
+    most = place.shape[0]
     factor = np.zeros((p, p))
     left, half, whole = np.empty((m, m)), np.empty((m, m)), np.empty((m, m))
-    for k in range(most):
-        gain, innovation = gains[k], innovations[k]
-        _multiply_transposed(covariance, output, gain)
-        _multiply(output, gain, innovation)
+    leaps = np.empty((0, 3, m, m))
+    k, held, different = 0, 1, 0
+    while k < most:
+        gain, innovation = gains[different], innovations[different]
+        multiply_transposed(covariance, output, gain)
+        multiply(output, gain, innovation)
         for i in range(p):
             innovation[i, i] += 1.0
-        _solve_from_right(innovation, factor, gain)
-        # Joseph's form stays positive through a start of many decades.
-        _multiply(gain, output, left)
-        for i in range(m):
-            for j in range(m):
-                left[i, j] = (1.0 if i == j else 0.0) - left[i, j]
-        _multiply(left, covariance, half)
-        _multiply_transposed(half, left, whole)
-        for i in range(m):
-            for j in range(m):
-                for n in range(p):
-                    whole[i, j] += gain[i, n] * gain[j, n]
-        _multiply(transition, whole, half)
-        _multiply_transposed(half, transition, whole)
+        solve_from_right(innovation, factor, gain)
         change = largest = 0.0
         for i in range(m):
-            for j in range(m):
-                covariance[i, j] = 0.5 * (whole[i, j] + whole[j, i]) + process[i, j]
             for j in range(p):
                 largest = max(largest, abs(gain[i, j]))
                 if k > 0:
-                    change = max(change, abs(gain[i, j] - gains[k - 1, i, j]))
-        if k > m and change * (samples - k) <= _SETTLED * largest:
+                    change = max(change, abs(gain[i, j] - gains[different - 1, i, j]))
+        place[k] = different
+        if k > m and change / held * (samples - k) <= _SETTLED * largest:
             return k + 1
+        level = 0
+        while k >= _SLOWLY and 2 ** (level + 1) <= min(k // _HELD, most - k):
+            level += 1
+        held = 2**level
+        for later in range(1, held):
+            place[k + later] = different
+        if held > 1:
+            if leaps.shape[0] == 0:
+                leaps = _leaps(transition, output, process, int(np.log2(most)) + 1)
+            a, q, h = leaps[level, 0], leaps[level, 1], leaps[level, 2]
+            inverse = np.linalg.inv(np.eye(m) + h @ covariance)
+            whole[:] = q + a @ (covariance @ inverse) @ np.ascontiguousarray(a.T)
+            for i in range(m):
+                for j in range(m):
+                    covariance[i, j] = 0.5 * (whole[i, j] + whole[j, i])
+        else:
+            # Joseph's form stays positive through a start of many decades.
+            multiply(gain, output, left)
+            for i in range(m):
+                for j in range(m):
+                    left[i, j] = (1.0 if i == j else 0.0) - left[i, j]
+            multiply(left, covariance, half)
+            multiply_transposed(half, left, whole)
+            for i in range(m):
+                for j in range(m):
+                    for n in range(p):
+                        whole[i, j] += gain[i, n] * gain[j, n]
+            multiply(transition, whole, half)
+            multiply_transposed(half, transition, whole)
+            for i in range(m):
+                for j in range(m):
+                    covariance[i, j] = 0.5 * (whole[i, j] + whole[j, i]) + process[i, j]
+        k += held
+        different += 1
     return int(most)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from idloop.estimate.small_matrices import multiply, multiply_transposed, solve_from_right
 
 Array = NDArray[np.float64]
 
@@ -85,7 +86,7 @@ def _lagged_products(series: Any, total: Any) -> None:
                 total[k, j, q] += sum_
 
 
-def _covariances(records: list[Array], order: int) -> Array:
+def autocovariances(records: list[Array], order: int) -> Array:
     """Pooled autocovariance matrices E e_t e_{t−k}ᵀ, k = 0..order, biased estimate."""
     p = records[0].shape[1]
     covariance = np.zeros((order + 1, p, p))
@@ -94,7 +95,8 @@ def _covariances(records: list[Array], order: int) -> Array:
     return np.asarray(covariance / sum(len(e) for e in records))
 
 
-def _levinson(covariance: Array) -> Iterator[tuple[Array, Array]]:
+@njit(cache=True, nogil=True)
+def _levinson(covariance: Any, innovation: Any) -> Any:
     """Yule-Walker solutions of all orders in turn, each from the one before.
 
     Whittle, "On the fitting of multivariate autoregressions", Biometrika 50, 1963.
@@ -103,35 +105,67 @@ def _levinson(covariance: Array) -> Iterator[tuple[Array, Array]]:
     ----------
     covariance : array, shape (order + 1, p, p)
         Autocovariances of lag 0..order.
+    innovation : array, shape (order + 1, p, p)
+        Takes the covariance of what each order leaves.
 
-    Yields
-    ------
-    coefficients : array, shape (k, p, p)
-        A_1..A_k of order k = 0..order.
-    innovation : array, shape (p, p)
-        Covariance of what is left.
+    Returns
+    -------
+    array, shape (k, p, p)
+        A_1..A_k of the highest order; fewer than asked for where nothing is left that more could say.
     """
-    p = covariance.shape[1]
-    # The ridge only matters for residuals that are exactly dependent, such as rounding-free data.
-    start = covariance[0] + 1e-10 * np.diag(np.diag(covariance[0]))
-    ahead, back = np.zeros((0, p, p)), np.zeros((0, p, p))
-    left_ahead, left_back = start, start
-    yield ahead, left_ahead
-    for k in range(1, len(covariance)):
-        missing = covariance[k] - np.einsum("iab,ibc->ac", ahead, covariance[k - 1 : 0 : -1])
-        try:
-            last_ahead = np.linalg.solve(left_back.T, missing.T).T
-            last_back = np.linalg.solve(left_ahead.T, missing).T
-        except np.linalg.LinAlgError:
-            return  # what is left is nothing: no higher order can say more
-        ahead, back = (
-            np.concatenate([ahead - last_ahead @ back[::-1], last_ahead[None]]),
-            np.concatenate([back - last_back @ ahead[::-1], last_back[None]]),
-        )
-        left_ahead = left_ahead - last_ahead @ missing.T
-        left_back = left_back - last_back @ missing
-        left_ahead, left_back = 0.5 * (left_ahead + left_ahead.T), 0.5 * (left_back + left_back.T)
-        yield ahead, left_ahead
+    order, p = covariance.shape[0] - 1, covariance.shape[1]
+    ahead, back = np.zeros((order, p, p)), np.zeros((order, p, p))
+    before_ahead, before_back = ahead.copy(), back.copy()
+    left_ahead, left_back = covariance[0].copy(), covariance[0].copy()
+    for i in range(p):  # only matters for residuals that are exactly dependent, such as rounding-free data
+        left_ahead[i, i] += 1e-10 * covariance[0, i, i]
+        left_back[i, i] = left_ahead[i, i]
+    innovation[0] = left_ahead
+    last_ahead, last_back, factor = np.empty((p, p)), np.empty((p, p)), np.zeros((p, p))
+    part = np.empty((p, p))
+    for k in range(1, order + 1):
+        missing = covariance[k].copy()
+        for i in range(k - 1):
+            multiply(ahead[i], covariance[k - 1 - i], part)
+            missing -= part
+        last_ahead[:] = missing
+        solve_from_right(left_back, factor, last_ahead)
+        last_back[:] = missing.T
+        solve_from_right(left_ahead, factor, last_back)
+        if not (np.all(np.isfinite(last_ahead)) and np.all(np.isfinite(last_back))):
+            return ahead[: k - 1]
+        before_ahead[: k - 1], before_back[: k - 1] = ahead[: k - 1], back[: k - 1]
+        for i in range(k - 1):
+            multiply(last_ahead, before_back[k - 2 - i], part)
+            ahead[i] -= part
+            multiply(last_back, before_ahead[k - 2 - i], part)
+            back[i] -= part
+        ahead[k - 1], back[k - 1] = last_ahead, last_back
+        multiply_transposed(last_ahead, missing, part)
+        left_ahead -= part
+        multiply(last_back, missing, part)
+        left_back -= part
+        left_ahead[:] = 0.5 * (left_ahead + left_ahead.T)
+        left_back[:] = 0.5 * (left_back + left_back.T)
+        innovation[k] = left_ahead
+    return ahead
+
+
+def left_by_orders(covariance: Array) -> Array:
+    """Covariance of what autoregressions of all orders leave.
+
+    Parameters
+    ----------
+    covariance : array, shape (order + 1, p, p)
+        Autocovariances of lag 0..order, see `autocovariances`.
+
+    Returns
+    -------
+    array, shape (k + 1, p, p)
+        Of the orders 0..k; k is below ``order`` where nothing is left that more could say.
+    """
+    innovation = np.empty_like(covariance)
+    return innovation[: len(_levinson(covariance, innovation)) + 1]
 
 
 def fit_whitener(records: list[Array], order: int) -> Whitener:
@@ -149,8 +183,8 @@ def fit_whitener(records: list[Array], order: int) -> Whitener:
     Whitener
         A stable autoregression (the biased autocovariances see to that).
     """
-    *_, (coefficients, _) = _levinson(_covariances(records, order))
-    return Whitener(np.ascontiguousarray(coefficients))
+    covariance = autocovariances(records, order)
+    return Whitener(np.ascontiguousarray(_levinson(covariance, np.empty_like(covariance))))
 
 
 def choose_order(records: list[Array], limit: int | None = None) -> int:
@@ -175,16 +209,13 @@ def choose_order(records: list[Array], limit: int | None = None) -> int:
     most = most if limit is None else min(most, limit)
     if most < 1:
         return 0
-    covariance = _covariances(records, most)
-    best, chosen = np.inf, 0
-    for coefficients, innovation in _levinson(covariance):
-        order = len(coefficients)
-        sign, log_determinant = np.linalg.slogdet(innovation)
-        if sign <= 0:
-            break
-        if order not in _ORDERS:
-            continue
-        value = total * log_determinant + 2.0 * order * p * p
-        if value < best:
-            best, chosen = value, order
-    return chosen
+    covariance = autocovariances(records, most)
+    innovation = left_by_orders(covariance)
+    orders = np.array([order for order in _ORDERS if order < len(innovation)])
+    sign, log_determinant = np.linalg.slogdet(innovation[orders])
+    # From where on nothing is left, no higher order can say more.
+    sound = np.logical_and.accumulate(sign > 0)
+    if not sound[0]:
+        return 0
+    value = total * log_determinant + 2.0 * orders * p * p
+    return int(orders[np.argmin(np.where(sound, value, np.inf))])

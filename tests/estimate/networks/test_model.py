@@ -1,8 +1,11 @@
+import json
+
 import numpy as np
 import pytest
 
+from idloop.cli._common import to_json
 from idloop.errors import InputError
-from idloop.estimate.networks import TrainingRules, narx_neural, narx_wavelet
+from idloop.estimate.networks import TrainingRules, load, narx_neural, narx_wavelet, save
 
 
 @pytest.fixture(scope="module")
@@ -89,3 +92,51 @@ def test_the_result_shows_itself(model, data):
     assert values["delays"] == {"na": 2, "nb": 2, "nk": 1}
     assert len(values["history"]["train"]) == len(model.history.train)
     assert set(values["split"]) == {"train", "validation", "test"}
+
+
+def test_a_saved_network_goes_on_as_it_was(model, data, tmp_path):
+    again = load(save(model, tmp_path / "network.json"))
+    np.testing.assert_array_equal(again.simulate(data), model.simulate(data))
+    np.testing.assert_array_equal(again.predict(data, 3), model.predict(data, 3))
+    assert to_json(again.to_dict()) == to_json(model.to_dict())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.pop("network"), "network"),
+        (lambda d: d["network"].update(weight=[[1.0]]), "network|weight"),
+        (lambda d: d["network"].update(lag=[0] * len(d["network"]["lag"])), "regressor"),
+        (lambda d: d["network"].update(center=[None] * len(d["network"]["center"])), "center"),
+        (lambda d: d.update(schema="idloop/linear-model/1"), "schema"),
+    ],
+)
+def test_a_damaged_file_is_one_line(change, words, model, tmp_path):
+    file = save(model, tmp_path / "network.json")
+    document = json.loads(file.read_text())
+    change(document)
+    file.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=words) as caught:
+        load(file)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"), [("a.npz", "", "suffix"), ("a.json", "{", "damaged"), ("b.json", None, "cannot be read")]
+)
+def test_other_files_are_one_line(name, text, words, tmp_path):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=words):
+        load(tmp_path / name)
+
+
+def test_the_free_run_is_a_system_of_python_control(model, data):
+    import control
+
+    short = data.part(0, 60)
+    first = model.first
+    state = np.concatenate([short.output[:first].ravel(), short.input[:first].ravel()])
+    time = np.arange(len(short) - first) * short.sample_time
+    run = control.input_output_response(model.system, time, short.input[first:].T, state)
+    np.testing.assert_allclose(run.outputs.ravel(), model.simulate(short)[first:].ravel(), atol=1e-12)

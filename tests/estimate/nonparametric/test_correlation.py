@@ -100,3 +100,14 @@ def test_the_result_shows_itself(plant):
     assert estimate.to_dict()["response"].shape == (41, 1)
     with pytest.raises(InputError, match="share"):
         estimate.band(99)
+
+
+def test_the_weights_are_a_system_of_python_control(plant):
+    import control
+
+    estimate = cra(plant.open_loop(0, 2000), 20)
+    found = control.impulse_response(estimate.system, np.arange(30) * estimate.sample_time).outputs.ravel()
+    causal = estimate.response[estimate.lag >= 0, 0]
+    # python-control's impulse has the area 1.
+    np.testing.assert_allclose(found[:21] * estimate.sample_time, causal, atol=1e-12)
+    np.testing.assert_allclose(found[21:], 0.0, atol=1e-12)

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.estimate.recursion.factored import limited, measured, variances, widened
+from idloop.estimate.recursion.factored import limited, measured, propagated, variances, widened
 from idloop.estimate.recursion.step import stable
 
 sizes, seeds = st.integers(1, 6), st.integers(0, 1000)
@@ -37,6 +37,18 @@ def test_widening_adds_to_one_variance(size, seed, index, variance):
     widened(upper, diagonal, index, variance, np.empty(size))
     np.testing.assert_allclose(dense(upper, diagonal), expected, atol=1e-10)
     np.testing.assert_array_equal(np.diag(upper), 1.0)
+
+
+@given(size=sizes, seed=seeds, quiet=st.integers(0, 6))
+def test_a_step_in_time_is_that_of_the_covariance(size, seed, quiet):
+    upper, diagonal, rng = factors(size, seed)
+    forward, noise = rng.normal(size=(size, size)), np.exp(rng.normal(size=size))
+    noise[:quiet] = 0.0
+    expected = forward @ dense(upper, diagonal) @ forward.T + np.diag(noise)
+    propagated(upper, diagonal, forward @ upper, noise, np.empty((size, size + 1)))
+    np.testing.assert_allclose(dense(upper, diagonal), expected, rtol=1e-8, atol=1e-8)
+    np.testing.assert_array_equal(upper, np.triu(upper, 1) + np.eye(size))
+    assert np.all(diagonal >= 0.0)
 
 
 @given(size=sizes, seed=seeds)

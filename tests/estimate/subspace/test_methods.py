@@ -255,3 +255,18 @@ def test_bad_input_is_one_line(change, message):
     with pytest.raises(InputError, match=message) as caught:
         change(experiment(plant(), 1000, 0.1))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("method", OPEN)
+def test_a_known_integrator_is_put_on_the_circle_and_the_other_poles_stay(method):
+    true = plant(a=[[1.0, 0.1], [0.0, 0.8]], b=[[0.0], [0.1]], c=[[1.0, 0.0]], gain=[[0.5], [0.1]])
+    data = experiment(true, 2000, 0.05)
+    free, held = method(data, 2), method(data, 2, integrates=True)
+    assert abs(np.max(held.poles.real) - 1.0) < 1e-8
+    assert np.min(held.poles.real) == pytest.approx(np.min(free.poles.real), abs=1e-9)
+    assert abs(np.max(free.poles.real) - 1.0) > 1e-6
+
+
+def test_an_integrator_that_the_data_contradict_is_one_line(true):
+    with pytest.raises(InputError, match="no integrator"):
+        n4sid(experiment(true, 2000, 0.05), 3, integrates=True)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.linear.error_covariance import Focus, error_covariance
+from idloop.estimate.linear.instability import instability_notes
 from idloop.estimate.linear.model import Coefficient, LinearModel
 from idloop.estimate.linear.propagate import respond
 from idloop.estimate.linear.search import Found, Parametrisation, mirrored, predictor_radius, search, stability_limit
@@ -19,7 +20,7 @@ from idloop.estimate.observer import riccati
 from idloop.estimate.sampled import SampledData, check_fits, together
 
 if TYPE_CHECKING:
-    from idloop.estimate.polynomial.weighting import Filter
+    from idloop.estimate.prefilter import Filter
 
 Array = NDArray[np.float64]
 
@@ -170,7 +171,7 @@ def finished(
             for name, i, s in zip(names, kept, deviation, strict=True)
         ),
         coefficient_covariance=covariance if len(names) else None,
-        notes=tuple(notes),
+        notes=(*notes, *instability_notes(matrices.a)),
     )
     return replace(model, covariance=error_covariance(model, experiments, focus))
 
@@ -187,7 +188,7 @@ def overflowing(name: str, focus: Focus) -> InputError:
 def filtered(data: SampledData | Sequence[SampledData], prefilter: Filter | None) -> list[SampledData]:
     """Experiments that belong together, all signals through the same filter."""
     # Polynomial models are linear models, so that this package must not import theirs when it is read.
-    from idloop.estimate.polynomial.weighting import prefiltered
+    from idloop.estimate.prefilter import prefiltered
 
     return prefiltered(together(data), prefilter)
 

@@ -109,7 +109,10 @@ def search(
     if whitener is None or predictor_radius(start_model) > limit:
         return None
     while True:
-        chart = _Chart(parametrisation, point, experiments, whitener, initial, limit)
+        try:
+            chart = _Chart(parametrisation, point, experiments, whitener, initial, limit)
+        except FloatingPointError:
+            return None
         if iterations >= max_iterations or converged:
             break
         origin = np.zeros(chart.basis.shape[1])
@@ -198,6 +201,8 @@ class _Chart:
         free = parametrisation.free(point)
         self.directions = free.shape[1]
         origin, jacobian = self._errors(point, free)
+        if not (np.all(np.isfinite(origin)) and np.all(np.isfinite(jacobian))):
+            raise FloatingPointError("the errors or their slopes overflow")
         scale = np.linalg.norm(jacobian, axis=0)
         shown = scale > 0.0
         left, values, right = np.linalg.svd(jacobian[:, shown] / scale[shown], full_matrices=False)

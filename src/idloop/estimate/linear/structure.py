@@ -17,7 +17,7 @@ from idloop.estimate.linear.sensitivity import Matrices
 from idloop.estimate.sampled import SampledData
 
 if TYPE_CHECKING:
-    from idloop.estimate.polynomial.weighting import Filter
+    from idloop.estimate.prefilter import Filter
 
 Array = NDArray[np.float64]
 Structure = Callable[..., tuple[ArrayLike, ...]]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from idloop.estimate.networks.network import Network, ahead, parameters
 from idloop.estimate.networks.tapped_delays import TappedDelays
 from idloop.estimate.networks.training import TrainingHistory
 from idloop.estimate.sampled import SampledData, check_fits
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 
@@ -73,6 +77,35 @@ class NarxModel:
     def free(self) -> int:
         """Numbers that were estimated."""
         return int(parameters(self.network, with_linear=bool(np.any(self.network.linear))).size)
+
+    @property
+    def system(self) -> control.NonlinearIOSystem:
+        """The free run as a python-control system: `linearize`, `input_output_response` and `find_eqpt` work on it.
+
+        Its states are the last `first` outputs, oldest first, then the last `first` inputs.
+        """
+        import control
+        from idloop.estimate.control_names import control_names
+
+        first, p, m = self.first, len(self.output_names), len(self.input_names)
+
+        def lines(state: Array) -> tuple[Array, Array]:
+            return state[: first * p].reshape(first, p), state[first * p :].reshape(first, m)
+
+        def output(time: float, state: Array, command: Array, parameters: Mapping[str, Any]) -> Array:
+            past, sent = lines(np.asarray(state, dtype=float))
+            inputs, outputs = np.vstack([sent, np.reshape(command, (1, m))]), np.vstack([past, np.zeros((1, p))])
+            return np.asarray(ahead(self.network, inputs, outputs, first, 1, self.low, self.high)[-1])
+
+        def update(time: float, state: Array, command: Array, parameters: Mapping[str, Any]) -> Array:
+            past, sent = lines(np.asarray(state, dtype=float))
+            now = output(time, state, command, parameters)
+            return np.concatenate([*past[1:], now, *sent[1:], np.reshape(command, m)])
+
+        return control.nlsys(
+            update, output, inputs=control_names(self.input_names), outputs=control_names(self.output_names),
+            states=first * (p + m), dt=self.sample_time,
+        )  # fmt: skip
 
     def predict(self, data: SampledData, steps: int = 1) -> Array:
         """Prediction `steps` samples ahead (one: the series-parallel form).
@@ -144,7 +177,11 @@ class NarxModel:
             "delays": self.delays.to_dict(),
             "sample_time": self.sample_time,
             "inputs": list(self.input_names),
+            "input_units": list(self.input_units),
             "outputs": list(self.output_names),
+            "output_units": list(self.output_units),
+            "low": self.low,
+            "high": self.high,
             "units": self.units,
             "free": self.free,
             "samples": self.samples,
@@ -153,6 +190,47 @@ class NarxModel:
             "history": self.history.to_dict(),
             "notes": list(self.notes),
         }
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> NarxModel:
+        """The model of `to_dict`, of arrays or of plain lists with None for NaN.
+
+        Raises
+        ------
+        InputError
+            Something is missing, or of another shape.
+        """
+        try:
+            names = {
+                key: tuple(map(str, document[key])) for key in ("inputs", "input_units", "outputs", "output_units")
+            }
+            network = _network(document["network"])
+            history = dict(document["history"])
+            curves: dict[str, Any] = {
+                key: _numbers(history.pop(key)) for key in ("train", "validation", "test", "gradient", "mu")
+            }
+            rows = {key: np.asarray(value, dtype=np.int64) for key, value in document["split"].items()}
+            model = cls(
+                method=str(document["method"]),
+                form=document["form"],
+                delays=TappedDelays(**document["delays"]),
+                network=network,
+                low=_numbers(document["low"]),
+                high=_numbers(document["high"]),
+                sample_time=float(document["sample_time"]),
+                input_names=names["inputs"],
+                input_units=names["input_units"],
+                output_names=names["outputs"],
+                output_units=names["output_units"],
+                samples=int(document["samples"]),
+                split=Split(**rows),
+                history=TrainingHistory(**curves, **history),
+                notes=tuple(map(str, document["notes"])),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"damaged, or not a network ({' '.join(str(error).split())})") from None
+        _check_shapes(network, len(model.input_names), len(model.output_names))
+        return model
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the training curve; returns the matplotlib axes."""
@@ -231,3 +309,37 @@ class NarxModel:
             raise InputError(
                 f"{data.name}: {len(data)} samples do not fill delays of {self.first}; give a longer record"
             )
+
+
+def _numbers(values: Any) -> Array:
+    """Array of a nested list, None being NaN."""
+    return np.array(values, dtype=float)
+
+
+def _network(values: Mapping[str, Any]) -> Network:
+    found = {
+        name: np.ascontiguousarray(values[name], dtype=np.int64 if name in ("source", "lag", "kind") else float)
+        for name in Network._fields
+    }
+    units, regressors, outputs = len(found["kind"]), len(found["source"]), len(found["constant"])
+    # A network without units has rows without numbers, which have lost their shape.
+    found["direction"] = found["direction"].reshape(units, regressors)
+    found["weight"] = found["weight"].reshape(outputs, units)
+    return Network(**found)
+
+
+def _check_shapes(network: Network, inputs: int, outputs: int) -> None:
+    """The compiled functions do not look at shapes themselves."""
+    units, regressors = len(network.kind), len(network.source)
+    expected = {
+        "lag": (regressors,), "center": (regressors,), "width": (regressors,), "direction": (units, regressors),
+        "scale": (units,), "weight": (outputs, units), "constant": (outputs,), "linear": (outputs, regressors),
+        "output_center": (outputs,), "output_width": (outputs,),
+    }  # fmt: skip
+    for name, shape in expected.items():
+        value = getattr(network, name)
+        if value.shape != shape or not np.all(np.isfinite(value)):
+            raise InputError(f"damaged: {name} of shape {value.shape}; it must hold {shape} finite numbers")
+    known = (network.source >= 0) & (network.source < inputs + outputs) & (network.lag >= 0)
+    if not (np.all(known) and np.all(network.lag[network.source < outputs] >= 1)):
+        raise InputError("damaged: a regressor that is no past output and no input")

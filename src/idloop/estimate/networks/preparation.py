@@ -101,8 +101,8 @@ def prepare(
     Raises
     ------
     InputError
-        No data, records shorter than the delays, fewer training samples than numbers to estimate, or an output
-        that stands still.
+        No data, records shorter than the delays, fewer training samples than numbers to estimate, an output
+        that stands still, or no command that moves.
     """
     several = together(data)
     source, lag = delays.taps(several[0].input.shape[1], several[0].output.shape[1])
@@ -124,6 +124,8 @@ def prepare(
     for column, name in zip(outputs.T, several[0].output_names, strict=True):
         if not np.ptp(column) > 0:
             raise InputError(f"{several[0].name}: {name} stands still; a model needs an output that moves")
+    if not any(np.ptp(inputs) > 0 for inputs, _ in experiments):
+        raise InputError(f"{several[0].name}: no command ever changes; excite the axis, nothing can be identified")
     center, width = by_range(outputs)
     rows = np.concatenate([regressors(source, lag, u, y) for u, y in experiments])[split.train]
     return Preparation(several, delays, source, lag, split, training, rows, center, width)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 
@@ -61,6 +64,22 @@ class ImpulseResponse:
     def step(self) -> Array:
         """Step response at the lags from 0 on, shape (l0, p)."""
         return np.asarray(np.cumsum(self.response[self.lag >= 0], axis=0))
+
+    @property
+    def system(self) -> control.StateSpace:
+        """The weights at the lags from 0 on as a python-control system: a chain of delays."""
+        import control
+        from idloop.estimate.control_names import control_names
+
+        weights = self.response[self.lag >= 0]
+        length = len(weights) - 1
+        into = np.zeros((length, 1))
+        into[:1] = 1.0
+        return control.ss(
+            np.eye(length, k=-1), into, weights[1:].T, weights[:1].T, self.sample_time,
+            inputs=control_names([self.input_name]), outputs=control_names(self.output_names),
+            remove_useless_states=False,
+        )  # fmt: skip
 
     def band(self, share: float = 0.99) -> Array:
         """Half width of the band that holds each true weight with probability `share`, shape (l, p)."""

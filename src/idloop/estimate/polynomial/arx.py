@@ -16,7 +16,7 @@ from idloop.estimate.polynomial.polynomials import Polynomials
 from idloop.estimate.polynomial.realization import Realization, matrix_form
 from idloop.estimate.polynomial.regression import Solution, lagged, rows_in_blocks, solve, triangle
 from idloop.estimate.polynomial.uncertainty import coloured_errors, white_errors
-from idloop.estimate.polynomial.weighting import Filter, prefiltered
+from idloop.estimate.prefilter import Filter, prefiltered
 from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]

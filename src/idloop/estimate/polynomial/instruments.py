@@ -26,7 +26,7 @@ from idloop.estimate.polynomial.polynomials import Polynomials
 from idloop.estimate.polynomial.regression import inverse_factor
 from idloop.estimate.polynomial.stability import reflect
 from idloop.estimate.polynomial.uncertainty import white_errors
-from idloop.estimate.polynomial.weighting import Filter, prefiltered
+from idloop.estimate.prefilter import Filter, prefiltered
 from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.estimate.linear import Coefficient, LinearModel
+from idloop.estimate.linear.instability import instability_notes
 from idloop.estimate.polynomial.polynomials import Polynomials
 from idloop.estimate.polynomial.realization import Realization, stack
 from idloop.estimate.sampled import SampledData
@@ -86,5 +87,5 @@ def assemble(
         samples=len(innovations), free=len(coefficients), coefficients=coefficients,
         # Between outputs the errors may correlate, which leaves each output's own block as it is.
         coefficient_covariance=block_diag(*known) if len(known) == len(polynomials) else None,
-        notes=tuple(dict.fromkeys(notes)), polynomials=tuple(polynomials),
+        notes=(*dict.fromkeys(notes), *instability_notes(form.a)), polynomials=tuple(polynomials),
     )  # fmt: skip

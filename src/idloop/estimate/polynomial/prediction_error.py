@@ -18,7 +18,7 @@ from idloop.estimate.polynomial.search import Found, best, information
 from idloop.estimate.polynomial.stability import radius, reflect
 from idloop.estimate.polynomial.start import noise_start, shared_denominator, starts
 from idloop.estimate.polynomial.uncertainty import coloured_errors, white_errors
-from idloop.estimate.polynomial.weighting import Filter, prefiltered
+from idloop.estimate.prefilter import Filter, prefiltered
 from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]
@@ -248,6 +248,12 @@ def search(
         found.append(polynomials)
         left.append(residuals)
         notes += open_note(polynomials, undetermined)
+        outermost = max(map(radius, polynomials.f), default=0.0)
+        if outermost > 1.0 + 0.9 * (Objective(own, orders, initial).plant_limit - 1.0):
+            notes.append(
+                f"{name}: F is held at {outermost:.4g}, the farthest out that errors of its free run stay small;"
+                " an unstable plant needs armax, arx or a state-space method"
+            )
         if radius(polynomials.c) > 1.0 - _EDGE:
             notes.append(
                 f"{name}: C has a root on the unit circle, where standard errors do not hold;"

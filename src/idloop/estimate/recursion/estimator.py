@@ -28,7 +28,7 @@ from idloop.estimate.recursion.step import (
 Array = NDArray[np.float64]
 Method = Literal["gradient", "pseudo-linear"]
 
-_NEVER = np.iinfo(np.int64).max
+NEVER = np.iinfo(np.int64).max
 
 
 class RecursivePolynomial:
@@ -49,6 +49,8 @@ class RecursivePolynomial:
     random_walk : float or array, shape (k,), optional
         Standard deviation by which each coefficient moves in one sample [unit of the coefficient]: the Kalman
         filter's way of forgetting, for each coefficient apart.
+    drift : float
+        The same for all coefficients at once, when every signal is measured in its typical size.
     start : Polynomials or array, shape (k,), optional
         First coefficients; 0 by default.
     prior : float, optional
@@ -85,6 +87,7 @@ class RecursivePolynomial:
         method: Method = "gradient",
         forgetting: float = 1.0,
         random_walk: ArrayLike | None = None,
+        drift: float = 0.0,
         start: Polynomials | ArrayLike | None = None,
         prior: float | None = None,
         input_scale: float | Sequence[float] | None = None,
@@ -122,7 +125,9 @@ class RecursivePolynomial:
         walk = np.broadcast_to(walk, (orders.size,))
         if not (np.all(np.isfinite(walk)) and np.all(walk >= 0.0)):
             raise InputError("random_walk must be 0 or more for every coefficient")
-        self._walk, self._start = walk, self._first(start)
+        if not (np.isfinite(drift) and drift >= 0.0):
+            raise InputError(f"drift = {drift:g}; it must be 0 or more")
+        self._walk, self._drift, self._start = walk, float(drift), self._first(start)
         self._most = np.full(orders.size, width**2)
         reach = (nb + nk for nb, nk in zip(orders.nb, orders.nk, strict=True))
         lags = max([orders.na, orders.nc, orders.nd, *orders.nf, *reach, 1])
@@ -143,7 +148,7 @@ class RecursivePolynomial:
         for i in range(orders.inputs):
             self._unit[orders.b(i)] = output_scale / input_scale[i]
         self._theta = self._start / self._unit
-        self._steps = (self._walk / self._unit) ** 2
+        self._steps = (self._walk / self._unit) ** 2 + self._drift**2
         self._past[:] = 0.0
         self._scalars = np.zeros(SCALARS)
         self._upper, self._diagonal = np.eye(orders.size), self._most.copy()
@@ -236,7 +241,7 @@ class RecursivePolynomial:
         InputError
             Shapes that do not suit the model, or infinite samples.
         """
-        innovations, _, _ = self._advance(u, y, _NEVER)
+        innovations, _, _ = self._advance(u, y, NEVER)
         return innovations
 
     def follow(self, u: ArrayLike, y: ArrayLike, every: int = 1) -> tuple[Array, Array, Array]:
@@ -334,7 +339,7 @@ class RecursivePolynomial:
         scales = np.where(self._unknown & (size > 0.0), size, [*self._input_scale, self._output_scale])
         self._begin(scales[:-1], float(scales[-1]))
         nothing = np.empty((0, self.orders.size))
-        self._run(samples[:, :-1], samples[:, -1], nothing, nothing, _NEVER, 0)
+        self._run(samples[:, :-1], samples[:, -1], nothing, nothing, NEVER, 0)
 
     def _first(self, start: Polynomials | ArrayLike | None) -> Array:
         if start is None:

@@ -83,6 +83,48 @@ def widened(upper: Array, diagonal: Array, index: int, variance: float, work: Ar
 
 
 @njit(cache=True, nogil=True)
+def propagated(upper: Array, diagonal: Array, moved: Array, noise: Array, work: Array) -> None:
+    """Take a step in time: P becomes F P F^T + Q with a diagonal Q, in O(k^3).
+
+    Weighted Gram-Schmidt orthogonalization of Thornton (Bierman, 1977, section VI.4).
+
+    Parameters
+    ----------
+    upper, diagonal : ndarray, shapes (k, k), (k,)
+        Changed in place.
+    moved : ndarray, shape (k, k)
+        F U; used up.
+    noise : ndarray, shape (k,)
+        Diagonal of Q, 0 or more.
+    work : ndarray, shape (k, k + 1)
+    """
+    size = len(diagonal)
+    own, old = work[:, :size], work[:, size]
+    own[:] = 0.0
+    for i in range(size):
+        own[i, i] = 1.0
+        old[i] = diagonal[i]
+    upper[:] = 0.0
+    for j in range(size - 1, -1, -1):
+        total = 0.0
+        for k in range(size):
+            total += moved[j, k] * moved[j, k] * old[k] + own[j, k] * own[j, k] * noise[k]
+        diagonal[j] = total
+        upper[j, j] = 1.0
+        if total <= 0.0:
+            continue
+        for i in range(j):
+            product = 0.0
+            for k in range(size):
+                product += moved[i, k] * moved[j, k] * old[k] + own[i, k] * own[j, k] * noise[k]
+            share = product / total
+            upper[i, j] = share
+            for k in range(size):
+                moved[i, k] -= share * moved[j, k]
+                own[i, k] -= share * own[j, k]
+
+
+@njit(cache=True, nogil=True)
 def variances(upper: Array, diagonal: Array, result: Array) -> None:
     """Diagonal of U D U^T into `result`, shape (k,)."""
     size = len(diagonal)

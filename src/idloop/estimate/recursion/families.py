@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from idloop.estimate.recursion.estimator import Method, RecursivePolynomial, structure
+from idloop.estimate.recursion.extended_kalman import ExtendedKalman
 
 
 def recursive_arx(na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1, **options: Any) -> RecursivePolynomial:
@@ -25,6 +26,27 @@ def recursive_arx(na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1,
     RecursivePolynomial
     """
     return RecursivePolynomial(structure(na=na, nb=nb, nk=nk), **options)
+
+
+def extended_kalman_filter(
+    na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1, **options: Any
+) -> ExtendedKalman:
+    """Extended Kalman filter of the state and the coefficients of A y = B u (Ljung 1979).
+
+    Parameters
+    ----------
+    na : int
+        Degree of A.
+    nb, nk : int or one per input
+        Number of coefficients of B and lag of the first [samples].
+    **options
+        Of `ExtendedKalman`: process_noise, measurement_noise, random_walk, drift, forgetting, start.
+
+    Returns
+    -------
+    ExtendedKalman
+    """
+    return ExtendedKalman(structure(na=na, nb=nb, nk=nk), **options)
 
 
 def recursive_armax(

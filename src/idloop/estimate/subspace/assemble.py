@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.estimate.linear.error_covariance import error_covariance
+from idloop.estimate.linear.instability import instability_notes
 from idloop.estimate.linear.model import LinearModel
 from idloop.estimate.linear.sensitivity import Matrices
 from idloop.estimate.subspace.compression import Compression
 
 Array = NDArray[np.float64]
-
-_UNSTABLE = 1.001  # estimated integrators lie that near to the unit circle, on either side
 
 
 def assembled(
@@ -45,9 +44,7 @@ def assembled(
     first = compression.experiments[0]
     n, m, p = len(matrices.a), compression.inputs, compression.outputs
     command, measure = compression.input_scale, compression.output_scale
-    radius = float(np.max(np.abs(np.linalg.eigvals(matrices.a)), initial=0.0))
-    if radius > _UNSTABLE:
-        notes += (f"unstable: its free run grows {radius:.4g} times in a sample; right for such a plant only",)
+    notes += instability_notes(matrices.a)
     model = LinearModel(
         method=method,
         a=matrices.a,

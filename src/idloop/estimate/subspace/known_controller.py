@@ -34,6 +34,7 @@ def vodma(
     horizon: int | None = None,
     feedthrough: bool = False,
     stable: bool = False,
+    integrates: bool = False,
     weighting: realisation.Weighting = "cva",
 ) -> LinearModel:
     """State-space model of a plant in a loop u = r - controller(y) whose controller is known.
@@ -53,8 +54,8 @@ def vodma(
     order : int or "auto"
     horizon : int, optional
     feedthrough : bool
-    stable : bool
-        As for `n4sid`; B is fitted before poles are reflected.
+    stable, integrates : bool
+        As for `n4sid`; B is fitted before poles are moved.
     weighting : "cva", "moesp" or "n4sid"
         Of the projection that shows the states. The thesis takes the oblique projection as it is ("n4sid"), which
         breaks down when the reference leaves frequencies empty, as band-limited references do.
@@ -69,7 +70,7 @@ def vodma(
         As for `n4sid`, or a controller of other signals or another sample time.
     """
     experiments = together(data)
-    return _identify("vodma", experiments, order, horizon, feedthrough, stable, weighting, controller)
+    return _identify("vodma", experiments, order, horizon, feedthrough, stable, integrates, weighting, controller)
 
 
 def vodma_direct(
@@ -79,13 +80,14 @@ def vodma_direct(
     horizon: int | None = None,
     feedthrough: bool = False,
     stable: bool = False,
+    integrates: bool = False,
     weighting: realisation.Weighting = "cva",
 ) -> LinearModel:
     """Algorithm of `vodma` with the controller set to zero: direct identification, the thesis's DI.
 
     Parameters and errors as for `vodma`. Consistent in open loop only.
     """
-    return _identify("vodma_direct", together(data), order, horizon, feedthrough, stable, weighting, None)
+    return _identify("vodma_direct", together(data), order, horizon, feedthrough, stable, integrates, weighting, None)
 
 
 def _identify(
@@ -95,6 +97,7 @@ def _identify(
     horizon: int | None,
     feedthrough: bool,
     stable: bool,
+    integrates: bool,
     weighting: realisation.Weighting,
     controller: control.LTI | Mapping[str, control.LTI] | None,
 ) -> LinearModel:
@@ -111,7 +114,7 @@ def _identify(
     chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
     now = np.zeros((compression.inputs, compression.outputs)) if markov is None else markov[0]
     a, b, c, d, noise = realisation.with_known_feedback(future, subspace.observability(chosen), feedthrough, now)
-    a = realisation.reflected(a) if stable else a
+    a = realisation.held(a, stable=stable, integrates=integrates)
     gain, notes = realisation.kalman_gain(noise, a, c)
     return assembled(method, compression, Matrices(a, b, c, d, gain), subspace.values, feedthrough, notes)
 

@@ -29,6 +29,7 @@ def n4sid(
     feedthrough: bool = False,
     focus: Literal["prediction", "simulation"] = "prediction",
     stable: bool = False,
+    integrates: bool = False,
 ) -> LinearModel:
     """State-space model from the oblique projection of the future on the past.
 
@@ -50,6 +51,9 @@ def n4sid(
         Which outputs B and D are fitted on: those predicted with the Kalman gain, or the free run.
     stable : bool
         Reflect poles outside the unit circle into it before B and D are fitted.
+    integrates : bool
+        The plant is known to integrate: put the pole nearest 1 there before B and D are fitted. A window shows hardly
+        anything of a pole that forgets over many windows.
 
     Returns
     -------
@@ -58,9 +62,10 @@ def n4sid(
     Raises
     ------
     InputError
-        Too few samples, an input that excites too little, or an order that the horizon cannot show.
+        Too few samples, an input that excites too little, an order that the horizon cannot show, or no pole near 1
+        where the plant is to integrate.
     """
-    return _identify("n4sid", data, order, horizon, feedthrough, focus, stable)
+    return _identify("n4sid", data, order, horizon, feedthrough, focus, stable, integrates)
 
 
 def moesp(
@@ -71,12 +76,13 @@ def moesp(
     feedthrough: bool = False,
     focus: Literal["prediction", "simulation"] = "prediction",
     stable: bool = False,
+    integrates: bool = False,
 ) -> LinearModel:
     """State-space model from the shift of the observability matrix, past signals as instruments (PO-MOESP).
 
     Verhaegen, Automatica 30, 1994. Parameters and errors as for `n4sid`.
     """
-    return _identify("moesp", data, order, horizon, feedthrough, focus, stable)
+    return _identify("moesp", data, order, horizon, feedthrough, focus, stable, integrates)
 
 
 def cva(
@@ -87,13 +93,14 @@ def cva(
     feedthrough: bool = False,
     focus: Literal["prediction", "simulation"] = "prediction",
     stable: bool = False,
+    integrates: bool = False,
 ) -> LinearModel:
     """State-space model from the canonical variates of past and future.
 
     Larimore, Proc. IEEE Conf. Decision and Control 1990, in the weights of Van Overschee and De Moor, Automatica 31,
     1995: outputs of any unit and noise level count alike. Parameters and errors as for `n4sid`.
     """
-    return _identify("cva", data, order, horizon, feedthrough, focus, stable)
+    return _identify("cva", data, order, horizon, feedthrough, focus, stable, integrates)
 
 
 def select_order(
@@ -150,6 +157,7 @@ def _identify(
     feedthrough: bool,
     focus: Literal["prediction", "simulation"],
     stable: bool,
+    integrates: bool,
 ) -> LinearModel:
     compression, future = _projected(data, order, horizon, feedthrough)
     subspace = realisation.weighted_subspace(future, method)
@@ -159,7 +167,7 @@ def _identify(
         a, c = realisation.shift_invariant(observability, compression.outputs)
     else:
         a, c = realisation.regressed(future, observability)
-    a = realisation.reflected(a) if stable else a
+    a = realisation.held(a, stable=stable, integrates=integrates)
     gain, notes = realisation.kalman_gain(realisation.residual_noise(future, observability, a, c), a, c)
     b, d = command_matrices(compression, a, c, gain if focus == "prediction" else np.zeros_like(gain), feedthrough)
     return assembled(method, compression, Matrices(a, b, c, d, gain), subspace.values, feedthrough, notes)

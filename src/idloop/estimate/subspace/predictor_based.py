@@ -37,6 +37,7 @@ def pbsid(
     horizon: int | None = None,
     feedthrough: bool = False,
     stable: bool = False,
+    integrates: bool = False,
 ) -> LinearModel:
     """State-space model from a long ARX model's predictors: no controller need be known.
 
@@ -61,6 +62,8 @@ def pbsid(
         Estimate D; needs a command that does not answer the measurement of its own sample.
     stable : bool
         Reflect poles outside the unit circle into it before B and D are fitted.
+    integrates : bool
+        The plant is known to integrate: put the pole nearest 1 there before B and D are fitted.
 
     Returns
     -------
@@ -69,7 +72,8 @@ def pbsid(
     Raises
     ------
     InputError
-        Too few samples, a command that follows from the past, or an order that the horizon cannot show.
+        Too few samples, a command that follows from the past, an order that the horizon cannot show, or no pole near
+        1 where the plant is to integrate.
     """
     regression = _regression(data, order, past, horizon, feedthrough)
     chosen = regression.selection().order if isinstance(order, str) else order
@@ -87,8 +91,7 @@ def pbsid(
     a, c = coefficients[:, :chosen], c_d[:, :chosen]
     gain = coefficients[:, chosen + m :]
     notes: tuple[str, ...] = ()
-    if stable:
-        a = realisation.reflected(a)
+    a = realisation.held(a, stable=stable, integrates=integrates)
     if np.max(np.abs(np.linalg.eigvals(a - gain @ c))) >= 1.0:
         rest = following - a @ states - coefficients[:, chosen : chosen + m] @ commands
         gain, notes = realisation.kalman_gain(realisation.noise(np.concatenate([rest, errors]), chosen), a, c)

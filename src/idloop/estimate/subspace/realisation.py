@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.errors import IdloopError
+from idloop.errors import IdloopError, InputError
 from idloop.estimate.observer import riccati
 from idloop.estimate.subspace.future import Future, toeplitz
 from idloop.estimate.subspace.projection import regress
@@ -18,6 +18,8 @@ Weighting = Literal["n4sid", "moesp", "cva"]
 
 # Variance below which noise is rounding, in variances of the outputs: keeps the Riccati equation regular.
 _NOISE_FLOOR = 1e-14
+_EDGE = 1.0 - 1e-9  # size of a pole that belongs on the unit circle
+_INTEGRATOR = 0.1  # largest distance from 1 of a pole that may be an integrator's
 _SMALLEST_DEVIATION = 1e-6  # of a combination of future outputs, in deviations of the outputs
 
 
@@ -162,9 +164,43 @@ def reflected(a: Array) -> Array:
         radius = float(np.max(np.abs(np.linalg.eigvals(triangle[block, block]))))
         if radius >= 1.0:
             # A pole on the circle has no mirror image inside: it goes just within.
-            triangle[block, block] *= min(1.0 / radius, 1.0 - 1e-9) / radius
+            triangle[block, block] *= min(1.0 / radius, _EDGE) / radius
         row += size
     return np.asarray(basis @ triangle @ basis.T)
+
+
+def held(a: Array, *, stable: bool, integrates: bool) -> Array:
+    """A with what is known of its poles imposed: one integrator, none outside the unit circle.
+
+    Raises
+    ------
+    InputError
+        No real pole is near 1, so that the data contradict the integrator.
+    """
+    a = integrating(a) if integrates else a
+    return reflected(a) if stable else a
+
+
+def integrating(a: Array) -> Array:
+    """A with its real pole nearest 1 moved to 1, all eigenvectors kept.
+
+    Raises
+    ------
+    InputError
+        No real pole lies within 0.1 of 1.
+    """
+    from scipy.linalg import eig
+
+    poles, left, right = eig(a, left=True, right=True)
+    far = np.where(np.abs(poles.imag) > 0.0, np.inf, np.abs(poles.real - 1.0))
+    nearest = int(np.argmin(far))
+    if far[nearest] > _INTEGRATOR:
+        shown = ", ".join(f"{size:.3g}" for size in np.sort(np.abs(poles))[::-1][:3])
+        raise InputError(f"no real pole near 1 (largest sizes {shown}): these data show no integrator; leave it out")
+    across, along = left[:, nearest].real, right[:, nearest].real
+    # Just within the circle, as a reflected pole: the observer's Riccati equation wants it off the circle itself.
+    move = _EDGE - poles[nearest].real
+    return np.asarray(a + move * np.outer(along, across) / (across @ along))
 
 
 def kalman_gain(noise: Noise, a: Array, c: Array) -> tuple[Array, tuple[str, ...]]:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.polynomial.stability import radius
 from idloop.estimate.sampled import SampledData
 
 if TYPE_CHECKING:
@@ -42,6 +41,9 @@ def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[S
     if prefilter is None:
         return list(data)
     from scipy.signal import lfilter, lfilter_zi
+
+    # Here, because the polynomial methods import this file.
+    from idloop.estimate.polynomial.stability import radius
 
     numerator, denominator = _coefficients(prefilter, data[0].sample_time)
     if denominator[0] == 0.0 or radius(denominator / denominator[0]) >= 1.0:
