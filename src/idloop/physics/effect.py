@@ -77,6 +77,30 @@ class ParameterSpec:
     held: bool = False
 
 
+@dataclass(frozen=True)
+class EffectEquation:
+    """How an effect is written, in LaTeX.
+
+    ``@q``, ``@v`` and ``@F`` stand for position, velocity and force in the letters of the axis (theta, omega, T or
+    x, v, F), ``@u`` for the command and ``@y`` for the reading that come in, ``@s`` for the site, and ``@i`` for the
+    body where there are several.
+
+    Attributes
+    ----------
+    term : str
+        Its symbol in the balance of forces, the command or the reading, with its sign; empty where the equation
+        says all.
+    text : str
+        The equation.
+    symbols : mapping of str to str
+        Symbol of each parameter.
+    """
+
+    term: str
+    text: str
+    symbols: Mapping[str, str] = field(default_factory=dict)
+
+
 def _always(values: Mapping[str, float]) -> bool:
     return True
 
@@ -136,6 +160,8 @@ class Effect:
         A force that a disturbance with a long memory may stand for, so that only a refit shows it.
     needs_angle : bool
         Makes sense only where positions are angles.
+    equation : EffectEquation, optional
+        How it is written; as a function of what it depends on when left out.
     valid : callable
         Whether values together make sense, beyond each parameter's own bounds.
     """
@@ -166,7 +192,13 @@ class Effect:
     degenerates_to: tuple[str, ...] = ()
     slow: bool = False
     needs_angle: bool = False
+    equation: EffectEquation | None = None
     valid: Callable[[Mapping[str, float]], bool] = field(default=_always)
+
+    @property
+    def lags(self) -> bool:
+        """What comes out depends on what went in before: a delay, a filter, a play."""
+        return self.settle is not None or bool(self.delay)
 
     @property
     def from_a_level(self) -> str:

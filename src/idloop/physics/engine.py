@@ -138,6 +138,7 @@ class Engine:
         gain: Array,
         initial_state: Array | None = None,
         decay: float = 1.0,
+        place: NDArray[np.int64] | None = None,
     ) -> Array:
         """Innovations of the one-step predictor.
 
@@ -151,6 +152,9 @@ class Engine:
             first measurements and the last all that follow.
         decay : float
             Part of the disturbance force that is expected to be left one measurement later.
+        place : ndarray of int, optional
+            Which gain serves each of the first measurements, the last entry all that follow;
+            one gain after the other when left out.
 
         Returns
         -------
@@ -158,6 +162,8 @@ class Engine:
             Measured minus predicted.
         """
         layout = self.layout(theta)
+        if place is None:
+            place = np.arange(len(gain) // (2 * layout.bodies + 1))
         state = self._start(layout, initial_state, input_time, time)
         innovation = np.empty((len(time), len(self.model.outputs)))
         kernel.predict(
@@ -167,6 +173,7 @@ class Engine:
             np.ascontiguousarray(time, dtype=float),
             np.ascontiguousarray(measured, dtype=float),
             np.ascontiguousarray(gain, dtype=float),
+            place,
             decay,
             state,
             layout.new_history(),

@@ -28,7 +28,8 @@ class Hook:
             number = types.float64
             array = types.CPointer(number)
             signature = number(number, number, number, number, array, array)
-            self._compiled = cfunc(signature, cache=True)(self.function)
+            # As in the simulator: what divides by nothing is not finite, and the search sees that.
+            self._compiled = cfunc(signature, cache=True, error_model="numpy")(self.function)
         return int(self._compiled.address)
 
     def __call__(self, *arguments: Any) -> float:

@@ -227,6 +227,43 @@ def accelerations(
 
 
 @inner
+def single_acceleration(
+    axis: Axis, command: float, position: float, velocity: float, elapsed: float, state: Any, mode: float,
+    inverse: float,
+) -> float:  # fmt: skip
+    """As `accelerations` for a body without others, its inertia inverted: plain numbers stay in registers."""
+    drive = drive_force(axis, command, velocity, elapsed, state)
+    force = drive - axis.viscous[0] * velocity + state[DISTURBANCE]
+    hooks = axis.body_hooks
+    for row in range(hooks.shape[0]):
+        force += call(
+            hooks[row, VALUE], position, velocity, axis.inertia[0], elapsed,
+            state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+        )  # fmt: skip
+    if axis.has_friction[0]:
+        if mode == 0.0:
+            return 0.0
+        force -= mode * friction_level(axis, 0, mode, max(velocity * mode, 0.0), abs(drive), state)
+    return force * inverse
+
+
+@inner
+def single_step(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
+    """As `runge_kutta` for a body without others."""
+    mode, a1 = work[2, 0], work[3, 0]
+    x, v1 = state[FIRST], state[FIRST + 1]
+    half, inverse = 0.5 * step, 1.0 / axis.inertia[0]
+    v2 = v1 + half * a1
+    a2 = single_acceleration(axis, command, x + half * v1, v2, half, state, mode, inverse)
+    v3 = v1 + half * a2
+    a3 = single_acceleration(axis, command, x + half * v2, v3, half, state, mode, inverse)
+    v4 = v1 + step * a3
+    a4 = single_acceleration(axis, command, x + step * v3, v4, step, state, mode, inverse)
+    work[0, 0] = x + step / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4)
+    work[1, 0] = v1 + step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+
+@inner
 def runge_kutta(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
     """One step from the state; the end goes to rows 0 (position) and 1 (velocity) of ``work``.
 
@@ -234,6 +271,9 @@ def runge_kutta(axis: Axis, command: float, step: float, state: Any, work: Any) 
     computed by the caller once for all trial steps.
     """
     n = axis.inertia.shape[0]
+    if n == 1:
+        single_step(axis, command, step, state, work)
+        return
     position, velocity, mode, first = work[0], work[1], work[2], work[3]
     net, transmitted = work[4], work[5]
     stage_position, stage_velocity, stage = work[6], work[7], work[8]
@@ -269,16 +309,19 @@ def choose_modes(axis: Axis, command: float, state: Any, work: Any) -> None:
     n = axis.inertia.shape[0]
     position, velocity = state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n]
     mode, net, transmitted = work[2], work[4], work[5]
-    smooth_forces(axis, command, position, velocity, 0.0, state, net, transmitted)
+    resting = False
     for i in range(n):
         mode[i] = 0.0
-        if not axis.has_friction[i]:
+        if axis.has_friction[i]:
+            mode[i] = np.sign(velocity[i])
+            resting = resting or mode[i] == 0.0
+    if not resting:
+        return
+    smooth_forces(axis, command, position, velocity, 0.0, state, net, transmitted)
+    for i in range(n):
+        if not axis.has_friction[i] or mode[i] != 0.0:
             continue
-        if velocity[i] > 0.0:
-            mode[i] = 1.0
-        elif velocity[i] < 0.0:
-            mode[i] = -1.0
-        elif net[i] > 0.0 and net[i] > friction_level(axis, i, 1.0, 0.0, transmitted[i], state):
+        if net[i] > 0.0 and net[i] > friction_level(axis, i, 1.0, 0.0, transmitted[i], state):
             mode[i] = 1.0
         elif net[i] < 0.0 and -net[i] > friction_level(axis, i, -1.0, 0.0, transmitted[i], state):
             mode[i] = -1.0
@@ -547,10 +590,15 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
         step = remaining / pieces
         if dry:
             choose_modes(axis, command, state, work)
-        accelerations(
-            axis, command, state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n], 0.0, state,
-            work[2], work[4], work[5], work[3],
-        )  # fmt: skip
+        if n == 1:
+            work[3, 0] = single_acceleration(
+                axis, command, state[FIRST], state[FIRST + 1], 0.0, state, work[2, 0], 1.0 / axis.inertia[0]
+            )
+        else:
+            accelerations(
+                axis, command, state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n], 0.0, state,
+                work[2], work[4], work[5], work[3],
+            )  # fmt: skip
         for i in range(n):
             state[FIRST + 2 * n + i] = work[3, i]
         if history.shape[0] > 0:
@@ -780,20 +828,20 @@ def simulate(
 
 @entry
 def predict(
-    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, decay: float, state: Any,
-    history: Any, innovation: Any,
+    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, place: Any, decay: float,
+    state: Any, history: Any, innovation: Any,
 ) -> None:  # fmt: skip
     """One-step predictor: the free run, corrected by ``gain @ innovation`` after each measurement.
 
     ``gain`` is (2n+1, p) on positions, velocities and the disturbance force, or several of these
-    one below the other: one for each of the first measurements, the last for all that follow. An
-    output that is NaN corrects nothing. ``decay`` is the part of the disturbance force that is
-    expected to be left at the next measurement.
+    one below the other; ``place`` says which of them serves each of the first measurements, its last
+    entry for all that follow. An output that is NaN corrects nothing. ``decay`` is the part of the
+    disturbance force that is expected to be left at the next measurement.
     """
     n = axis.inertia.shape[0]
     outputs = axis.outputs.shape[0]
     rows = 2 * n + 1
-    last_gain = gain.shape[0] // rows - 1
+    last = place.shape[0] - 1
     work = np.zeros((9, n))
     noise = np.zeros(outputs)
     reading = np.zeros(outputs)
@@ -802,7 +850,7 @@ def predict(
         run_to(axis, command_time, command, time[k], state, history, work, flow)
         state[DISTURBANCE] *= decay
         measure(axis, state, history, noise, reading)
-        first = rows * min(k, last_gain)
+        first = rows * place[min(k, last)]
         for j in range(outputs):
             error = measured[k, j] - reading[j]
             innovation[k, j] = error
@@ -825,11 +873,13 @@ def predict_ahead(
     work = np.zeros((9, axis.inertia.shape[0]))
     noise = np.zeros(axis.outputs.shape[0])
     innovation = np.zeros((1, axis.outputs.shape[0]))
+    place = np.zeros(1, dtype=np.int64)
     ahead, past = np.empty_like(state), np.empty_like(history)
     flow = chain_flow(axis, command_time, time)
     for k in range(time.shape[0] - steps):
         predict(
-            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, 1.0, state, history, innovation
+            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, place, 1.0, state, history,
+            innovation,
         )  # fmt: skip
         ahead[:] = state
         past[:] = history

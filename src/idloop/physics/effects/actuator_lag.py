@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives, time_constants
 
@@ -30,6 +30,11 @@ EFFECT = Effect(
     name="actuator_lag",
     site=INPUT,
     text="The drive follows a new command gradually, with one time constant: current loop or winding.",
+    equation=EffectEquation(
+        r"u_{\ell}",
+        r"\tau_a\,\dot{u}_{\ell} = @u - u_{\ell}",
+        {"time_constant": r"\tau_a"},
+    ),
     parameters=(ParameterSpec("time_constant", "s", min=0.0, max=10.0),),
     command=command,
     settle=settle,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 
 
@@ -16,6 +16,11 @@ EFFECT = Effect(
     name="asymmetric_friction",
     site=BODY,
     text="Dry friction is higher in one direction of motion than in the other: a worn screw, a preloaded bearing.",
+    equation=EffectEquation(
+        r"-@F_{\text{f}@i}",
+        r"@F_{\text{f}@i} = f_c\,(1 + \rho\,\operatorname{sign} @v)\,\operatorname{sign} @v",
+        {"level": "f_c", "ratio": r"\rho"},
+    ),
     parameters=(
         ParameterSpec("level", "{force}", min=0.0),
         ParameterSpec("ratio", "-", min=-1.0, max=1.0),

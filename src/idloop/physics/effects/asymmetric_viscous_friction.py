@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="asymmetric_viscous_friction",
     site=BODY,
     text="The drag that grows with speed is higher in one direction of motion: a worn screw or nut.",
+    equation=EffectEquation(
+        r"-@F_{\text{a}@i}",
+        r"@F_{\text{a}@i} = b_a\,\left|@v\right|",
+        {"coefficient": "b_a"},
+    ),
     parameters=(ParameterSpec("coefficient", "{force}·s/{position}"),),
     force=force,
     rate=lambda values, inertia, stiffness: abs(values["coefficient"]) / inertia,

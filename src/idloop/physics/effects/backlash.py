@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from idloop.physics.effect import COUPLING, OUTPUT, Effect, ParameterSpec
+from idloop.physics.effect import COUPLING, OUTPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
-from idloop.physics.trial import alternatives
+from idloop.physics.trial import Scales, Trial, alternatives
 
 
 @hook
@@ -40,23 +40,43 @@ def settle(value: float, position: float, velocity: float, elapsed: float, state
 
 GAP = ParameterSpec("gap", "{position}", min=0.0)
 
+
+def gaps(scales: Scales) -> list[list[Trial]]:
+    """From a tenth of the coupling's twist on; of a stiff coupling that is far below any gap that machines have."""
+    beside_twist = [r * scales.twist for r in (0.1, 0.3, 1.0, 3.0, 10.0)]
+    # Close together: what touches at the wrong instants looks no better than what never touches.
+    wider = [1.4**k * beside_twist[-1] for k in range(1, 9)]
+    return alternatives("gap", beside_twist + [gap for gap in wider if gap < 0.02 * scales.span])
+
+
 EFFECT = (
     Effect(
         name="backlash",
         site=COUPLING,
         text="There is a gap between the two sides: no torque passes until it is crossed.",
+        equation=EffectEquation(
+            "",
+            r"@F_{@s} = 0 \text{ while } \left|\Delta @q\right| \le \tfrac{1}{2}\delta"
+            r"\text{, beyond it with } \Delta @q \mp \tfrac{1}{2}\delta",
+            {"gap": r"\delta"},
+        ),
         parameters=(GAP,),
         coupling=coupling,
         # The damping acts as suddenly as the sides touch, at no step's end: short steps.
         rate=lambda values, inertia, stiffness: 3.0 * (stiffness / inertia) ** 0.5 if values["gap"] > 0.0 else 0.0,
         order=20,
         looks_like=("compliance", "stribeck_friction"),
-        trials=lambda s: alternatives("gap", [r * s.twist for r in (0.1, 0.3, 1.0, 3.0, 10.0)]),
+        trials=gaps,
     ),
     Effect(
         name="backlash",
         site=OUTPUT,
         text="The measured side is held by friction inside a gap, so it lags by the gap at every reversal.",
+        equation=EffectEquation(
+            "y_p",
+            r"y_p \text{ follows } @y \text{ only by the walls of a gap } \delta",
+            {"gap": r"\delta"},
+        ),
         parameters=(GAP,),
         reading=reading,
         settle=settle,

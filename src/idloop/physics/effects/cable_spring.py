@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 
 
@@ -16,6 +16,11 @@ EFFECT = Effect(
     name="cable_spring",
     site=BODY,
     text="A cable, hose or return spring pulls the body towards a rest position.",
+    equation=EffectEquation(
+        r"-k_s\,(@q - r_0)",
+        "",
+        {"stiffness": "k_s", "rest": "r_0"},
+    ),
     parameters=(
         ParameterSpec("stiffness", "{force}/{position}", min=0.0),
         ParameterSpec("rest", "{position}"),

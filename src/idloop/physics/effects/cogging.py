@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import waves
 
@@ -18,6 +18,11 @@ EFFECT = Effect(
     name="cogging",
     site=BODY,
     text="The rotor is drawn to several angles of the turn: magnets against slots, gear mesh.",
+    equation=EffectEquation(
+        r"-a_n\sin(n\,@q + \varphi_n)",
+        "",
+        {"amplitude": "a_n", "harmonic": "n", "phase": r"\varphi_n"},
+    ),
     parameters=(
         ParameterSpec("amplitude", "{force}", min=0.0),
         ParameterSpec("harmonic", "-", start=2.0, neutral=2.0, min=2.0, integer=True),

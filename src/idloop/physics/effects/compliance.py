@@ -1,12 +1,18 @@
 """A body that is really two, joined by a spring."""
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.trial import resonances
 
 EFFECT = Effect(
     name="compliance",
     site=BODY,
     text="A shaft, belt or coupling gives: what looks like one body is two, joined by a spring.",
+    equation=EffectEquation(
+        "",
+        r"\text{the body is two, } \lambda J \text{ and } (1-\lambda) J\text{, with } k_c\,\Delta @q + d_c\,\Delta @v"
+        r"\text{ between them}",
+        {"stiffness": "k_c", "damping": "d_c", "split": r"\lambda"},
+    ),
     parameters=(
         ParameterSpec("stiffness", "{force}/{position}", start=float("inf"), neutral=float("inf"), min=0.0),
         ParameterSpec("damping", "{force}·s/{position}", min=0.0),

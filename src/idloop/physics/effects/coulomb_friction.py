@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="coulomb_friction",
     site=BODY,
     text="Dry friction opposes motion with a constant level and holds the body at rest below it.",
+    equation=EffectEquation(
+        r"-@F_{\text{f}@i}",
+        r"@F_{\text{f}@i} = f_c\,\operatorname{sign} @v",
+        {"level": "f_c"},
+    ),
     parameters=(ParameterSpec("level", "{force}", min=0.0),),
     friction=friction,
     looks_like=("dead_zone", "stribeck_friction", "asymmetric_friction"),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -21,6 +21,11 @@ EFFECT = Effect(
     name="dead_zone",
     site=INPUT,
     text="Small commands do nothing and larger ones act only with what exceeds the width.",
+    equation=EffectEquation(
+        "u_d",
+        r"u_d = @u - \min\left(\max\left(@u, -d_-\right), d\right)",
+        {"width": "d", "width_negative": "d_-"},
+    ),
     parameters=(
         ParameterSpec("width", "{input}", min=0.0),
         ParameterSpec("width_negative", "{input}", min=0.0, optional="width"),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="gain_asymmetry",
     site=INPUT,
     text="The drive pushes harder in one direction than in the other for the same size of command.",
+    equation=EffectEquation(
+        "u_g",
+        r"u_g = @u + \rho_u\left|@u\right|",
+        {"ratio": r"\rho_u"},
+    ),
     parameters=(ParameterSpec("ratio", "-", min=-0.95, max=0.95),),
     command=command,
     order=30,

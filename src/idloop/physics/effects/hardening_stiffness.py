@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import COUPLING, Effect, ParameterSpec
+from idloop.physics.effect import COUPLING, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="hardening_stiffness",
     site=COUPLING,
     text="The coupling grows stiffer the more it is twisted.",
+    equation=EffectEquation(
+        r"+k_3\,\Delta @q^3",
+        "",
+        {"cubic": "k_3"},
+    ),
     parameters=(ParameterSpec("cubic", "{force}/{position}³"),),
     coupling=coupling,
     order=40,

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import waves
 
@@ -18,6 +18,11 @@ EFFECT = Effect(
     name="imbalance",
     site=BODY,
     text="An off-centre mass pulls towards one angle of the turn: gravity on an arm, a lopsided slip ring.",
+    equation=EffectEquation(
+        r"-a_1\sin(@q + \varphi_1)",
+        "",
+        {"amplitude": "a_1", "phase": r"\varphi_1"},
+    ),
     parameters=(
         ParameterSpec("amplitude", "{force}", min=0.0),
         ParameterSpec("phase", "rad", min=-7.0, max=7.0),

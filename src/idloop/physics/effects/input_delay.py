@@ -1,12 +1,17 @@
 """Dead time between a command and its effect."""
 
-from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.trial import alternatives, time_constants
 
 EFFECT = Effect(
     name="input_delay",
     site=INPUT,
     text="Every command takes effect a fixed time after it was given: bus, driver or conversion time.",
+    equation=EffectEquation(
+        r"u_{\tau}",
+        r"u_{\tau}(t) = @u(t - \tau_u)",
+        {"delay": r"\tau_u"},
+    ),
     parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
     delay="delay",
     order=10,

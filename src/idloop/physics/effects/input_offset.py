@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="input_offset",
     site=INPUT,
     text="The drive acts as if a constant were added to every command: an offset of the amplifier or converter.",
+    equation=EffectEquation(
+        "u_o",
+        "u_o = @u + o_u",
+        {"offset": "o_u"},
+    ),
     parameters=(ParameterSpec("offset", "{input}"),),
     command=command,
     order=40,

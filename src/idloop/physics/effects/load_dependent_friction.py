@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="load_dependent_friction",
     site=BODY,
     text="The harder the teeth or threads press, the higher their dry friction.",
+    equation=EffectEquation(
+        r"-@F_{\text{f}@i}",
+        r"@F_{\text{f}@i} = \mu\,\left|@F_{\text{load}}\right|\,\operatorname{sign} @v",
+        {"ratio": r"\mu"},
+    ),
     parameters=(ParameterSpec("ratio", "-", min=0.0, max=0.99),),
     friction=friction,
     looks_like=("coulomb_friction",),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="load_torque",
     site=BODY,
     text="A constant load pulls in one direction: a hanging weight, a preload.",
+    equation=EffectEquation(
+        "+@F_{0@i}",
+        "",
+        {"torque": "@F_{0@i}"},
+    ),
     parameters=(ParameterSpec("torque", "{force}"),),
     force=force,
     looks_like=("input_offset",),

@@ -7,7 +7,7 @@ IEEE Trans. Automatic Control 40(3), 1995.
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 
 
@@ -49,6 +49,12 @@ EFFECT = Effect(
     name="presliding_friction",
     site=BODY,
     text="Before gross motion the contact gives like a stiff spring, so friction builds up over a small displacement.",
+    equation=EffectEquation(
+        r"-@F_{\text{p}@i}",
+        r"@F_{\text{p}@i} = \sigma_0 z + \sigma_1 \dot{z},\quad \dot{z} = @v - \frac{\sigma_0\left|@v\right|}"
+        r"{f_c + (f_s - f_c)\,e^{-(@v/v_s)^2}}\,z",
+        {"level": "f_c", "stiffness": r"\sigma_0", "static": "f_s", "velocity": "v_s", "damping": r"\sigma_1"},
+    ),
     parameters=(
         ParameterSpec("level", "{force}", min=0.0),
         ParameterSpec("stiffness", "{force}/{position}", start=1e3, min=0.0),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="quadratic_drag",
     site=BODY,
     text="A drag that grows with the square of speed: fan, propeller, churning oil.",
+    equation=EffectEquation(
+        r"-c\,\left|@v\right|@v",
+        "",
+        {"coefficient": "c"},
+    ),
     parameters=(ParameterSpec("coefficient", "{force}·s²/{position}²", min=0.0),),
     force=force,
     looks_like=("viscous_friction", "stribeck_friction"),

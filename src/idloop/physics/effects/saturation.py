@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="saturation",
     site=INPUT,
     text="Commands above the limit have no more effect than the limit itself.",
+    equation=EffectEquation(
+        "u_s",
+        r"u_s = \min\left(\max\left(@u, -u_{\max}\right), u_{\max}\right)",
+        {"limit": r"u_{\max}"},
+    ),
     parameters=(ParameterSpec("limit", "{input}", start=float("inf"), neutral=float("inf"), min=0.0),),
     command=command,
     order=20,

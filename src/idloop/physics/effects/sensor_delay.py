@@ -1,12 +1,17 @@
 """Dead time between the motion and its measurement."""
 
-from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.trial import alternatives, time_constants
 
 EFFECT = Effect(
     name="sensor_delay",
     site=OUTPUT,
     text="The measurement shows the motion of a fixed time ago: conversion, filtering or bus time of the sensor.",
+    equation=EffectEquation(
+        r"y_{\tau}",
+        r"y_{\tau}(t) = @y(t - \tau_y)",
+        {"delay": r"\tau_y"},
+    ),
     parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
     delay="delay",
     looks_like=("input_delay",),

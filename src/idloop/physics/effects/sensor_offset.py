@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="sensor_offset",
     site=OUTPUT,
     text="The sensor reads a constant too much or too little.",
+    equation=EffectEquation(
+        "y_o",
+        "y_o = @y + o_y",
+        {"offset": "o_y"},
+    ),
     parameters=(ParameterSpec("offset", "{output}"),),
     reading=reading,
     order=60,

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 
 
@@ -19,6 +19,11 @@ EFFECT = Effect(
     name="sensor_quantisation",
     site=OUTPUT,
     text="The sensor reports steps: encoder counts, converter bits.",
+    equation=EffectEquation(
+        "y_q",
+        r"y_q = r\,\left\lfloor @y / r + \tfrac{1}{2} \right\rfloor",
+        {"resolution": "r"},
+    ),
     parameters=(ParameterSpec("resolution", "{output}", min=0.0),),
     reading=reading,
     final=True,

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import waves
 
@@ -18,6 +18,11 @@ EFFECT = Effect(
     name="sensor_ripple",
     site=OUTPUT,
     text="The sensor's gain varies over the turn: tachometer ripple, an eccentric encoder disc.",
+    equation=EffectEquation(
+        "y_r",
+        r"y_r = @y\,\left(1 + a_r\sin(n_r\,@q + \varphi_r)\right)",
+        {"amplitude": "a_r", "harmonic": "n_r", "phase": r"\varphi_r"},
+    ),
     parameters=(
         ParameterSpec("amplitude", "-", min=0.0, max=1.0),
         ParameterSpec("harmonic", "-", start=1.0, neutral=1.0, min=1.0, integer=True),

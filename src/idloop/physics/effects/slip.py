@@ -3,7 +3,7 @@
 from math import isfinite
 from typing import Any
 
-from idloop.physics.effect import COUPLING, Effect, ParameterSpec
+from idloop.physics.effect import COUPLING, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -29,6 +29,11 @@ EFFECT = Effect(
     name="slip",
     site=COUPLING,
     text="Above a torque the coupling slips and the two sides stay turned against each other.",
+    equation=EffectEquation(
+        "",
+        r"\left|@F_{@s}\right| \le @F_{\max}",
+        {"limit": r"@F_{\max}"},
+    ),
     parameters=(ParameterSpec("limit", "{force}", start=float("inf"), neutral=float("inf"), min=0.0),),
     coupling=coupling,
     settle=settle,

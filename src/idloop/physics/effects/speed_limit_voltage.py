@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 
 
@@ -19,6 +19,11 @@ EFFECT = Effect(
     name="speed_limit_voltage",
     site=INPUT,
     text="At speed the back-EMF leaves too little supply voltage for the commanded current, so the torque is cut.",
+    equation=EffectEquation(
+        "u_v",
+        r"u_v = @u \text{ as long as } \left|R\,u_v + k_e\,@v\right| \le U",
+        {"supply": "U", "back_emf": "k_e", "resistance": "R"},
+    ),
     parameters=(
         ParameterSpec("supply", "V", start=float("inf"), neutral=float("inf"), min=0.0),
         ParameterSpec("back_emf", "V/({position}/s)", min=0.0),

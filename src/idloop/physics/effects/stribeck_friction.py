@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 
 
@@ -18,6 +18,11 @@ EFFECT = Effect(
     name="stribeck_friction",
     site=BODY,
     text="Breaking away takes more force than sliding: dry friction falls as the surfaces start to move.",
+    equation=EffectEquation(
+        r"-@F_{\text{f}@i}",
+        r"@F_{\text{f}@i} = \left(f_c + (f_s - f_c)\,e^{-(@v/v_s)^2}\right)\operatorname{sign} @v",
+        {"coulomb": "f_c", "static": "f_s", "velocity": "v_s"},
+    ),
     parameters=(
         ParameterSpec("coulomb", "{force}", min=0.0),
         ParameterSpec("static", "{force}", min=0.0),

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives, time_constants
 
@@ -37,6 +37,11 @@ EFFECT = Effect(
     name="velocity_filter",
     site=OUTPUT,
     text="The drive smooths its own velocity estimate, so the measured velocity lags.",
+    equation=EffectEquation(
+        "y_f",
+        r"\tau_f\,\dot{y}_f = @y - y_f",
+        {"time_constant": r"\tau_f"},
+    ),
     parameters=(ParameterSpec("time_constant", "s", min=0.0, max=10.0),),
     reading=reading,
     settle=settle,

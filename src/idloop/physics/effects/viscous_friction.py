@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -17,6 +17,11 @@ EFFECT = Effect(
     name="viscous_friction",
     site=BODY,
     text="A drag proportional to speed: lubricant, eddy currents, back-EMF.",
+    equation=EffectEquation(
+        r"-b\,@v",
+        "",
+        {"coefficient": "b"},
+    ),
     parameters=(ParameterSpec("coefficient", "{force}·s/{position}", min=0.0),),
     force=force,
     slow=True,
