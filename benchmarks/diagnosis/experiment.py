@@ -10,10 +10,12 @@ from case import Case, Drive
 from disturbances import disturbance, measurement_noise
 from excitations import EXCITATIONS
 from laws import law
-from machines import MACHINES, base_model, perturbed
+from machines import MACHINES, base_model
 from numpy.typing import NDArray
 from simulators import machine, run
 from sizes import sizes
+
+from idloop.papers.hidden_effects import told_nothing
 
 Array = NDArray[np.float64]
 
@@ -58,7 +60,7 @@ def start_model(case: Case, suite: int) -> Any:
     if known:
         # a hidden drag can only be told from the model's own when that one is known
         model = model.with_free([name for name in model.free if name.removesuffix(".viscous_friction") not in known])
-    return perturbed(model, case.seed(suite, "start"))
+    return told_nothing(model, case.seed(suite, "start"))
 
 
 def record(case: Case, drive: Drive, suite: int, what: str) -> Any:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
-
-import numpy as np
 
 
 @dataclass(frozen=True)
@@ -117,6 +116,7 @@ MACHINES["axis_position"] = replace(MACHINES["axis"], outputs=("position[axis]",
 MACHINES["dc_position"] = replace(MACHINES["dc_motor"], outputs=("position[motor]",))
 
 
+@cache
 def base_model(kind: str, rate: float, loop: str) -> Any:
     """The machine's true linear model, with its controller in closed loop.
 
@@ -139,13 +139,3 @@ def base_model(kind: str, rate: float, loop: str) -> Any:
         model = model.with_free(machine.free)
     controller = {**machine.controller, "sample_time": 1.0 / rate} if loop == "closed" else None
     return replace(model, controller=controller)
-
-
-def perturbed(model: Any, seed: int) -> Any:
-    """Free parameters moved by 20 to 40 % up or down, so that the start model tells nothing."""
-    random = np.random.default_rng(seed)
-    values = {}
-    for name in model.free:
-        share = random.uniform(0.2, 0.4) * random.choice([-1.0, 1.0])
-        values[name] = model.values[name] * (1.0 + share)
-    return model.with_values(values)

@@ -211,7 +211,7 @@ def details(every: Sequence[Answer]) -> None:
           lambda a: a.case.category, lambda a: a.ratio is not None and a.ratio <= RATIO)  # fmt: skip
     seconds = sorted(float(a.row["seconds"]) for a in every)
     if seconds:
-        print(f"\nseconds of a ladder: median {seconds[len(seconds) // 2]:.1f}, most {seconds[-1]:.1f}")
+        print(f"\nprocessor seconds of a ladder: median {seconds[len(seconds) // 2]:.1f}, most {seconds[-1]:.1f}")
 
 
 def failures(every: Sequence[Answer]) -> None:

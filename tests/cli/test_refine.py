@@ -11,24 +11,18 @@ from idloop.cli import main
 from idloop.physics import load_model
 from idloop.signals import build_signal
 
+# Where it does not matter how many effects are weighed.
+FEW = ("--effects", "dead_zone", "coulomb_friction")
+
 
 def words(*arguments: object) -> list[str]:
     return [str(argument) for argument in arguments]
 
 
-@pytest.fixture(scope="module")
-def climbed(hidden, tmp_path_factory):
-    """Folder of a ladder."""
-    folder = tmp_path_factory.mktemp("ladders") / "refined"
-    arguments = words("refine", hidden.model, hidden.levels, "--validate", hidden.unseen, "--output", folder)
-    assert main.run(arguments) == 0
-    return folder
-
-
 @pytest.fixture
-def ladder(climbed, tmp_path):
-    """Copy of it to work on."""
-    return shutil.copytree(climbed, tmp_path / "ladder")
+def ladder(refined, tmp_path):
+    """Copy of the ladder to work on."""
+    return shutil.copytree(refined, tmp_path / "ladder")
 
 
 def document(folder):
@@ -39,26 +33,26 @@ def added(folder) -> list[str]:
     return [f"{s['added']['effect']}@{s['added']['at']}" for s in document(folder)["ladder"][1:]]
 
 
-def test_the_folder_holds_model_ladder_and_figures(climbed):
-    found = document(climbed)
+def test_the_folder_holds_model_ladder_and_figures(refined):
+    found = document(refined)
     assert found["schema"] == "idloop/refine/1"
-    assert added(climbed) == ["dead_zone@input"]
+    assert added(refined) == ["dead_zone@input"]
     first, last = found["ladder"]
     for kind in ("train", "validation"):
         assert last[kind]["nrmse"]["motor.velocity"] < 0.3 * first[kind]["nrmse"]["motor.velocity"]
     assert last["p_value"] < 0.01
     assert last["set"] == ["dead_zone@input"]
-    model = load_model(climbed / "model.yaml")
+    model = load_model(refined / "model.yaml")
     assert model.values["dead_zone@input.width"] == pytest.approx(0.4, abs=0.02)
     for name in ("ladder.png", "compare.png"):
-        assert (climbed / name).stat().st_size > 10_000
+        assert (refined / name).stat().st_size > 10_000
 
 
-def test_nothing_is_overwritten_unasked(climbed, hidden, capsys):
-    before = (climbed / "ladder.json").read_bytes()
-    assert main.run(words("refine", hidden.model, hidden.levels, "--output", climbed)) == 2
+def test_nothing_is_overwritten_unasked(refined, hidden, capsys):
+    before = (refined / "ladder.json").read_bytes()
+    assert main.run(words("refine", hidden.model, hidden.levels, "--output", refined)) == 2
     assert "--force" in capsys.readouterr().err
-    assert (climbed / "ladder.json").read_bytes() == before
+    assert (refined / "ladder.json").read_bytes() == before
 
 
 def test_a_step_is_taken_back(ladder, capsys):
@@ -71,7 +65,7 @@ def test_a_step_is_taken_back(ladder, capsys):
 
 
 def test_the_user_may_take_another_effect(ladder, capsys):
-    arguments = ("--undo", "--add", "coulomb_friction@motor", "--most", 1, "--no-suggest", "--json")
+    arguments = ("--undo", "--add", "coulomb_friction@motor", "--most", 1, *FEW, "--no-suggest", "--json")
     assert main.run(words("refine", "--resume", ladder, *arguments)) == 0
     found = json.loads(capsys.readouterr().out)
     assert [s["chosen_by"] for s in found["ladder"][1:]] == ["user"]
@@ -80,11 +74,11 @@ def test_the_user_may_take_another_effect(ladder, capsys):
 
 def test_a_ladder_is_gone_on_with_from_where_it_was_left(hidden, tmp_path, capsys):
     folder = tmp_path / "begun"
-    begin = words("refine", hidden.model, hidden.levels, "--most", 0, "--no-suggest", "--output", folder)
+    begin = words("refine", hidden.model, hidden.levels, "--most", 0, *FEW, "--no-suggest", "--output", folder)
     assert main.run(begin) == 0
     assert added(folder) == []
     assert document(folder)["bags"] == [str(hidden.levels)]
-    assert main.run(words("refine", "--resume", folder)) == 0
+    assert main.run(words("refine", "--resume", folder, *FEW)) == 0
     assert added(folder) == ["dead_zone@input"]
     out = capsys.readouterr().out
     for word in ("start", "+ dead_zone@input", "FIT % motor.velocity", "± ", "nothing significant is left"):
@@ -94,7 +88,7 @@ def test_a_ladder_is_gone_on_with_from_where_it_was_left(hidden, tmp_path, capsy
 def test_what_stays_open_gets_an_experiment(hidden, tmp_path, capsys):
     folder = tmp_path / "open"
     limits = ("--max-command", 1.5, "--duration", 4)
-    assert main.run(words("refine", hidden.model, hidden.two, "--output", folder, *limits)) == 0
+    assert main.run(words("refine", hidden.model, hidden.two, *FEW, "--output", folder, *limits)) == 0
     found = document(folder)
     assert found["verdict"] == "not_excited"
     suggested = found["suggested_experiment"]
@@ -104,7 +98,7 @@ def test_what_stays_open_gets_an_experiment(hidden, tmp_path, capsys):
     assert "adds_to: command" in (folder / "next.yaml").read_text(encoding="utf-8")
     figure = folder / "next.png"
     assert figure.stat().st_size > 10_000
-    again = words("refine", "--resume", folder, "--no-suggest", "--most", 0)
+    again = words("refine", "--resume", folder, *FEW, "--no-suggest", "--most", 0)
     assert main.run(again) == 0
     assert figure.exists()
     (folder / "next.yaml").write_text("# another experiment", encoding="utf-8")
@@ -113,7 +107,7 @@ def test_what_stays_open_gets_an_experiment(hidden, tmp_path, capsys):
 
 
 def test_no_experiment_is_worked_out_when_none_is_wanted(hidden, capsys):
-    assert main.run(words("refine", hidden.model, hidden.two, "--no-suggest", "--json")) == 0
+    assert main.run(words("refine", hidden.model, hidden.two, *FEW, "--no-suggest", "--json")) == 0
     assert json.loads(capsys.readouterr().out)["suggested_experiment"] is None
 
 

@@ -107,3 +107,10 @@ def test_a_search_that_ended_at_the_next_best_disturbance_goes_on_from_the_best(
     assert (elsewhere.nuisance[1] >= LONG_MEMORY) == (name == "walk")
     # And what is the best already is left alone.
     assert _disturbance_elsewhere(settings[name], fit) is None
+
+
+def test_an_effect_that_begins_where_it_does_nothing_is_still_fitted(start: Model) -> None:
+    machine = load_model("axis").with_effect("saturation", "input", limit=1.0)
+    guess = start.with_effect("saturation", "input", limit=4.5)
+    setting = prepare_setting(guess, [disturbed(machine, np.zeros(1200), 3)], "prediction")
+    assert refit(setting, guess).model.values["saturation@input.limit"] == pytest.approx(1.0, abs=0.01)

@@ -1,13 +1,14 @@
-"""The folder of a ladder: model, steps, figures, the next experiment; written, read, never overwritten unasked."""
+"""The folder of a ladder: model, steps, report, the next experiment; written, read, never overwritten unasked."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idloop.cli._assessment import save_figure
 from idloop.cli._common import to_json
 from idloop.cli._diagnosis import experiment_text, write_text
 from idloop.errors import IdloopError, InputError
@@ -15,10 +16,12 @@ from idloop.errors import IdloopError, InputError
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
     from idloop.diagnose.suggest import Suggestion
-    from idloop.physics import Model
     from idloop.records import Record
+    from idloop.report.contents import Contents
 
-FILES = ("model.yaml", "ladder.json", "ladder.png", "compare.png", "next.yaml", "next.png")
+FILES = (
+    "model.yaml", "ladder.json", "ladder.png", "compare.png", "next.yaml", "next.json", "next.png", "report.html",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,19 @@ class Kept:
         What it was climbed on.
     folder : Path or None
         Of the model file, where effects of the user's own lie.
+    provenance : dict
+        Commands, seed, versions, checksums, see `idloop.report.provenance`; empty where it is not known.
+    unseen, seen : tuple of (Path, float, float)
+        Parts of recordings that no fit has seen, and those that were fitted, where it was not whole ones [s].
     """
 
     ladder: Ladder
     bags: tuple[Path, ...] = ()
     validate: tuple[Path, ...] = ()
     folder: Path | None = field(default=None)
+    provenance: dict[str, Any] = field(default_factory=dict)
+    unseen: tuple[tuple[Path, float, float], ...] = ()
+    seen: tuple[tuple[Path, float, float], ...] = ()
 
 
 def check_target(folder: Path, *, overwrite: bool) -> None:
@@ -78,7 +88,11 @@ def read_ladder(folder: Path) -> Kept:
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a whole ladder ({type(error).__name__}: {error})") from error
     bags, validate = (tuple(Path(p) for p in document.get(key, ())) for key in ("bags", "validate"))
-    return Kept(ladder, bags, validate, effects)
+    unseen, seen = (
+        tuple((Path(part["bag"]), float(part["start"]), float(part["stop"])) for part in document.get(key, ()))
+        for key in ("unseen", "seen")
+    )
+    return Kept(ladder, bags, validate, effects, dict(document.get("provenance", {})), unseen, seen)
 
 
 def write_ladder(folder: Path, kept: Kept) -> None:
@@ -98,6 +112,11 @@ def write_ladder(folder: Path, kept: Kept) -> None:
         "bags": [path.resolve() for path in kept.bags],
         "validate": [path.resolve() for path in kept.validate],
         "model_folder": kept.folder.resolve() if kept.folder is not None else None,
+        "provenance": kept.provenance,
+        **{
+            key: [{"bag": bag.resolve(), "start": start, "stop": stop} for bag, start, stop in parts]
+            for key, parts in (("unseen", kept.unseen), ("seen", kept.seen))
+        },
     }
     write_text(folder / "model.yaml", kept.ladder.model.to_yaml())
     write_text(folder / "ladder.json", json.dumps(to_json(document), indent=2, ensure_ascii=False) + "\n")
@@ -109,36 +128,80 @@ def write_all(
     records: Sequence[Record],
     validation: Sequence[Record],
     suggestion: Suggestion | None = None,
-) -> None:
-    """Write everything: ladder, model, figures and the next experiment with what its rivals would show."""
-    from idloop.cli._assessment import make_panel, save_figure
+) -> Contents:
+    """Write everything: ladder, model, figures, the next experiment with what its rivals would show, the report.
+
+    Returns
+    -------
+    Contents
+        What the report says.
+    """
     from idloop.drawing import save
+    from idloop.report.contents import gather
     from idloop.report.ladder import plot_ladder
-    from idloop.validate import compare
+    from idloop.report.page_figures import panel_of
 
     ladder = kept.ladder
     write_ladder(folder, kept)
-    save(plot_ladder(ladder, noise_floor(ladder.model, validation or records)), folder / "ladder.png")
     _write_next(folder, ladder, suggestion)
-    labelled = [("start", ladder.steps[0].model)]
-    if len(ladder.steps) > 1:
-        labelled.append((f"{len(ladder.steps) - 1} effects" if len(ladder.steps) > 2 else "1 effect", ladder.model))
-    panels, last = [], None
-    for kind, several in (("train", records), ("validation", validation)):
-        for record in several:
-            rows = [(label, compare(model, record)) for label, model in labelled]
-            panels.append(make_panel(f"{kind}: {record.name}", rows))
-            last = rows[-1][1]
-    if last is not None:
-        save_figure(panels, last, folder / "compare.png")
+    shown = suggestion if suggestion is not None else read_next_experiment(folder, kept)
+    contents = gather(ladder, records, validation, suggestion=shown, provenance=kept.provenance)
+    save(plot_ladder(ladder, contents.floor), folder / "ladder.png")
+    # In the order of the work: what was fitted, then what was not.
+    panels = [panel_of(judged) for judged in sorted(contents.judged, key=lambda judged: judged.use)]
+    if panels:
+        save_figure(panels, contents.judged[0].rows[0][1], folder / "compare.png")
+    write_report(contents, folder / "report.html")
+    return contents
+
+
+def judged_records(kept: Kept, records: Sequence[Record]) -> list[Record]:
+    """Stretches of the recordings that no fit has seen."""
+    return _parts(kept.unseen, records)
+
+
+def fitted_records(kept: Kept, records: Sequence[Record]) -> list[Record]:
+    """What the fits have seen: the recordings, or the stretches of them that a live estimator took."""
+    return _parts(kept.seen, records) or list(records)
+
+
+def _parts(parts: Sequence[tuple[Path, float, float]], records: Sequence[Record]) -> list[Record]:
+    return [
+        replace(records[0].cut(start, stop), name=f"{records[0].name}, {start:.4g} to {stop:.4g} s")
+        for _, start, stop in parts
+        if records
+    ]
+
+
+def write_report(contents: Contents, path: Path) -> int:
+    """Write the report's page and return its size in bytes."""
+    from idloop.report.page import render_page
+
+    page = render_page(contents)
+    write_text(path, page)
+    return len(page.encode())
+
+
+def read_next_experiment(folder: Path, kept: Kept) -> Suggestion | None:
+    """Read the next experiment with its rivals; None where the folder has none."""
+    from idloop.report.next_file import read_next
+
+    path = folder / "next.json"
+    if kept.ladder.suggested_experiment is None or not path.is_file():
+        return None
+    try:
+        return read_next(read_document(path), kept.folder)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a whole experiment ({type(error).__name__}: {error})") from error
 
 
 def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> None:
-    """Write the next experiment and its figure; what lies there of another one goes."""
+    """Write the next experiment, its rivals and its figure; what lies there of another one goes."""
     from idloop.drawing import save
+    from idloop.report.next_file import next_document
     from idloop.report.suggestion import plot_suggestion
 
-    file, figure = folder / "next.yaml", folder / "next.png"
+    file, figure, rivals = folder / "next.yaml", folder / "next.png", folder / "next.json"
     before = file.read_text(encoding="utf-8") if file.is_file() else None
     text = None if ladder.suggested_experiment is None else experiment_text(ladder.suggested_experiment)
     if text is None:
@@ -147,20 +210,11 @@ def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> 
         write_text(file, text)
     if suggestion is not None:
         save(plot_suggestion(suggestion), figure)
+        document = to_json(next_document(suggestion))
+        write_text(rivals, json.dumps(document, indent=2, ensure_ascii=False) + "\n")
     elif text is None or text != before:
         figure.unlink(missing_ok=True)
-
-
-def noise_floor(model: Model, records: Sequence[Record]) -> dict[str, float]:
-    """NRMSE that the measurement noise alone leaves, by output; only where the model states the noise."""
-    import numpy as np
-
-    floor = {}
-    for column, output in enumerate(model.outputs):
-        spread = float(np.nanstd(np.concatenate([record.output[:, column] for record in records])))
-        if output.noise is not None and spread > 0.0:
-            floor[output.name] = output.noise / spread
-    return floor
+        rivals.unlink(missing_ok=True)
 
 
 def read_document(path: Path) -> dict[str, Any]:

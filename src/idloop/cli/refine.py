@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from idloop.cli._command_line import command_line
 from idloop.cli._common import (
     BAG,
     ModelArgument,
@@ -113,11 +114,15 @@ def command(
     unseen = validate or (kept.validate if kept is not None else ())
     records, validation = read_records(bags, model), read_records(unseen, model)
     folder = kept.folder if kept is not None else model.folder
+    origin = _origin(bags, unseen, kept, seed) if target is not None else {}
+
+    def as_kept(ladder: Ladder) -> Kept:
+        return Kept(ladder, tuple(bags), tuple(unseen), folder, origin)
 
     def keep(ladder: Ladder) -> None:
         """Leave every step on the disk as soon as it is made."""
         if target is not None:
-            write_ladder(target, Kept(ladder, tuple(bags), tuple(unseen), folder))
+            write_ladder(target, as_kept(ladder))
 
     suggestion: Suggestion | None = None
     with progress(f"refining {model.name}") as update:
@@ -128,7 +133,8 @@ def command(
             if suggestion is not None:
                 ladder = replace(ladder, suggested_experiment=suggestion.to_dict())
     if target is not None:
-        write_all(target, Kept(ladder, tuple(bags), tuple(unseen), folder), records, validation, suggestion)
+        with progress("writing the report"):
+            write_all(target, as_kept(ladder), records, validation, suggestion)
     if as_json:
         print_json({**ladder.to_dict(), "output": target})
         return
@@ -178,6 +184,14 @@ class _Climb:
             on_step=self.keep,
             **common,
         )
+
+
+def _origin(bags: Sequence[Path], unseen: Sequence[Path], kept: Kept | None, seed: int) -> dict[str, Any]:
+    """Where the ladder comes from; the commands of a resumed one first."""
+    from idloop.report.provenance import provenance
+
+    before = kept.provenance.get("commands", []) if kept is not None else []
+    return provenance(bags, unseen, commands=[*before, command_line(click.get_current_context())], seed=seed)
 
 
 def _sources(sources: Sequence[str], kept: Kept | None) -> tuple[Model, Sequence[Path]]:

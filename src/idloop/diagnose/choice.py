@@ -20,6 +20,7 @@ from idloop.estimate.choose import before_fit
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.force import balance_of
+from idloop.estimate.motion import body_sensors, lagging_sensors
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validate.drive import force_error
@@ -68,10 +69,10 @@ def balance_disagrees(model: Model, records: Sequence[Record], ratio: float = DI
     Returns
     -------
     bool
-        False where the sensors are too noisy for a balance, some body is not measured, or no
-        recorded reference explains the motion.
+        False where the sensors are too noisy for a balance, some body is not measured or only by sensors
+        that lag, or no recorded reference explains the motion.
     """
-    if not model.free or not _can_balance(model, records):
+    if not model.free or _seen_late(model) or not _can_balance(model, records):
         return False
     try:
         own = fit(model, records, criterion="force")
@@ -88,6 +89,12 @@ def balance_disagrees(model: Model, records: Sequence[Record], ratio: float = DI
     far = apart > LEAST_CHANGE * np.maximum(np.abs(here), np.abs(own.values))
     sure = apart > DEVIATIONS * np.hypot(spread, np.where(np.isfinite(own.stderr), own.stderr, np.inf))
     return bool(np.any(far & sure))
+
+
+def _seen_late(model: Model) -> bool:
+    """Whether some body is measured only by sensors that show another motion than that of the moment."""
+    late = lagging_sensors(model)
+    return any(all(row is None or row in late for row in pair) for pair in body_sensors(model))
 
 
 def _can_balance(model: Model, records: Sequence[Record]) -> bool:

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, refit_or_none
+from idloop.diagnose.refit import FAN, LONG_MEMORY, Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screened, Trace, workers
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.unevenness import unevenness
 from idloop.errors import IdloopError
-from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 
@@ -34,8 +34,10 @@ WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
 _FEW, _MANY = 2, 12
 # Memory of a disturbance that cannot stand for a constant force [decades of a sample].
 SHORT_MEMORY = 1.5
-# Rounds of a search that takes the errors for white.
+# Rounds of a search that only leads to the neighbourhood.
 _ROUGH_ROUNDS = 2
+# Intensity of a disturbance that cannot make up for a missing effect [decades].
+WEAK = -4.0
 # Effects that are looked at behind a noise model that has swallowed one.
 _BEHIND_NOISE = 6
 # Phases from which a search for a wave starts.
@@ -113,7 +115,7 @@ def confirm(
     parent: Refit,
     chosen: Sequence[Screened],
     report: Callable[[float, str], None] | None = None,
-    afar: bool = False,
+    matters: Callable[[Confirmed], bool] | None = None,
 ) -> list[Confirmed]:
     """Refit the parent with each of some effects.
 
@@ -124,8 +126,8 @@ def confirm(
     chosen : sequence of Screened
     report : callable, optional
         Called with the share done and a text.
-    afar : bool
-        No trace tells how strong they are: those of `behind_noise`.
+    matters : callable, optional
+        As in `search`.
 
     Returns
     -------
@@ -136,8 +138,9 @@ def confirm(
         setting,
         parent,
         chosen,
-        lambda screened: _confirm(setting, parent, screened, afar),
+        lambda screened: _confirm(setting, parent, screened),
         lambda share, screened: report(share, screened.proposal.name) if report is not None else None,
+        matters,
     )
     return [confirmed for _, confirmed in found]
 
@@ -148,6 +151,7 @@ def search(
     chosen: Sequence[_Choice],
     begin: Callable[[_Choice], Confirmed | None],
     report: Callable[[float, _Choice], None],
+    matters: Callable[[Confirmed], bool] | None = None,
 ) -> list[tuple[_Choice, Confirmed]]:
     """Refit each of some choices for a first round, and to the end those that may still be the best.
 
@@ -161,6 +165,8 @@ def search(
         The first round of one choice; None, or an `IdloopError`, where it cannot be simulated.
     report : callable
         Called with the share done and the choice.
+    matters : callable, optional
+        Whether a choice may still decide something after its first round; all may when left out.
 
     Returns
     -------
@@ -179,7 +185,7 @@ def search(
     @np.errstate(all="ignore")
     def finish(begun: tuple[_Choice, Confirmed]) -> tuple[_Choice, Confirmed]:
         choice, first = begun
-        fit = refit_or_none(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS)
+        fit = refit_or_none(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS, calm=True)
         if fit is None or fit.log_likelihood <= first.fit.log_likelihood:
             return begun
         return choice, first.refitted(fit, parent)
@@ -194,8 +200,12 @@ def search(
         if found:
             most = found[0][1].gain
             bar = min(WORTH_FINISHING * most, most - CLEARLY_WORSE)
-            front = [begun for begun in found if begun[1].gain >= bar]
-            found = sorted(pool.map(finish, front), key=_falling_gain) + found[len(front) :]
+            front: list[tuple[_Choice, Confirmed]] = []
+            rest: list[tuple[_Choice, Confirmed]] = []
+            for begun in found:
+                worth = begun[1].gain >= bar and (matters is None or matters(begun[1]))
+                (front if worth else rest).append(begun)
+            found = sorted([*pool.map(finish, front), *rest], key=_falling_gain)
     return found
 
 
@@ -203,18 +213,16 @@ def _falling_gain(found: tuple[_Choice, Confirmed]) -> float:
     return -found[1].gain
 
 
-def _confirm(setting: Setting, parent: Refit, screened: Screened, afar: bool) -> Confirmed | None:
+def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
     proposal = screened.proposal
     # Where nothing says how strong an effect is, no trace tells how far the search has to go.
-    count = _FEW if proposal.effect.strength and not afar else _MANY
+    count = _FEW if proposal.effect.strength else _MANY
     traces = sorted(screened.traces, key=lambda t: -t.statistic)[:count]
     best: Refit | None = None
     for model, starts in _by_structure(proposal, traces):
         thetas = [theta for values, shift in starts for theta in points(parent, proposal.model(values), shift)]
         scale = np.max(np.abs(np.array(thetas)), axis=0)
         found = refit_or_none(setting, model, thetas, parent, scale, rounds=1)
-        if found is not None and afar:
-            found = _from_afar(setting, parent, found)
         if found is not None and (best is None or found.log_likelihood > best.log_likelihood):
             best = found
         # Another shape is only worth its time while none has explained anything.
@@ -236,34 +244,24 @@ def _without_long_memory(setting: Setting, parent: Refit, found: Refit) -> Refit
     if not isinstance(criterion, InnovationCriterion) or criterion.memory < LONG_MEMORY:
         return found
     try:
-        rough = refit(setting, found.model, None, found, rounds=_ROUGH_ROUNDS, longest=SHORT_MEMORY)
+        rough = refit(setting, found.model, None, found, rounds=_ROUGH_ROUNDS, limits=(MOST_EXPONENT, SHORT_MEMORY))
         again = refit(setting, rough.model, None, rough, rounds=1)
     except (IdloopError, np.linalg.LinAlgError):
         return found
     return max(found, again, key=lambda fit: fit.log_likelihood)
 
 
-def _from_afar(setting: Setting, parent: Refit, found: Refit) -> Refit:
-    """A better fit by way of one that takes the errors for white, with a disturbance of its own.
-
-    Where a whitening of many lags makes up for anything, the way to the optimum is long and winding.
-    """
-    orders = parent.problem.orders
-    try:
-        rough = refit(setting, found.model, rounds=_ROUGH_ROUNDS, orders=[0] * len(orders))
-        again = refit(setting, rough.model, beside=rough, rounds=1, orders=orders)
-    except (IdloopError, np.linalg.LinAlgError):
-        return found
-    return max(found, again, key=lambda fit: fit.log_likelihood)
-
-
-def behind_noise(
+@np.errstate(all="ignore")
+def confirm_behind_noise(
     setting: Setting,
     parent: Refit,
     screened: Sequence[Screened],
     report: Callable[[float, str], None] | None = None,
-) -> list[Screened]:
-    """Effects that explain most when the errors are taken for white, and no whitening can make up for them.
+) -> list[Confirmed]:
+    """Refit the parent with the effects that explain most when the noise may explain next to nothing.
+
+    A free whitening and a strong disturbance make up for anything, and the way from there to an effect's
+    optimum is long and winding. With white errors and a weak disturbance it is short.
 
     Parameters
     ----------
@@ -271,36 +269,53 @@ def behind_noise(
     parent : Refit
         Of which the noise model has swallowed an effect.
     screened : sequence of Screened
+        All effects.
     report : callable, optional
         Called with the share done and a text.
 
     Returns
     -------
-    list of Screened
-        The best few.
+    list of Confirmed
+        The best few, with the noise model free again, in order of falling gain.
     """
+    plain = [0] * len(parent.problem.orders)
+    limits = WEAK, WALK
     try:
-        bare = refit(setting, parent.model, orders=[0] * len(parent.problem.orders), rounds=_ROUGH_ROUNDS)
+        bare = refit(setting, parent.model, orders=plain, rounds=_ROUGH_ROUNDS, limits=limits)
     except (IdloopError, np.linalg.LinAlgError):
         return []
 
     @np.errstate(all="ignore")
-    def gain(one: Screened) -> float:
+    def rough(one: Screened) -> Refit | None:
         models = [one.proposal.model(trace.trials[0]) for trace in one.traces]
         if not models:
-            return 0.0
+            return None
         thetas = [points(bare, model, None)[0] for model in models]
-        fit = refit_or_none(setting, models[0], thetas, bare, np.max(np.abs(np.array(thetas)), axis=0), rounds=1)
-        return fit.log_likelihood - bare.log_likelihood if fit is not None else 0.0
+        scale = np.max(np.abs(np.array(thetas)), axis=0)
+        try:
+            return refit(setting, models[0], thetas, bare, scale, rounds=1, orders=plain, limits=limits)
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
 
-    gains = []
+    found: list[tuple[Screened, Refit]] = []
     with ThreadPoolExecutor(workers()) as pool:
-        for i, (one, gained) in enumerate(zip(screened, pool.map(gain, screened), strict=True)):
-            gains.append(gained)
+        for i, (one, fit) in enumerate(zip(screened, pool.map(rough, screened), strict=True)):
+            if fit is not None and fit.log_likelihood > bare.log_likelihood:
+                found.append((one, fit))
             if report is not None:
-                report((i + 1) / len(screened), one.proposal.name)
-    order = np.argsort(gains)[::-1][:_BEHIND_NOISE]
-    return [screened[place] for place in order if gains[place] > 0.0]
+                report(0.5 * (i + 1) / len(screened), one.proposal.name)
+    found.sort(key=lambda pair: -pair[1].log_likelihood)
+
+    def begin(pair: tuple[Screened, Refit]) -> Confirmed:
+        one, near = pair
+        fit = refit(setting, near.model, None, near, rounds=_ROUGH_ROUNDS, orders=parent.problem.orders)
+        return Confirmed(one.proposal, fit, 0.0, one.statistic, one.uneven).refitted(fit, parent)
+
+    def told(share: float, pair: tuple[Screened, Refit]) -> None:
+        if report is not None:
+            report(0.5 + 0.5 * share, pair[0].proposal.name)
+
+    return [confirmed for _, confirmed in search(setting, parent, found[:_BEHIND_NOISE], begin, told)]
 
 
 def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
@@ -336,12 +351,20 @@ def _by_structure(proposal: Proposal, traces: list[Trace]) -> list[tuple[Model, 
         key = tuple((name, trace.trials[0].get(name, 0.0)) for name in integers)
         if not proposal.effect.strength:
             key = (*key, ("first", float(place == 0)))
-        found.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace))
+        found.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace, place == 0))
     return [(proposal.model(values[0][0]), values) for values in found.values()]
 
 
-def starts(proposal: Proposal, trace: Trace) -> list[Trial]:
-    """Values to start a search from, by what the screening found."""
+def starts(proposal: Proposal, trace: Trace, fan: bool = False) -> list[Trial]:
+    """Values to start a search from, by what the screening found.
+
+    Parameters
+    ----------
+    proposal : Proposal
+    trace : Trace
+    fan : bool
+        Also at strengths around the trial's: what has walls, such as a play, has many local optima.
+    """
     found: list[Trial] = []
     strength = proposal.effect.strength
     for trial, size in zip(trace.trials, trace.size, strict=True):
@@ -351,6 +374,8 @@ def starts(proposal: Proposal, trace: Trace) -> list[Trial]:
         if strength and share != 1.0 and proposal.replaces is None:
             sign = 1.0 if proposal.one_sided else float(np.sign(size))
             found.append(proposal.inside(proposal.weaker(trial, sign * share)))
+    if fan and strength and proposal.replaces is None:
+        found += [proposal.inside(proposal.weaker(trace.trials[0], share)) for share in FAN]
     if "phase" in trace.trials[0] and strength:
         reach = float(np.clip(np.linalg.norm(trace.size), 0.02, 1e4))
         base = proposal.weaker(trace.trials[0], reach)

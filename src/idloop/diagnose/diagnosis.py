@@ -12,8 +12,8 @@ from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.confirm import Confirmed, behind_noise, confirm, promising
-from idloop.diagnose.evidence import consistent, explained, holds, rank, statistic, tied
+from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.evidence import consistent, explained, holds, may_decide, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.pairs import (
@@ -268,15 +268,17 @@ def diagnose_fitted(
     # Of what the score test does not hold for significant, a ladder needs no refit.
     chosen = promising(screened, bar, 0) if rungs else promising(screened, null.threshold(0.5))
     chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
-    confirmed = confirm(setting, parent, chosen, lambda share, text: tell(0.55 + 0.2 * share, f"refitting with {text}"))
-    hidden: list[Screened] = []
     swallowed = _swallowed(parent)
+    confirmed = confirm(
+        setting,
+        parent,
+        chosen,
+        lambda share, text: tell(0.55 + 0.2 * share, f"refitting with {text}"),
+        None if swallowed else lambda first: may_decide(first, bar),
+    )
     if swallowed and (not confirmed or _swallowed(confirmed[0].fit)):
-        hidden = behind_noise(
-            setting, parent, screened, lambda share, text: tell(0.75 + 0.05 * share, f"looking behind noise: {text}")
-        )
-        confirmed += confirm(
-            setting, parent, hidden, lambda share, text: tell(0.8 + 0.05 * share, f"refitting with {text}"), afar=True
+        confirmed += confirm_behind_noise(
+            setting, parent, screened, lambda share, text: tell(0.75 + 0.1 * share, f"looking behind noise: {text}")
         )
         confirmed = list({c.proposal.name: c for c in sorted(confirmed, key=lambda c: c.gain)}.values())
     confirmed = _beside_the_best_noise(setting, parent, confirmed)
@@ -412,14 +414,16 @@ def _plainest(significant: list[Confirmed]) -> Confirmed | None:
 def _same_footing(
     setting: Setting, parent: Refit, confirmed: list[Confirmed], threshold: float
 ) -> tuple[Refit, list[Confirmed]]:
-    """Let the parent profit from a better noise model that a candidate's search has found.
+    """Let the parent profit from a better noise model, or optimum, that a candidate's search has found.
 
-    Near the threshold, or far above what the score test promised, a gain may be the noise model's.
+    Near the threshold, or far above what the score test promised, a gain may be the noise model's. Beside
+    a play or a filter it may always be that of a better optimum: there are many.
     """
     near = [
         c
-        for c in confirmed
-        if 2.0 * c.gain > threshold and (2.0 * c.gain < threshold + 60.0 or 2.0 * c.gain > 4.0 * c.statistic)
+        for c in sorted(confirmed, key=lambda c: -c.gain)
+        if 2.0 * c.gain > threshold
+        and (2.0 * c.gain < threshold + 60.0 or 2.0 * c.gain > 4.0 * c.statistic or _rough(parent.model))
     ]
     if not near:
         return parent, confirmed
@@ -436,6 +440,11 @@ def _same_footing(
         worth = [c.statistic > max(threshold, 2.0 * c.gain) for c in confirmed]
         confirmed = [_beside(setting, parent, c) if again else c for c, again in zip(confirmed, worth, strict=True)]
     return parent, confirmed
+
+
+def _rough(model: Model) -> bool:
+    """Whether a model has effects that remember, whose likelihood has many local optima."""
+    return any(active.effect.lags for active in model.effects)
 
 
 def _beside_the_best_noise(setting: Setting, parent: Refit, confirmed: list[Confirmed]) -> list[Confirmed]:

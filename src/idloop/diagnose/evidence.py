@@ -21,6 +21,8 @@ LEAST_DIFFERENCE, DEVIATIONS = 4.6, 2.0
 # Standard deviations that the gain of an effect must stand above zero where model error, not noise,
 # is what is left.
 STEADY = 2.33
+# Part of a significant statistic that the first round of a search must show.
+FIRST_ROUND = 0.5
 # Differences of the log-likelihood within which the simpler effect goes first.
 _EQUAL = 0.5
 _BLOCKS = 50
@@ -42,6 +44,24 @@ def statistic(confirmed: Confirmed) -> float:
     if confirmed.proposal.effect.slow or confirmed.proposal.replaces is not None:
         return ratio
     return max(min(ratio, max(confirmed.statistic, 0.0)), 2.0 * confirmed.gain - confirmed.allowance)
+
+
+def may_decide(first: Confirmed, bar: float) -> bool:
+    """Whether an effect may still reach a statistic when its search has only had its first round.
+
+    Parameters
+    ----------
+    first : Confirmed
+    bar : float
+        Statistic from which on an effect is significant.
+
+    Returns
+    -------
+    bool
+    """
+    judged_by_ratio = first.proposal.effect.slow or first.proposal.replaces is not None
+    reached = 2.0 * first.gain if judged_by_ratio else first.statistic
+    return reached > FIRST_ROUND * bar
 
 
 def consistent(parent: Refit, confirmed: Confirmed, kind: str) -> bool:

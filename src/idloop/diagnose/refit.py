@@ -16,6 +16,7 @@ from idloop.estimate.innovations import LEAST_EXPONENT, MOST_EXPONENT, WALK, WHI
 from idloop.estimate.levenberg import minimise
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
+from idloop.estimate.translated import TranslatedCriterion
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -29,14 +30,23 @@ _SETTLED, _SETTLED_PART = 0.05, 2e-4
 # Where a cold start looks for the disturbance's intensity, in decades.
 _MEMORIES = (WALK, 1.0, WHITE)
 _COLD = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
+_NONE = (LEAST_EXPONENT, WHITE)
 # Decades by which a missing effect that is added may weaken the disturbance.
 _WEAKER = -2.0
+# Parts of an effect's strength at which a search may start as well.
+FAN = (0.25, 0.35, 0.5, 0.6, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8)
 # How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
 # In the first round of a search, and in those that follow.
 _FAR, _NEAR, _FINEST, _FARTHEST, _MOST_PROBES = 0.8, 0.3, 0.1, 2.0, 10
 # Rise of the log-likelihood to the top of a bowl at which the search for the disturbance ends, and how
 # small the bowl must be to be one [decades].
-_FLAT, _FINE = 0.02, 0.35
+_FLAT, _FINE = 0.05, 0.35
+# Rise of the log-likelihood that is worth a longer step.
+_UPHILL = 0.01
+# How often the innovations are translated anew from where a search for the disturbance has led, and the
+# part of a promised rise by which the model itself may miss it before the translation is given up for good,
+# and by which it may be off and still be the last word.
+_TRANSLATIONS, _FAITHLESS, _EXACT = 4, 0.7, 0.02
 # Samples of long records that the first rounds look at to find the disturbance roughly.
 _GLIMPSE = 10_000
 # Decades of samples from which on a disturbance passes for a random walk.
@@ -158,7 +168,8 @@ def refit(
     rounds: int = _MOST_ROUNDS,
     reconsider: bool = False,
     orders: list[int] | None = None,
-    longest: float = WALK,
+    limits: Disturbance = (MOST_EXPONENT, WALK),
+    calm: bool = False,
 ) -> Refit:
     """Maximise the likelihood of a model's free parameters and its noise.
 
@@ -178,8 +189,11 @@ def refit(
         Choose the order of the whitening anew instead of the neighbour's.
     orders : list of int, optional
         Orders of the whitening instead of the neighbour's, one for each group of outputs.
-    longest : float
-        Longest memory that the disturbance may have [decades of a sample].
+    limits : tuple of float
+        Largest intensity and longest memory that the disturbance may have [decades; of a sample].
+    calm : bool
+        Start as well from where the model is best without any disturbance, should that be better: a missing
+        effect makes its neighbour's disturbance strong, and from there parameters and disturbance creep.
 
     Returns
     -------
@@ -190,7 +204,9 @@ def refit(
     IdloopError
         The model gives no finite errors at any start.
     """
-    fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders, longest)
+    fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders, limits, calm)
+    if beside is None:
+        fit = _by_way_of_the_plain_machine(setting, model, fit, rounds, orders, limits)
     if orders is not None or not (beside is None or reconsider):
         return fit
     found = [fit]
@@ -212,12 +228,13 @@ def _search(
     rounds: int,
     reconsider: bool,
     orders: list[int] | None,
-    longest: float = WALK,
+    limits: Disturbance = (MOST_EXPONENT, WALK),
+    calm: bool = False,
 ) -> Refit:
     """The search of `refit`, which may end at the next best disturbance."""
     criterion = setting.criterion(model)
     if isinstance(criterion, InnovationCriterion):
-        criterion.longest = longest
+        criterion.strongest, criterion.longest = limits
     lower, upper = model.bounds
     choices = [np.clip(s, lower, upper) for s in (starts or [model.theta])]
     k = len(choices[0])
@@ -239,6 +256,10 @@ def _search(
             best, theta, start = value, choice, disturbance
     if not np.isfinite(best):
         raise IdloopError("the model gives no finite output at its starting values; check signs and magnitudes")
+    if calm and isinstance(criterion, InnovationCriterion):
+        value, elsewhere = _without_disturbance(criterion, problem, theta, lower, upper, size, orders)
+        if value > best:
+            theta, start = elsewhere, np.array(_NONE)
     criterion.keep(start)
     glimpse = criterion.glimpse(_GLIMPSE) if isinstance(criterion, InnovationCriterion) else None
     step: Array | None = None
@@ -297,6 +318,34 @@ def _search(
     return Refit(fitted, criterion, problem, point, value, step, rough)
 
 
+def _by_way_of_the_plain_machine(
+    setting: Setting, model: Model, fit: Refit, rounds: int, orders: list[int] | None, limits: Disturbance
+) -> Refit:
+    """The fit, or a better one that begins where the machine without its effects is best.
+
+    While the machine itself is far off, a search may drive an effect to where it does nothing any more.
+    """
+    levels = {active.name: active.effect.strength or active.effect.from_a_level for active in model.effects}
+    names = [f"{name}.{level}" for name, level in levels.items() if f"{name}.{level}" in model.free]
+    if not names:
+        return fit
+    plain_model = model
+    for name in names:
+        plain_model = plain_model.without_effect(name.rpartition(".")[0])
+    try:
+        plain = _search(setting, plain_model, None, None, None, rounds, False, orders, limits)
+        start = model.with_values(plain.model.values).theta
+        choices = [start]
+        for name in names:
+            for share in FAN:
+                choices.append(start.copy())
+                choices[-1][model.free.index(name)] *= share
+        other = _search(setting, model, choices, plain, None, rounds, True, orders, limits)
+    except (IdloopError, np.linalg.LinAlgError):
+        return fit
+    return max(fit, other, key=lambda one: one.log_likelihood)
+
+
 def _slopes_of(beside: Refit, model: Model) -> Array | None:
     """Jacobian of a neighbouring model, in the order of this one's parameters; NaN for those that are new."""
     if beside.slopes is None:
@@ -316,10 +365,11 @@ def refit_or_none(
     beside: Refit | None = None,
     scale: Array | None = None,
     rounds: int = _MOST_ROUNDS,
+    calm: bool = False,
 ) -> Refit | None:
     """As `refit`; None where the model cannot be simulated."""
     try:
-        return refit(setting, model, starts, beside, scale, rounds)
+        return refit(setting, model, starts, beside, scale, rounds, calm=calm)
     except (IdloopError, np.linalg.LinAlgError):
         return None
 
@@ -383,6 +433,36 @@ def _start(
     return values[best], tries[best]
 
 
+def _without_disturbance(
+    criterion: InnovationCriterion,
+    problem: Problem,
+    theta: Array,
+    lower: Array,
+    upper: Array,
+    size: Array,
+    orders: list[int] | None,
+) -> tuple[float, Array]:
+    """Log-likelihood and parameters at which the model is best without any disturbance."""
+    try:
+        criterion.retune(theta)
+        if _weigh(problem, np.append(theta, _NONE), orders) == -np.inf:
+            return -np.inf, theta
+        found = minimise(
+            lambda at: _projected(problem, np.append(at, _NONE)),
+            theta,
+            lower,
+            upper,
+            np.maximum(np.abs(theta), 1e-3 * size),
+            max_iterations=2 * _ITERATIONS_PER_ROUND,
+            tolerance=_PROMISE,
+            quick=True,
+        ).point
+        criterion.retune(found)
+        return _weigh(problem, np.append(found, _NONE), orders), found
+    except (IdloopError, np.linalg.LinAlgError):
+        return -np.inf, theta
+
+
 def _tune(
     criterion: Criterion,
     problem: Problem,
@@ -391,22 +471,63 @@ def _tune(
     probes: Sequence[Disturbance],
     reach: float,
 ) -> float:
-    """Set the disturbance's intensity, with the whitening at its best for each, and weigh the errors.
+    """Set the disturbance's intensity and memory, with the whitening at its best for each, and weigh the errors.
 
-    Disturbance and whitening explain much the same: searched one after the other they crawl.
+    Disturbance and whitening explain much the same: searched one after the other they crawl. The search
+    itself looks at translated innovations; where it ends, the model is run, and the search goes on from there.
     """
     nuisance = criterion.nuisance()[0]
+    here = _weigh(problem, np.concatenate([theta, nuisance]), orders)
     if not isinstance(criterion, InnovationCriterion):
-        return _weigh(problem, np.concatenate([theta, nuisance]), orders)
+        return here
+    at = criterion.exponent, criterion.memory
+    for _ in range(_TRANSLATIONS if criterion.translates else 0):
+        try:
+            near = Problem(TranslatedCriterion(criterion, theta, np.array(at)), len(theta), problem.given)
+        except (np.linalg.LinAlgError, IdloopError):
+            break
+        there, promised = _climb(near, theta, orders, at, probes, reach)
+        still = there == at
+        if still:
+            if not criterion.engine.model.effects:
+                break
+            # Nothing better is in sight; is the sight good?
+            there = at[0] + (_NEAR if at[0] + _NEAR <= criterion.strongest else -_NEAR), at[1]
+            promised = _weigh(near, np.append(theta, there), orders) - _weigh(near, np.append(theta, at), orders)
+        value = _weigh(problem, np.append(theta, there), orders)
+        missed = abs(value - here - promised)
+        if value > here:
+            at, here, probes, reach = there, value, (), _NEAR
+        if not missed <= _FAITHLESS * abs(promised) + _FLAT:
+            criterion.translates = False
+            break
+        if still or missed <= _EXACT * abs(promised) + _FLAT:
+            break
+    if not criterion.translates:
+        at, _ = _climb(problem, theta, orders, at, probes, reach)
+    criterion.exponent, criterion.memory = at
+    return _weigh(problem, np.append(theta, at), orders)
+
+
+def _climb(
+    problem: Problem,
+    theta: Array,
+    orders: list[int] | None,
+    start: Disturbance,
+    probes: Sequence[Disturbance],
+    reach: float,
+) -> tuple[Disturbance, float]:
+    """The disturbance at which the log-likelihood is largest, and how much larger than at the start."""
+    _, low, high, _ = problem.criterion.nuisance()
     known: dict[Disturbance, float] = {}
 
     def value(exponent: float, memory: float) -> float:
-        at = float(np.clip(exponent, LEAST_EXPONENT, MOST_EXPONENT)), float(np.clip(memory, WHITE, criterion.longest))
+        at = float(np.clip(exponent, low[0], high[0])), float(np.clip(memory, low[1], high[1]))
         if at not in known:
             known[at] = _weigh(problem, np.append(theta, at), orders)
         return known[at]
 
-    value(criterion.exponent, criterion.memory)
+    before = value(*start)
     for at in probes:
         value(*at)
     best = max(known, key=known.__getitem__)
@@ -418,19 +539,20 @@ def _tune(
                 if value(*at) > known[best]:
                     break  # the other way lies lower
             best = max(known, key=known.__getitem__)
-        if best != here:
+        if known[best] > known[here] + _UPHILL:
             reach = min(2.0 * reach, _FARTHEST)
             continue
         # Intensity and memory go together along a ridge: only a bowl through all neighbours shows its way.
         value(best[0] + reach, best[1] + reach)
+        if all(known[best] - other < 2.0 * _FLAT for other in _around(known, best, reach)):
+            break
         value(*_vertex(known, best, reach))
         best = max(known, key=known.__getitem__)
         flat = reach < _FINE and known[best] < known[here] + _FLAT
         reach *= 0.4
         if flat or reach < _FINEST:
             break
-    criterion.exponent, criterion.memory = best
-    return _weigh(problem, np.append(theta, best), orders)
+    return best, known[best] - before
 
 
 def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
@@ -485,6 +607,13 @@ def _aside(criterion: Criterion) -> list[Disturbance]:
         return []
     here = criterion.exponent
     return [(here + _WEAKER, criterion.memory), *((here, memory) for memory in _MEMORIES)]
+
+
+def _around(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
+    """Values beside the best point and at one corner; what is out of range is left out."""
+    beside = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1))
+    places = [(best[0] + first * reach, best[1] + second * reach) for first, second in beside]
+    return [known[at] for at in places if at in known]
 
 
 def _vertex(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> Disturbance:

@@ -183,7 +183,9 @@ def _suggestion(
         experiment.duration,
         float(choice.score),
         outcomes,
-        describe_visible(outcomes) if against_first else describe(rivals, experiment, setup.limits, choice.score),
+        describe_visible(outcomes)
+        if against_first
+        else describe(rivals, experiment, setup.limits, choice.score, choice.gains),
         setup.limits,
         setup.start,
         dict(setup.controller) if setup.controller is not None else None,

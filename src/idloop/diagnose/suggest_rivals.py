@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from idloop.diagnose.suggest_view import View
 from idloop.estimate.levenberg import difference_jacobian, minimise
 from idloop.estimate.solve import typical_size
-from idloop.estimate.whitening import _covariances, _levinson
+from idloop.estimate.whitening import autocovariances, left_by_orders
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -193,13 +193,11 @@ class Rival:
 def _coloured_loss(left: Array, own: Array) -> float:
     """Log-likelihood lost when white noise has something added that a noise model of its own may explain in part."""
     count, outputs = left.shape
-    covariance = _covariances([np.ascontiguousarray(left)], _MOST_LAGS)
+    covariance = autocovariances([np.ascontiguousarray(left)], _MOST_LAGS)
     covariance[0] += own
-    losses = [
-        0.5 * count * float(np.linalg.slogdet(innovation)[1]) + len(coefficients) * outputs**2
-        for coefficients, innovation in _levinson(covariance)
-    ]
-    return float(max(min(losses), 0.0))
+    innovation = left_by_orders(covariance)
+    losses = 0.5 * count * np.linalg.slogdet(innovation)[1] + np.arange(len(innovation)) * outputs**2
+    return float(max(np.min(losses), 0.0))
 
 
 def _widened_root(jacobian: Array, stated: Array) -> Array:

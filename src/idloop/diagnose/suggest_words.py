@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -111,8 +112,25 @@ def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[
     )
 
 
-def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, score: float) -> str:
-    """What the experiment is expected to decide, in one or two sentences."""
+def describe(
+    rivals: Sequence[Rival], experiment: Experiment, limits: Limits, score: float, gains: NDArray[np.float64]
+) -> str:
+    """What the experiment is expected to decide, in one or two sentences.
+
+    Parameters
+    ----------
+    rivals : sequence of Rival
+    experiment : Experiment
+    limits : Limits
+    score : float
+        Expected lead for the pair that is hardest to tell apart.
+    gains : ndarray (m, m)
+        From `experiment_gains`.
+
+    Returns
+    -------
+    str
+    """
     names = " and ".join(rival.label for rival in rivals) if len(rivals) == 2 else f"{len(rivals)} rivals"
     if score >= DECISIVE:
         return f"expected to tell {names} apart: the right one leads by about {lead_text(score)} in log-likelihood"
@@ -125,10 +143,15 @@ def describe(rivals: Sequence[Rival], experiment: Experiment, limits: Limits, sc
         bounds.append(f"position {limits.position[0]:.3g} .. {limits.position[1]:.3g} {unit}")
     if limits.velocity is not None:
         bounds.append(f"velocity up to {limits.velocity:.3g} {unit}/s")
-    return (
-        f"no experiment of {experiment.duration:.3g} s within these limits ({', '.join(bounds) or 'none'}) is expected "
-        f"to tell {names} apart (at best {lead_text(score)} in log-likelihood): widen them"
+    none = (
+        f"no experiment of {experiment.duration:.3g} s within these limits ({', '.join(bounds) or 'none'}) is expected"
     )
+    best = f"(at best {lead_text(score)} in log-likelihood)"
+    pairs = list(itertools.combinations(range(len(rivals)), 2))
+    told = sum(min(gains[i, j], gains[j, i]) >= DECISIVE for i, j in pairs)
+    if told:
+        return f"expected to tell {told} of the {len(pairs)} pairs of these apart; {none} to tell all of them {best}"
+    return f"{none} to tell {names} apart {best}: widen them"
 
 
 def describe_visible(outcomes: Sequence[Outcome]) -> str:

@@ -25,7 +25,7 @@ from idloop.spelling import listed
 Floats = NDArray[np.float64]
 
 _COMMANDS = ("joint_command", "commands", "command")
-_ADDED = ("reference", "excitation", "estimator/prediction", "estimator/residual")
+_ADDED = ("reference", "excitation", "bridge/command", "estimator/prediction", "estimator/residual")
 _A_DAY = 86_400.0
 
 

@@ -42,6 +42,34 @@ def free_run(engine: Engine, data: Data) -> Array:
     IdloopError
         If the model cannot be simulated.
     """
+    return _from_the_best_start(engine, data)[0]
+
+
+def free_runs(engine: Engine, data: Data, other: Engine) -> tuple[Array, Array]:
+    """Simulate a record with two models of the same bodies, both from the start that suits the first one best.
+
+    Parameters
+    ----------
+    engine, other : Engine
+        They may differ in what acts on the readings: what their runs differ by is then that alone.
+    data : Data
+        Record.
+
+    Returns
+    -------
+    tuple of array, shape (n, p)
+        Simulated outputs of both.
+
+    Raises
+    ------
+    IdloopError
+        If the first model cannot be simulated.
+    """
+    simulated, start = _from_the_best_start(engine, data)
+    return simulated, SimulationCriterion(other, [data]).simulated(other.model.theta, start, 0)
+
+
+def _from_the_best_start(engine: Engine, data: Data) -> tuple[Array, Array]:
     theta = engine.model.theta
     rule = SimulationCriterion(engine, [data])
     start, lower, upper, size = rule.nuisance()
@@ -62,7 +90,7 @@ def free_run(engine: Engine, data: Data) -> Array:
     step = _STEP * scale
     nearer = _straight_to_the_best(residual, start, base, step)
     found = minimise(residual, nearer, lower, upper, scale, step=step, max_iterations=10, tolerance=1e-4)
-    return rule.simulated(theta, found.point, 0)
+    return rule.simulated(theta, found.point, 0), found.point
 
 
 def _straight_to_the_best(residual: Callable[[Array], Array], start: Array, base: Array, step: Array) -> Array:

@@ -16,8 +16,6 @@ from idloop.validate.variables import TITLES, break_down_all
 from idloop.validate.words import percent, short
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from idloop.validate.compare import Comparison
 
 Array = NDArray[np.float64]
@@ -150,14 +148,6 @@ class Where:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON: by output and ``drive force``."""
         return {one.name: one.to_dict() for one in self.maps}
-
-    def plot(self, others: Sequence[Where] = (), labels: Sequence[str] = ()) -> Any:
-        """Draw small multiples, with those of other models on the same record beside it; returns the figure."""
-        # Results draw themselves by the reports, which know them: hence here and not above.
-        from idloop.report.where import plot_where
-
-        every = (self, *others)
-        return plot_where(list(zip(labels or [where.model for where in every], every, strict=True)))
 
 
 def where(comparison: Comparison) -> Where:
