@@ -34,6 +34,9 @@ def test_without_a_row_all_are_listed(capsys) -> None:
         (["A1", "--seed", "x"], "--seed"),
         (["A1", "--plot", "a1.txt"], "suffix"),
         (["A1", "A2"], "A2"),
+        (["A1", "--part", "friction"], "has no parts"),
+        (["B2", "--part", "frction"], "friction"),
+        (["--part", "friction"], "--part needs a row"),
     ),
 )
 def test_wrong_use_is_one_line_and_exit_code_2(words: list[str], expected: str, capsys) -> None:
@@ -79,7 +82,7 @@ class Missed(Reproduction):
 
 
 def test_a_row_that_does_not_hold_is_exit_code_1(capsys, monkeypatch) -> None:
-    monkeypatch.setattr(papers, "reproduce", lambda name, seed, progress: Missed())
+    monkeypatch.setattr(papers, "reproduce", lambda name, seed, progress, parts: Missed())
     code, out, err = _run(capsys, "A1")
     assert code == 1
     assert "gain [V]" in out

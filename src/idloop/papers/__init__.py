@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from idloop.errors import InputError
@@ -24,11 +24,12 @@ STAGE = "Shamseldin, WSEAS 2022"
 
 
 class Row(NamedTuple):
-    """Title of a row, its paper, and its function as ``module:function`` of this package."""
+    """Title of a row, its paper, its function as ``module:function`` of this package, and parts that run alone."""
 
     title: str
     paper: str
     place: str
+    parts: tuple[str, ...] = ()
 
 
 ROWS: dict[str, Row] = {
@@ -37,15 +38,37 @@ ROWS: dict[str, Row] = {
     "A3": Row("Grey-box fit with standard deviations, loss and FPE", LEHIGH, "dc_motor_grey_box:reproduce"),
     "A4": Row("The toolbox's layers on one data set", LEHIGH, "toolbox_layers:reproduce"),
     "A5": Row("Linear fits of a motor with dead zone and backlash", LEHIGH, "dead_zone_and_backlash:reproduce"),
+    "A6": Row(
+        "Drifting linear fits, and the effects that explain them",
+        LEHIGH,
+        "drifting_fits:reproduce",
+        ("dead-zone", "dead-zone+friction"),
+    ),
     "A7": Row("Describing functions and limit cycles", LEHIGH, "describing_functions:reproduce"),
     "A8": Row("Response of the closed loop", LEHIGH, "closed_loop_response:reproduce"),
     "B1": Row("The torsion plant and a misprint in it", LINKOPING, "torsion_plant:reproduce"),
+    "B2": Row(
+        "Effects of the torsion system, hidden and found",
+        LINKOPING,
+        "torsion_effects:reproduce",
+        (
+            "offset",
+            "friction",
+            "imbalance",
+            "slip",
+            "saturation",
+            "friction+imbalance",
+            "offset+friction+imbalance",
+            "all",
+        ),
+    ),
     "B3": Row("PID and PD controllers and their limit", LINKOPING, "torsion_controller:reproduce"),
     "B4": Row("PRBS and Gaussian references, scaled and down-sampled", LINKOPING, "torsion_excitation:reproduce"),
     "B5": Row("The offset of the input compensated, or not", LINKOPING, "torsion_compensation:reproduce"),
     "B6": Row("Seven ways to identify, verified in simulation", LINKOPING, "torsion_verification:reproduce"),
     "B7": Row("FIT per output and averaged", LINKOPING, "torsion_fit_measure:reproduce"),
     "B8": Row("Sweeps of excitation, sample time, states, horizon", LINKOPING, "torsion_sweeps:reproduce"),
+    "B9": Row("One model for two amplitudes, and for a third", LINKOPING, "torsion_amplitudes:reproduce"),
     "C1": Row("The lead-screw stage and its PRBS experiment", STAGE, "stage_machine:reproduce"),
     "C2": Row("Linear transfer function of the stage", STAGE, "stage_linear:reproduce"),
     "C3": Row("Wavelet network of the stage", STAGE, "stage_wavelet:reproduce"),
@@ -68,7 +91,24 @@ def find_row(name: str) -> str:
     return known[name.casefold()]
 
 
-def reproduce(name: str, seed: int = 0, progress: Progress | None = None) -> Reproduction:
+def find_parts(name: str, parts: Sequence[str]) -> tuple[str, ...]:
+    """Parts of a row, once each.
+
+    Raises
+    ------
+    InputError
+        The row has no such part.
+    """
+    known = ROWS[find_row(name)].parts
+    for part in parts:
+        if not known:
+            raise InputError(f"row {find_row(name)} has no parts; leave '{part}' out")
+        if part not in known:
+            raise InputError(f"row {find_row(name)} has no part '{part}'{did_you_mean_or_known(part, list(known))}")
+    return tuple(dict.fromkeys(parts))
+
+
+def reproduce(name: str, seed: int = 0, progress: Progress | None = None, parts: Sequence[str] = ()) -> Reproduction:
     """Redo a row of a paper.
 
     Parameters
@@ -79,6 +119,8 @@ def reproduce(name: str, seed: int = 0, progress: Progress | None = None) -> Rep
         Of the measurement noise; equal seeds give equal results.
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
+    parts : sequence of str
+        Of a row that has parts: which of them; the row's own choice when empty.
 
     Returns
     -------
@@ -87,12 +129,13 @@ def reproduce(name: str, seed: int = 0, progress: Progress | None = None) -> Rep
     Raises
     ------
     InputError
-        There is no such row, or the seed is negative.
+        There is no such row or part, or the seed is negative.
     """
-    row = ROWS[find_row(name)]
+    row, chosen = ROWS[find_row(name)], find_parts(name, parts)
     if seed < 0:
         raise InputError(f"seed {seed}: give 0 or a whole number above it")
     module, _, function = row.place.partition(":")
     run = getattr(importlib.import_module(f"{__name__}.{module}"), function)
-    found: Reproduction = run(seed, progress or (lambda share, text: None))
+    choice = {"parts": chosen} if chosen else {}
+    found: Reproduction = run(seed, progress or (lambda share, text: None), **choice)
     return found

@@ -237,7 +237,7 @@ def draw(data: Bench, candidates: tuple[Candidate, ...], axes: Any = None) -> An
                 text = f"{candidate.name}, {share:.1f} %"
                 drawing.line(ax, record.time, run, label=text, **drawing.model_look(index))
             # Room for the legend; a run that leaves it has failed.
-            most = 1.8 * float(np.max(np.abs(record.output)))
+            most = 2.6 * float(np.max(np.abs(record.output)))
             ax.set(xlim=(0.0, min(_SHOWN, float(record.time[-1]))), ylim=(-most, most))
             ax.set_title(record.name)
             ax.set_ylabel(drawing.label("speed", "in/s"))

@@ -377,6 +377,10 @@ def _estimators(bench: _Bench) -> list[tuple[int, str, str, str, str, Run]]:
          recursive(recursion.recursive_prediction_error, nb=1, nd=1, nf=1)),
         (4, "rplr", "pseudo_linear_regression", "na 1, nb 1, nc 1", consistent,
          recursive(recursion.pseudo_linear_regression, na=1, nb=1, nc=1)),
+        # Not of the toolbox, which estimates no state beside the coefficients.
+        (4, "joint EKF (ours)", "ExtendedKalman", "na 1, nb 1", consistent,
+         recursive(lambda order, delay, **named: recursion.recursive_estimator(
+             "ekf", recursion.orders_of("ekf", order, delay), **named), 1, 1)),
         (5, "modstruc, ms2th, pem", "fit_structure", "a, b of the motor", consistent,
          model(lambda: linear.fit_structure(data, structure, {"a": 1.0, "b": 0.28}, continuous=True))),
     ]  # fmt: skip

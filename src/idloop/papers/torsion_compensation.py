@@ -106,6 +106,7 @@ class OffsetCompensation(Reproduction):
             (
                 "PEM alone starts at the sampled Quanser model with a leak, all entries free. Friction and imbalance"
                 " are of our size, so the thesis's cells are a guide; claimed is what it says of the compensation."
+                " VODMA decomposes the projection with the weights of CVA: without, friction decides what it finds."
             ),
         )
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import control
     from idloop.estimate.linear import LinearModel
     from idloop.estimate.sampled import SampledData
+    from idloop.estimate.subspace.realisation import Weighting
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -40,12 +41,18 @@ class Choices:
         Estimate D, as the thesis's models of VODMA have it.
     iterations : int
         Of the prediction error method that follows.
+    integrates : bool
+        The angles are known to integrate, as they do without dry friction: one pole is put at 1.
+    vodma_weighting : "n4sid", "cva" or "moesp"
+        Of the projection that VODMA decomposes; the thesis's eq. 3.19 has none.
     """
 
     states: int = thesis.STATES
     horizon: int = thesis.HORIZON
     feedthrough: bool = True
     iterations: int = ITERATIONS
+    integrates: bool = False
+    vodma_weighting: Weighting = "n4sid"
 
 
 def black_box(
@@ -74,15 +81,22 @@ def black_box(
     from idloop.estimate.subspace import n4sid, vodma, vodma_direct
 
     # Poles outside the unit circle are reflected: the plant integrates, and an estimate of 1 may fall on either side.
-    common: dict[str, Any] = {"horizon": choices.horizon, "feedthrough": choices.feedthrough, "stable": True}
+    common: dict[str, Any] = {
+        "horizon": choices.horizon,
+        "feedthrough": choices.feedthrough,
+        "stable": True,
+        "integrates": choices.integrates,
+    }
     makers: dict[str, tuple[str, Callable[[], LinearModel]]] = {
-        thesis.DIRECT: (thesis.DIRECT_PEM, lambda: vodma_direct(train, choices.states, **common)),
+        thesis.DIRECT: (thesis.DIRECT_PEM, lambda: vodma_direct(train, choices.states, weighting="n4sid", **common)),
         thesis.N4SID: (thesis.N4SID_PEM, lambda: n4sid(train, choices.states, focus="simulation", **common)),
     }
     if law is not None:
         makers[thesis.VODMA] = (
             thesis.VODMA_PEM,
-            lambda: vodma(train, {train.output_names[0]: law}, choices.states, **common),
+            lambda: vodma(
+                train, {train.output_names[0]: law}, choices.states, weighting=choices.vodma_weighting, **common
+            ),
         )
     found: dict[str, LinearModel | None] = {}
     for name, (refined, make) in makers.items():
@@ -158,6 +172,8 @@ def laboratory_fits(
         [s]
     """
     train, validation = thesis.halves(thesis.thinned(record, sample_time, filtered=True))
+    # Dry friction is no noise of a linear loop: without weights VODMA's states come and go with the draw.
+    choices = replace(choices, vodma_weighting="cva")
     law = thesis.sampled_controller(setting.controller, sample_time)
     fits = black_box_fits(train, validation, law, choices, ways)
     if thesis.PEM in ways:
