@@ -1,0 +1,123 @@
+"""`idloop export`: what was identified, in the formats of a robot's stack."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from idloop.cli._common import (
+    MODEL,
+    apply_options,
+    check_folder,
+    json_option,
+    log,
+    model_options,
+    print_json,
+)
+from idloop.errors import IdloopError, InputError
+
+if TYPE_CHECKING:
+    from idloop.export import Exported
+    from idloop.physics import Model
+
+SCHEMA = "idloop/export/1"
+EXAMPLE = """\b
+Formats:
+  urdf          <joint> with damping, friction and limits
+  mujoco        MJCF of the axis, ready to load
+  control       A, B, C, D of the linear part for python-control, as JSON
+  ros2_control  parameters of a controller with the model's gains
+  json          every number with its unit and its standard error
+\b
+Examples:
+  idloop export axis --format urdf
+  idloop export fitted.yaml --format mujoco --output axis.xml
+  idloop export fitted.yaml --output for_the_robot
+"""
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("model", type=MODEL, metavar="MODEL")
+@click.option("--format", "forms", multiple=True, metavar="NAME", help="One of those below; may be repeated.")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="File to write; for several formats a folder, which is made.",
+)
+@click.option("--force", is_flag=True, help="Overwrite what is there.")
+@model_options
+@json_option
+def command(
+    model: Model,
+    *,
+    forms: tuple[str, ...],
+    output: Path | None,
+    force: bool,
+    settings: tuple[str, ...],
+    effects: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Write MODEL in other tools' formats: the one named, or all that can hold it.
+
+    What a format cannot carry is said in the file and, line by line, on stderr.
+    """
+    chosen = apply_options(model, settings, effects)
+    files = _write_all(chosen, forms)
+    if output is None and len(files) > 1 and not as_json:
+        raise InputError("--output is missing: several formats need a folder; or name one --format")
+    paths = _paths(output, files, several=len(forms) != 1, force=force)
+    for file, path in zip(files, paths, strict=True):
+        for line in file.left_out:
+            log(f"{file.format}: not carried: {line}")
+        if path is not None:
+            _save(path, file.text)
+            log(f"written: {path}")
+    if as_json:
+        listed = [
+            {"format": f.format, "path": path, "text": f.text, "left_out": f.left_out}
+            for f, path in zip(files, paths, strict=True)
+        ]
+        print_json({"schema": SCHEMA, "model": chosen.name, "files": listed})
+    elif output is None:
+        click.echo(files[0].text, nl=False)
+
+
+def _write_all(model: Model, forms: tuple[str, ...]) -> list[Exported]:
+    from idloop.export import FORMATS, export
+
+    if forms:
+        return [export(model, form) for form in dict.fromkeys(forms)]
+    files = []
+    for form in FORMATS:
+        try:
+            files.append(export(model, form))
+        except InputError as error:
+            log(f"{form}: left out: {error}")
+    return files
+
+
+def _paths(output: Path | None, files: list[Exported], *, several: bool, force: bool) -> list[Path | None]:
+    """Where each file goes; all are checked before the first is written."""
+    if output is None:
+        return [None] * len(files)
+    if several:
+        if output.exists() and not output.is_dir():
+            raise InputError(f"--output {output}: several formats need a folder, and this is a file")
+        paths = [output / file.file_name for file in files]
+    else:
+        paths = [check_folder(output, "--output")]
+    there = next((path for path in paths if path.exists()), None)
+    if there is not None and not force:
+        raise InputError(f"--output {there}: the file is there already, name another or add --force")
+    return list(paths)
+
+
+def _save(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error

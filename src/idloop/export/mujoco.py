@@ -1,0 +1,200 @@
+"""MJCF: the axis as a small model that MuJoCo loads and simulates."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from idloop.export.exported import Exported, file_name
+from idloop.export.left_out import (
+    acts,
+    comment_lines,
+    controller_left_out,
+    effects_left_out,
+    statistics_left_out,
+    values_of,
+)
+from idloop.export.mechanics import Mechanics, digits, mechanics, scale_notes
+from idloop.export.xml_text import xml_text
+from idloop.physics.effect import INPUT
+from idloop.physics.engine import Engine
+from idloop.physics.model import Model
+
+JOINTS = {"rad": "hinge", "m": "slide"}
+LONGEST_STEP = 1e-3  # s
+STEP_ANGLE = 0.1  # the fastest mode turns by at most this in one step [rad]
+# Dry friction that holds: MuJoCo softens it, and a standing body would creep. Times below two steps it makes two steps.
+STICKING = {"solreffriction": "1e-05 1", "solimpfriction": "0.9999 0.9999 0.001"}
+
+
+def export(model: Model) -> Exported:
+    """Write the axis as an MJCF model.
+
+    Bodies are nested: the first joint is the driven one, each further joint is a coupling and its
+    position the twist. What acts between a later body and the ground (friction, a cable) is a
+    fixed tendon that sums the joints up to that body.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    InputError
+        The model's positions are no motion of a joint.
+    """
+    found = mechanics(model, "mujoco")
+    root = ET.Element("mujoco", model=model.name)
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    option = ET.SubElement(
+        root, "option", timestep=digits(_step(model)), gravity="0 0 0", integrator="implicitfast", tolerance="1e-12"
+    )
+    ET.SubElement(option, "flag", contact="disable")
+    gaps = _gaps(model, found)
+    carried = {*found.whole}
+    _bodies(ET.SubElement(root, "worldbody"), model, found, gaps)
+    _tendons(root, found, gaps)
+    _actuator(ET.SubElement(root, "actuator"), model, found, carried)
+    _sensors(ET.SubElement(root, "sensor"), model, found)
+    for active in model.effects:
+        if active.effect.name == "load_torque" and found.body_of[active.at] > 0:
+            carried.discard(active.name)
+    left_out = (
+        *effects_left_out(model, carried, found.partly),
+        *_sensors_left_out(model),
+        *controller_left_out(model),
+        *statistics_left_out(model),
+    )
+    units = model.units
+    notes = [
+        f"Units: {units.position}, {units.inertia}, {units.force}; ctrl in {units.input}.",
+        f'For the joint of a robot whose links have their own inertia: armature="{digits(found.bodies[0].inertia)}".',
+    ]
+    notes += scale_notes(model)
+    if units.position == "rad":
+        notes.append("Masses are placeholders: a turning axis shows its inertia only, and gravity is off.")
+    text = xml_text(root, comment_lines(model, "MuJoCo model", notes, left_out))
+    return Exported("mujoco", file_name(model.name, ".mjcf.xml"), text, left_out)
+
+
+def _step(model: Model) -> float:
+    """Time step [s] for the fastest mode, rounded down to 1, 2 or 5 of its decade."""
+    fastest = float(np.max(np.abs(np.linalg.eigvals(Engine(model).linearise().A))))
+    step = min(LONGEST_STEP, STEP_ANGLE / fastest) if fastest > 0.0 else LONGEST_STEP
+    decade = 10.0 ** math.floor(math.log10(step) + 1e-9)
+    return max(factor * decade for factor in (1.0, 2.0, 5.0) if factor * decade <= step * (1.0 + 1e-9))
+
+
+def _gaps(model: Model, found: Mechanics) -> dict[int, float]:
+    """Width of the gap of each coupling with backlash."""
+    gaps = {}
+    for active in model.effects:
+        if active.effect.name == "backlash" and active.at in found.coupling_of and acts(model, active):
+            gaps[found.coupling_of[active.at]] = values_of(model, active)["gap"]
+            if found.damping[found.coupling_of[active.at]] == 0.0:
+                found.whole.add(active.name)
+            else:
+                found.partly[active.name] = "carried as the dead band of a spring, but the damping acts inside the gap"
+    return gaps
+
+
+def _bodies(parent: ET.Element, model: Model, found: Mechanics, gaps: dict[int, float]) -> None:
+    linear = model.units.position == "m"
+    for index, body in enumerate(found.bodies):
+        element = ET.SubElement(parent, "body", name=body.name)
+        shape = {"name": _joint(found, index), "type": JOINTS[model.units.position], "axis": "0 0 1"}
+        if index == 0:
+            numbers = {"damping": body.viscous, "frictionloss": body.dry}
+            if body.stiffness:
+                numbers |= {"stiffness": body.stiffness, "springref": body.rest}
+        else:
+            numbers = {"damping": found.damping[index - 1]}
+            if index - 1 not in gaps:
+                numbers["stiffness"] = found.stiffness[index - 1]
+        sticking = STICKING if numbers.get("frictionloss") else {}
+        ET.SubElement(element, "joint", shape | {k: digits(v) for k, v in numbers.items()} | sticking)
+        # Not as armature: MuJoCo scales the stiffness of dry friction by the inertia of bodies alone.
+        inertia = digits(body.inertia)
+        mass = inertia if linear else "1"
+        ET.SubElement(element, "inertial", pos="0 0 0", mass=mass, diaginertia=f"{inertia} {inertia} {inertia}")
+        parent = element
+
+
+def _joint(found: Mechanics, index: int) -> str:
+    name = found.bodies[index].name
+    return name if index == 0 else f"{found.bodies[index - 1].name}-{name}"
+
+
+def _tendons(root: ET.Element, found: Mechanics, gaps: dict[int, float]) -> None:
+    if len(found.bodies) == 1:
+        return
+    tendons = ET.SubElement(root, "tendon")
+    for index, body in enumerate(found.bodies[1:], start=1):
+        numbers = {"damping": body.viscous, "frictionloss": body.dry}
+        spring = {}
+        if body.stiffness:
+            # -1 at both ends would ask MuJoCo for the length at the start.
+            rest = digits(body.rest)
+            ends = f"{rest} {rest}" if rest != "-1" else "-1 -0.999999999"
+            spring = {"stiffness": digits(body.stiffness), "springlength": ends}
+        sticking = STICKING if body.dry else {}
+        fixed = ET.SubElement(
+            tendons, "fixed", {"name": body.name} | {k: digits(v) for k, v in numbers.items()} | spring | sticking
+        )
+        for before in range(index + 1):
+            ET.SubElement(fixed, "joint", joint=_joint(found, before), coef="1")
+    for coupling, gap in gaps.items():
+        half = digits(0.5 * gap)
+        fixed = ET.SubElement(
+            tendons,
+            "fixed",
+            name=f"backlash-{_joint(found, coupling + 1)}",
+            stiffness=digits(found.stiffness[coupling]),
+            springlength=f"-{half} {half}",
+        )
+        ET.SubElement(fixed, "joint", joint=_joint(found, coupling + 1), coef="1")
+
+
+def _actuator(parent: ET.Element, model: Model, found: Mechanics, carried: set[str]) -> None:
+    bias = found.bodies[0].load
+    drive = {"name": model.input.joint, "joint": _joint(found, 0), "gaintype": "fixed", "gainprm": digits(found.gain)}
+    for active in model.effects:
+        if active.effect.site != INPUT or not acts(model, active):
+            continue
+        values = values_of(model, active)
+        if active.effect.name == "saturation":
+            drive["ctrlrange"] = f"{digits(-values['limit'])} {digits(values['limit'])}"
+        elif active.effect.name == "input_offset":
+            bias += found.gain * values["offset"]
+        elif active.effect.name == "actuator_lag":
+            drive |= {"dyntype": "filterexact", "dynprm": digits(values["time_constant"])}
+        else:
+            continue
+        carried.add(active.name)
+    if bias:
+        drive |= {"biastype": "affine", "biasprm": f"{digits(bias)} 0 0"}
+    ET.SubElement(parent, "general", drive)
+
+
+def _sensors(parent: ET.Element, model: Model, found: Mechanics) -> None:
+    for output in model.outputs:
+        index = found.body_of[output.body]
+        kind = "joint" if index == 0 else "tendon"
+        tag = f"{kind}{'pos' if output.field == 'position' else 'vel'}"
+        target = _joint(found, 0) if index == 0 else found.bodies[index].name
+        noise = {} if output.noise is None else {"noise": digits(output.noise / abs(output.scale))}
+        ET.SubElement(parent, tag, {"name": output.name, kind: target} | noise)
+
+
+def _sensors_left_out(model: Model) -> list[str]:
+    return [
+        f"scale of {output.name} ({output.scale:.6g} {output.unit} per unit of motion): the sensor shows the motion"
+        for output in model.outputs
+        if output.scale != 1.0
+    ]

@@ -1,0 +1,79 @@
+"""Plain JSON: every number of the model with its unit, its standard error and its bounds."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from idloop.export.exported import Exported, file_name
+from idloop.export.left_out import parameters_of
+from idloop.physics.model import Model
+from idloop.physics.parameter import Parameter
+
+SCHEMA = "idloop/parameters/1"
+
+
+def export(model: Model) -> Exported:
+    """Write everything that is known of a model; a bound or value that is infinite becomes null.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    Exported
+    """
+    own = {f"{active.name}.{name}" for active in model.effects for name in parameters_of(model, active)}
+    document = {
+        "schema": SCHEMA,
+        "name": model.name,
+        "description": " ".join(model.description.split()),
+        "input": {"joint": model.input.joint, "field": model.input.field, "unit": model.units.input},
+        "outputs": [
+            {
+                "joint": output.joint,
+                "field": output.field,
+                "unit": output.unit,
+                "body": output.body,
+                "scale": output.scale,
+                "noise": output.noise,
+            }
+            for output in model.outputs
+        ],
+        "bodies": list(model.bodies),
+        "couplings": list(model.couplings),
+        "parameters": {p.name: _number(p) for p in model.parameters if p.name not in own},
+        "effects": [
+            {
+                "effect": active.effect.name,
+                "at": active.at,
+                "text": active.effect.text,
+                "parameters": {name: _number(p) for name, p in parameters_of(model, active).items()},
+            }
+            for active in model.effects
+        ],
+        "disturbance": None
+        if model.disturbance is None
+        else {"intensity": model.disturbance, "unit": f"{model.units.force}²/s"},
+        "controller": model.controller,
+        "left_out": [],
+    }
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return Exported("json", file_name(model.name, ".json"), text, ())
+
+
+def _number(parameter: Parameter) -> dict[str, Any]:
+    bounds = {"min": _finite(parameter.min), "max": _finite(parameter.max)} if parameter.free else {}
+    return {
+        "value": _finite(parameter.value),
+        "unit": parameter.unit,
+        "stderr": _finite(parameter.stderr),
+        "estimated": parameter.free,
+        **bounds,
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

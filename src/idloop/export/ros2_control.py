@@ -1,0 +1,148 @@
+"""ros2_control: parameters of a controller with the model's own gains, limits and joint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from idloop.control import check_controller
+from idloop.export.exported import Exported, file_name
+from idloop.export.left_out import acts, comment_lines, effects_left_out, quantity, statistics_left_out, values_of
+from idloop.physics.model import Model
+
+PID, FORWARD = "idloop_pid_controller", "idloop_effort_controller"
+# Laws that a PID on one joint can follow; the others have no fields there.
+AS_PID = ("p", "pd", "pid", "cascade")
+# Our names of what keeps an integral from winding up, and those of control_toolbox.
+ANTI_WINDUP = {
+    "back_calculation": "back_calculation",
+    "conditional": "conditional_integration",
+    "none": "none",
+}
+DEFAULT_RATE = 1000  # Hz, where no controller says its period
+
+
+def export(model: Model) -> Exported:
+    """Write the parameter file of a controller manager.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    Exported
+    """
+    law = check_controller(model.controller, f"model {model.name}: controller")
+    managed: dict[str, Any] = {"update_rate": DEFAULT_RATE}
+    if model.controller is not None:
+        managed["update_rate"] = max(round(1.0 / law["sample_time"]), 1)
+    managed[FORWARD] = {"type": "forward_command_controller/ForwardCommandController"}
+    sections: dict[str, Any] = {FORWARD: {"joints": [model.input.joint], "interface_name": "effort"}}
+    lost: list[str] = []
+    if law["type"] in AS_PID:
+        managed[PID] = {"type": "pid_controller/PidController"}
+        sections[PID], lost = _pid(model, law)
+    elif law["type"] != "none":
+        lost = [f"controller of type {law['type']}: a PID on one joint has no fields for it"]
+    elif _limit(model) is not None:
+        lost = [f"limit {_limit(model):.6g} {model.units.input} of the command: {FORWARD} has no field for it"]
+    left_out = (*lost, *_plant_left_out(model, law), *statistics_left_out(model))
+    unit = model.units.input
+    notes = [
+        f"The effort interface takes the model's command, in {unit}"
+        + ("." if unit == model.units.force else f"; {quantity(model.parameter('drive.gain'))} make it a force."),
+    ]
+    if PID in sections:
+        notes.append(f"Activate one: {PID} closes the loop, {FORWARD} takes commands; fields of Kilted and later.")
+    file = {
+        "controller_manager": {"ros__parameters": managed},
+        **{name: {"ros__parameters": section} for name, section in sections.items()},
+    }
+    head = "".join(f"# {line}\n" for line in comment_lines(model, "ros2_control parameters", notes, left_out))
+    # PyYAML, as rclpy reads parameter files with it: its floats are floats there, too.
+    text = head + yaml.safe_dump(file, sort_keys=False, allow_unicode=True, width=120)
+    return Exported("ros2_control", file_name(model.name, ".ros2_control.yaml"), text, left_out)
+
+
+def _limit(model: Model) -> float | None:
+    """Largest command that still has an effect: of the controller, or of the drive."""
+    limits = [values_of(model, a)["limit"] for a in model.effects if a.effect.name == "saturation" and acts(model, a)]
+    own = (model.controller or {}).get("limit")
+    return min([*limits, *([] if own is None else [float(own)])], default=None)
+
+
+def _pid(model: Model, law: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Parameters of a PidController for a law, and what of the law they do not say."""
+    joint, _, field = law["output"].rpartition(".")
+    lost = []
+    p, i, d = law["kp"], law.get("ki", 0.0), law.get("kd", 0.0)
+    forward = law["velocity_feedforward"]
+    on_error = forward == d
+    if law["type"] == "cascade":
+        # kv e + ki ∫e with e = kp (r - y) + dr/dt - dy/dt is a PID on r - y.
+        kp, kv, ki = law["kp"], law["kv"], law["ki"]
+        p, i, d = kp * kv + ki, kp * ki, kv
+        on_error = forward == 1.0
+        if law["velocity_estimate"] != "backward":
+            lost.append(f"controller velocity_estimate {law['velocity_estimate']}: the target has its own derivative")
+        if law["velocity_limit"] is not None:
+            lost.append(f"controller velocity_limit {law['velocity_limit']:.6g}: no field for that of an inner loop")
+    if not on_error:
+        lost.append(
+            f"controller velocity_feedforward {forward:.6g}: the target takes the derivative of the error, "
+            "so that a moving reference is answered differently"
+        )
+    filters = {key: law.get(key, 0.0) for key in ("derivative_filter", "velocity_filter") if law.get(key, 0.0) > 0.0}
+    lost += [f"controller {key} {value:.6g} s: the target's derivative is unfiltered" for key, value in filters.items()]
+    if law["linearisation.offset"] != 0.0:
+        lost.append(f"controller linearisation.offset {law['linearisation.offset']:.6g}: no field for a constant")
+    if law["feedback_gain"] != 1.0:
+        lost.append(f"controller feedback_gain {law['feedback_gain']:.6g}: in the gains; divide your reference by it")
+    factor = law["feedback_gain"] / law["linearisation.gain"]
+    gains: dict[str, Any] = {"p": p * factor, "i": i * factor, "d": d * factor}
+    limit = _limit(model)
+    if limit is not None:
+        gains |= {"u_clamp_max": limit, "u_clamp_min": -limit}
+    if i != 0.0:
+        gains["antiwindup_strategy"] = ANTI_WINDUP[law["anti_windup"]]
+        if law["tracking_time"] is not None:
+            gains["tracking_time_constant"] = law["tracking_time"]
+    if field == "velocity" and model.values["drive.gain"] != 0.0:
+        gains["feedforward_gain"] = _viscous(model) / model.values["drive.gain"]
+    states = [field]
+    if field == "position" and (law.get("velocity_output") or (d != 0.0 and f"{joint}.velocity" in model.output_names)):
+        states.append("velocity")
+    section: dict[str, Any] = {"dof_names": [model.input.joint]}
+    if joint != model.input.joint:
+        section["reference_and_state_dof_names"] = [joint]
+    section |= {
+        "command_interface": "effort",
+        "reference_and_state_interfaces": states,
+        "gains": {model.input.joint: {key: v if isinstance(v, str) else float(v) for key, v in gains.items()}},
+    }
+    return section, lost
+
+
+def _viscous(model: Model) -> float:
+    """Viscous coefficient of the whole axis, moving as one."""
+    extra = [values_of(model, a)["coefficient"] for a in model.effects if a.effect.name == "viscous_friction"]
+    return sum(extra, sum(model.values[f"{body}.viscous_friction"] for body in model.bodies))
+
+
+def _plant_left_out(model: Model, law: dict[str, Any]) -> list[str]:
+    """Lines for the plant: a controller's parameters know little of it."""
+    in_velocity = law["type"] in AS_PID and str(law["output"]).endswith(".velocity")
+    lines = [f"inertia of {body} {quantity(model.parameter(f'{body}.inertia'))}: no field" for body in model.bodies]
+    viscous = f"viscous friction {_viscous(model):.6g} {model.units.fill('{force}·s/{position}')}"
+    if not in_velocity:
+        lines.append(f"{viscous}: feedforward_gain acts on the velocity only where that is the reference")
+    lines += [
+        f"coupling {name} (stiffness {quantity(model.parameter(f'{name}.stiffness'))}): no field"
+        for name in model.couplings
+    ]
+    carried = {a.name for a in model.effects if a.effect.name == "viscous_friction" and in_velocity}
+    if law["type"] in (*AS_PID, "none"):
+        carried |= {a.name for a in model.effects if a.effect.name == "saturation"}
+    return [*lines, *effects_left_out(model, carried)]
