@@ -115,15 +115,16 @@ def test_a_variable_that_was_left_out_says_why(found):
 @pytest.mark.parametrize("suffix", (".png", ".svg"))
 def test_equal_figures_are_equal_files(found, suffix, tmp_path):
     one, two = (
-        drawing.save(only(found[0][1], "drive force").plot(), tmp_path / f"{name}{suffix}") for name in ("one", "two")
+        drawing.save(plot_where([("plain", only(found[0][1], "drive force"))]), tmp_path / f"{name}{suffix}")
+        for name in ("one", "two")
     )
     assert one.stat().st_size > 10000
     assert one.read_bytes() == two.read_bytes()
 
 
-def test_a_result_draws_itself_beside_others(found):
+def test_two_models_stand_beside_each_other(found):
     one, two = (only(where, "motor.velocity") for _, where in found)
-    figure = one.plot([two], ["a", "b"])
+    figure = plot_where([("a", one), ("b", two)])
     texts = [text.get_text() for text in figure.axes[6].get_legend().get_texts()]
     assert [text.split(" (")[0] for text in texts] == ["usual share", "error of a", "error of b"]
 

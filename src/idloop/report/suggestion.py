@@ -7,21 +7,19 @@ for the width of a page, a second column shows the stretch in which the rivals d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.report.experiment_rows import Curve, Row, reach, rival_name, rows_of, sent_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from idloop.diagnose.suggest import Suggestion
-    from idloop.physics import Model
-    from idloop.records import Record
 
 Array = NDArray[np.float64]
 
@@ -41,45 +39,6 @@ _TITLE_SIZE, _TEXT_SIZE, _LEGEND_SIZE = 10.0, 9.0, 8.0
 _TURNS_PER_INCH, _TURNS_SHOWN = 12.0, 48
 # Shares of the duration that it shows: a chirp turns seldom at one end, and slow outputs need some time.
 _LEAST_SHOWN, _MOST_SHOWN = 0.04, 0.33
-# A limit is drawn where the view need not grow by more than this share of what it shows, at either end.
-_NEAR = {"sent": 2.0, "output": 0.5}
-_DEVIATIONS = 2.0
-
-
-@dataclass(frozen=True)
-class _Curve:
-    """A line: instants [s], values, look, and whether each value is held to the next instant."""
-
-    time: Array
-    value: Array
-    look: dict[str, Any]
-    held: bool = False
-
-
-@dataclass(frozen=True)
-class _Row:
-    """A row of the figure.
-
-    Attributes
-    ----------
-    kind : {"sent", "output", "difference"}
-    label : str
-        Of its axis.
-    curves : list of _Curve
-    limits : tuple of float
-        Those that are drawn.
-    band : float, optional
-        Half width of the band of the noise.
-    entries : list of (str, str)
-        Legend: what it says, and for what: "limit", "band", or the number of a rival.
-    """
-
-    kind: str
-    label: str
-    curves: list[_Curve]
-    limits: tuple[float, ...] = ()
-    band: float | None = None
-    entries: list[tuple[str, str]] = field(default_factory=list)
 
 
 def plot_suggestion(suggestion: Suggestion) -> Figure:
@@ -95,10 +54,8 @@ def plot_suggestion(suggestion: Suggestion) -> Figure:
     matplotlib Figure
         For `idloop.drawing.save`.
     """
-    experiment = suggestion.experiment
-    records = [experiment.run(model) for _, model in suggestion.rivals]
-    rows = [*_sent(suggestion, records), *_outputs(suggestion, records)]
-    whole, stretch = (0.0, experiment.duration), _stretch(rows, experiment.duration)
+    rows, duration = rows_of(suggestion), suggestion.experiment.duration
+    whole, stretch = (0.0, duration), _stretch(rows, duration)
     with drawing.styled(), drawing.short_numbers():
         figure, grid = _new_page(suggestion, rows, (_ALONE,) if stretch is None else _PAIR)
         for row, axes in zip(rows, grid, strict=True):
@@ -118,14 +75,14 @@ def plot_suggestion(suggestion: Suggestion) -> Figure:
     return figure
 
 
-def _new_page(suggestion: Suggestion, rows: list[_Row], widths: tuple[float, ...]) -> tuple[Figure, Any]:
+def _new_page(suggestion: Suggestion, rows: list[Row], widths: tuple[float, ...]) -> tuple[Figure, Any]:
     """Title, text and legend of the rivals, and axes below, (rows, columns), at fixed places: quickly drawn."""
     from matplotlib.figure import Figure
 
     width = sum(widths) + _LEFT * len(widths) + _RIGHT
     inside = width - 2.0 * _MARGIN
     title, text = _title(suggestion, inside), _text(suggestion, inside)
-    names = [(_name(suggestion, index), str(index)) for index in range(len(suggestion.rivals))]
+    names = [(rival_name(suggestion, index), str(index)) for index in range(len(suggestion.rivals))]
     columns = _legend_columns(names, inside)
     below_title = _HEAD + 1.2 * _LINE * len(title)
     below_text = below_title + _LINE * (len(text) + 0.3)
@@ -159,7 +116,7 @@ def _title(suggestion: Suggestion, wide: float) -> list[str]:
     """The experiment and what it is expected to tell, in lines that fit a width [inches]."""
     from idloop.diagnose.suggest_words import lead_text
 
-    signal, unit = suggestion.signal, _sent_unit(suggestion)
+    signal, unit = suggestion.signal, sent_unit(suggestion)
     parts = [f"{signal['name']} on the {suggestion.adds_to}"]
     parts += [f"{key} {signal[key]:.3g} {unit}".rstrip() for key in ("amplitude", "offset") if signal.get(key)]
     # Of many effects that may be there, each is as visible as it is.
@@ -184,16 +141,6 @@ def _text(suggestion: Suggestion, wide: float) -> list[str]:
     return [line for text in (first, second) for line in _wrapped(text, wide, _TEXT_SIZE)]
 
 
-def _name(suggestion: Suggestion, index: int) -> str:
-    """A rival, by how much it leads if it is right, and whether it is what the differences are from."""
-    from idloop.diagnose.suggest_words import lead_text
-
-    label, lead = suggestion.rivals[index][0], suggestion.outcomes[index].in_favour
-    notes = [f"leads by {lead_text(lead)} if right"] if lead >= 1.0 else []
-    notes += ["differences are from it"] if index == 0 else []
-    return f"{label} ({'; '.join(notes)})" if notes else label
-
-
 def _wrapped(text: str, wide: float, size: float, weight: str = "normal") -> list[str]:
     """Lines of whole words that fit a width [inches] in letters of a size [points]."""
     lines: list[str] = []
@@ -216,100 +163,7 @@ def _width(text: str, size: float, weight: str = "normal") -> float:
     return float(wide) / 72.0
 
 
-def _range_text(limits: tuple[float, ...], unit: str) -> str:
-    # Three digits of the larger one; adding zero leaves no sign to a zero.
-    places = 2 - int(np.floor(np.log10(max(map(abs, limits)))))
-    low, high = (round(limit, places) + 0.0 for limit in limits)
-    text = f"±{high:g}" if low == -high else f"{low:g} .. {high:g}".replace("-", "−")
-    return f"limit {text} {unit}".rstrip()
-
-
-# ---------------------------------------------------------------- what is drawn
-
-
-def _sent(suggestion: Suggestion, records: list[Record]) -> list[_Row]:
-    """What is sent in, and in a closed loop the command that each rival then gets."""
-    model, limits = suggestion.rivals[0][1], suggestion.limits
-    most = () if limits.command is None else (-limits.command, limits.command)
-    signal, unit = suggestion.experiment.built, _sent_unit(suggestion)
-    look = {"color": drawing.COMMAND, "linewidth": 1.1}
-    reference = records[0].reference
-    if reference is not None:
-        scale = _followed(suggestion)[1]
-        row = _Row("sent", drawing.label("reference", unit), [_Curve(signal.time, reference[:, 0], look, held=True)])
-        rows = [_limited(row, _scaled(limits.position, scale), unit)]
-    else:
-        name = model.input.name if suggestion.controller is None else "excitation"
-        row = _Row("sent", drawing.label(name, unit), [_Curve(signal.time, signal.value, look, held=True)])
-        rows = [_limited(row, most, unit) if suggestion.controller is None else row]
-    if suggestion.controller is not None:
-        curves = [_Curve(r.input_time, r.input, _look(i), held=True) for i, r in enumerate(records)]
-        row = _Row("sent", drawing.label(model.input.name, model.input.unit), curves)
-        rows += [_limited(row, most, model.input.unit), _differences(curves, model.input.unit)]
-    return rows
-
-
-def _outputs(suggestion: Suggestion, records: list[Record]) -> list[_Row]:
-    """For each output the rivals, and their differences from the first."""
-    model, limits = suggestion.rivals[0][1], suggestion.limits
-    rows = []
-    for column, output in enumerate(model.outputs):
-        curves = [_Curve(r.time, r.output[:, column], _look(i)) for i, r in enumerate(records)]
-        row = _Row("output", drawing.label(output.name, output.unit), curves)
-        own: tuple[float, ...] = ()
-        if output.field == "position":
-            own = _scaled(limits.position, output.scale)
-        elif output.field == "velocity" and limits.velocity is not None:
-            own = _scaled((-limits.velocity, limits.velocity), output.scale)
-        rows.append(_limited(row, own, output.unit))
-        rows.append(_differences(curves, output.unit, _DEVIATIONS * suggestion.noise[column]))
-    return rows
-
-
-def _differences(curves: list[_Curve], unit: str, band: float | None = None) -> _Row:
-    """How far the rivals are from the first one."""
-    first, apart, entries = curves[0].value, [], []
-    for index, curve in enumerate(curves):
-        apart.append(replace(curve, value=curve.value - first))
-        if index:
-            entries.append((f"RMS {_with_unit(float(np.sqrt(np.mean(apart[index].value ** 2))), unit)}", str(index)))
-    if band is not None:
-        entries.append((f"±{_DEVIATIONS:g}σ of the noise (±{_with_unit(band, unit)})", "band"))
-    return _Row("difference", drawing.label("difference", unit), apart, band=band, entries=entries)
-
-
-def _with_unit(value: float, unit: str) -> str:
-    return f"{value:.2g} {unit}".rstrip()
-
-
-def _limited(row: _Row, limits: tuple[float, ...], unit: str) -> _Row:
-    """A row with the limits that lie near what it shows; a far one is named only."""
-    if not limits:
-        return row
-    low, high = _reach(row.curves)
-    room = _NEAR[row.kind] * max(high - low, 1e-12)
-    near = tuple(limit for limit in limits if low - room <= limit <= high + room)
-    text = _range_text(limits, unit) + ("" if near else ", beyond this view")
-    return replace(row, limits=near, entries=[(text, "limit")])
-
-
-def _followed(suggestion: Suggestion) -> tuple[str, float]:
-    """Unit and scale of the position that the controller follows."""
-    from idloop.control import build_controller
-
-    model: Model = suggestion.rivals[0][1]
-    reads = build_controller(suggestion.controller).inputs
-    followed = [output for output in model.outputs if output.name in reads and output.field == "position"]
-    return (followed[0].unit, followed[0].scale) if followed else (model.units.position, 1.0)
-
-
-def _sent_unit(suggestion: Suggestion) -> str:
-    return _followed(suggestion)[0] if suggestion.adds_to == "reference" else suggestion.rivals[0][1].input.unit
-
-
-def _scaled(limits: tuple[float, float] | None, scale: float) -> tuple[float, ...]:
-    """Limits of a body in the unit of a sensor, the lower first."""
-    return () if limits is None else tuple(sorted(limit * scale for limit in limits))
+# ---------------------------------------------------------------- looks
 
 
 def _look(index: int) -> dict[str, Any]:
@@ -317,22 +171,10 @@ def _look(index: int) -> dict[str, Any]:
     return {**drawing.model_look(index), "linewidth": 2.2 if index == 0 else 1.1, "alpha": 0.6 if index == 0 else 1.0}
 
 
-def _reach(curves: list[_Curve], stretch: tuple[float, float] | None = None) -> tuple[float, float]:
-    """Least and largest value of some curves, in a stretch of time."""
-    parts = []
-    for curve in curves:
-        inside = np.isfinite(curve.value)
-        if stretch is not None:
-            inside &= (curve.time >= stretch[0]) & (curve.time <= stretch[1])
-        parts.append(curve.value[inside])
-    values = np.concatenate(parts)
-    return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
-
-
 # ---------------------------------------------------------------- dense experiments
 
 
-def _stretch(rows: list[_Row], duration: float) -> tuple[float, float] | None:
+def _stretch(rows: list[Row], duration: float) -> tuple[float, float] | None:
     """Where the rivals differ most, of a length that can be read; None where the whole can be read."""
     turning = [_turns(curve) for row in rows for curve in row.curves if row.kind != "difference"]
     densest = max(turning, key=len)
@@ -352,9 +194,9 @@ def _stretch(rows: list[_Row], duration: float) -> tuple[float, float] | None:
     return begin, begin + 2.0 * half
 
 
-def _turns(curve: _Curve) -> Array:
+def _turns(curve: Curve) -> Array:
     """Instants at which a curve turns round, those left out that no eye would see [s]."""
-    low, high = _reach([curve])
+    low, high = reach([curve])
     least = 0.02 * (high - low)
     found, extreme, at, up = [], curve.value[0], curve.time[0], 0
     for instant, value in zip(curve.time, curve.value, strict=True):
@@ -372,6 +214,7 @@ def _turns(curve: _Curve) -> Array:
 # ---------------------------------------------------------------- drawing
 
 
+_SENT: dict[str, Any] = {"color": drawing.COMMAND, "linewidth": 1.1}
 _LIMIT: dict[str, Any] = {"color": drawing.MEASURED, "linewidth": 0.9, "linestyle": (0, (6, 2, 1, 2))}
 _BAND: dict[str, Any] = {"facecolor": drawing.BAND, "alpha": 0.4, "edgecolor": drawing.COMMAND, "linewidth": 0.5}
 _LEGEND: dict[str, Any] = {
@@ -380,7 +223,7 @@ _LEGEND: dict[str, Any] = {
 
 
 def _draw(
-    axes: Axes, row: _Row, stretch: tuple[float, float], *, limits: tuple[float, ...] = (), dense: bool = False
+    axes: Axes, row: Row, stretch: tuple[float, float], *, limits: tuple[float, ...] = (), dense: bool = False
 ) -> None:
     """Curves, limits and band of a row in a stretch of time; `limits` are kept in view."""
     for limit in row.limits:
@@ -388,13 +231,13 @@ def _draw(
     if row.band is not None:
         axes.axhspan(-row.band, row.band, **_BAND)
     for index, curve in enumerate(row.curves):
-        look = dict(curve.look)
+        look = _SENT if curve.rival is None else _look(curve.rival)
         if row.kind == "difference" and index == 0:  # the zero: the band must stay visible on it
-            look |= {"linewidth": 1.0}
+            look = {**look, "linewidth": 1.0}
         if dense:  # dashes and widths are lost
-            look |= {"linewidth": 0.7, "linestyle": "-", "alpha": 0.8}
+            look = {**look, "linewidth": 0.7, "linestyle": "-", "alpha": 0.8}
         (drawing.steps if curve.held else drawing.line)(axes, curve.time, curve.value, **look)
-    low, high = _reach(row.curves, stretch)
+    low, high = reach(row.curves, stretch)
     if row.band is not None:
         low, high = min(low, -1.3 * row.band), max(high, 1.3 * row.band)
     low, high = min((low, *limits)), max((high, *limits))
@@ -424,7 +267,7 @@ def _legend_columns(entries: list[tuple[str, str]], wide: float) -> int:
     return 1
 
 
-def _legend(axes: Axes, row: _Row, wide: float) -> None:
+def _legend(axes: Axes, row: Row, wide: float) -> None:
     # Outside the axes: inside, it would lie on the curves somewhere.
     axes.legend(
         *_handles(row.entries), loc="lower right", bbox_to_anchor=(1.0, 1.01),

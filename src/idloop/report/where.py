@@ -137,8 +137,17 @@ def _link(axes: list[Any]) -> None:
     axes[0].set_ylim(low, high)
 
 
-def _places(breakdown: Breakdown) -> Array:
-    """Edges of the bins on the axis: the variable's own where they are ranges on a plain or logarithmic axis."""
+def places(breakdown: Breakdown) -> Array:
+    """Edges of the bins on the axis: the variable's own where they are ranges on a plain or logarithmic axis.
+
+    Parameters
+    ----------
+    breakdown : Breakdown
+
+    Returns
+    -------
+    array, shape (bins + 1,)
+    """
     if breakdown.edges is None or breakdown.variable == "since_reversal":
         return np.arange(len(breakdown.names) + 1.0)
     if breakdown.variable == "frequency":
@@ -147,13 +156,13 @@ def _places(breakdown: Breakdown) -> Array:
 
 
 def _draw_shares(axes: Any, breakdown: Breakdown, label: str, color: str, first: bool) -> None:
-    places = _places(breakdown)
+    edges = places(breakdown)
     if first:
         axes.stairs(
-            100.0 * breakdown.usual, places, fill=True, color=drawing.BAND, alpha=0.45,
+            100.0 * breakdown.usual, edges, fill=True, color=drawing.BAND, alpha=0.45,
             label="usual share (of the time; along frequency of the signal's power)",
         )  # fmt: skip
-    axes.stairs(100.0 * breakdown.error, places, color=color, linewidth=1.6, label=label)
+    axes.stairs(100.0 * breakdown.error, edges, color=color, linewidth=1.6, label=label)
     if breakdown.variable == "frequency":
         axes.set_xscale("log")
 
@@ -165,14 +174,14 @@ def _draw_values(axes: Any, one: ErrorMap, breakdown: Breakdown, color: str, ran
         if rank:
             _mark_worst(axes, one, color)
         return
-    places = _places(breakdown)
+    edges = places(breakdown)
     if breakdown.variable == "frequency":
-        axes.stairs(breakdown.rms, places, color=color, linewidth=1.4, baseline=None)
+        axes.stairs(breakdown.rms, edges, color=color, linewidth=1.4, baseline=None)
         axes.set_xscale("log")
         return
     rms = np.nan_to_num(breakdown.rms)
-    axes.stairs(rms, places, baseline=-rms, fill=True, color=color, alpha=0.18, linewidth=0.0)
-    axes.stairs(breakdown.mean, places, color=color, linewidth=1.6, baseline=None)
+    axes.stairs(rms, edges, baseline=-rms, fill=True, color=color, alpha=0.18, linewidth=0.0)
+    axes.stairs(breakdown.mean, edges, color=color, linewidth=1.6, baseline=None)
 
 
 def _mark_worst(axes: Any, one: ErrorMap, color: str) -> None:

@@ -1,0 +1,211 @@
+"""A model's equations in LaTeX, and the symbol of each of its parameters."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, EffectEquation
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.physics.model import ActiveEffect, OutputSignal
+
+# Position, velocity, force and inertia of an axis by the unit of its position.
+_LETTERS = {
+    "rad": (r"\theta", r"\omega", "T", "J"),
+    "m": ("x", "v", "F", "m"),
+}
+_OTHER_LETTERS = ("q", r"\dot{q}", "F", "m")
+
+
+@dataclass(frozen=True)
+class Equation:
+    """One line.
+
+    Attributes
+    ----------
+    latex : str
+    about : str
+        What it says, in a few words.
+    effect : str
+        ``effect@site`` that it belongs to; empty for the linear part.
+    """
+
+    latex: str
+    about: str
+    effect: str = ""
+
+
+@dataclass
+class _Writer:
+    """Collects lines and symbols of one model."""
+
+    model: Model
+    lines: list[Equation] = field(default_factory=list)
+    symbols: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.q, self.v, self.force, self.inertia = _LETTERS.get(self.model.units.position, _OTHER_LETTERS)
+
+    def of(self, letter: str, site: str) -> str:
+        """A letter with its body or coupling as index; without one where there is only one body."""
+        if len(self.model.bodies) == 1:
+            return letter
+        return rf"{letter}_{{\text{{{plain_words(site)}}}}}"
+
+    def filled(self, text: str, site: str = "", *, body: str = "", signal: str = "") -> str:
+        """Put the letters of the axis in place of the marks."""
+        q, v = (self.of(letter, body) if body else letter for letter in (self.q, self.v))
+        known = {"@q": q, "@v": v, "@F": self.force, "@u": signal, "@y": signal}
+        for mark, letter in known.items():
+            text = text.replace(mark, letter)
+        index = rf"\text{{, {plain_words(body)}}}" if body and len(self.model.bodies) > 1 else ""
+        return text.replace("@s", rf"\text{{{plain_words(site)}}}").replace("@i", index)
+
+    def equation_of(self, active: ActiveEffect, kind: str) -> EffectEquation:
+        """The effect's own, or a function of what the effect depends on."""
+        known = active.effect.equation
+        if known is not None:
+            text = known.text
+            for spec in active.effect.parameters:
+                if spec.optional and f"{active.name}.{spec.name}" not in self.model.values:
+                    text = text.replace(known.symbols[spec.name], known.symbols[spec.optional])
+            return replace(known, text=text)
+        name = rf"\text{{{plain_words(active.effect.name)}}}"
+        symbols = {spec.name: rf"p_{{\text{{{plain_words(spec.name)}}}}}" for spec in active.effect.parameters}
+        if kind == BODY:
+            return EffectEquation(rf"+@F_{{{name}}}", rf"@F_{{{name}}} = f(@q, @v)", symbols)
+        if kind == COUPLING:
+            return EffectEquation(rf"+@F_{{{name}}}", rf"@F_{{{name}}} = f(\Delta @q)", symbols)
+        letter, mark = ("u", "@u") if kind == INPUT else ("y", "@y")
+        return EffectEquation(rf"{letter}_{{{name}}}", rf"{letter}_{{{name}}} = f({mark})", symbols)
+
+    def keep_symbols(self, active: ActiveEffect, equation: EffectEquation) -> None:
+        """Remember the symbol of each parameter."""
+        body = active.at if active.at in self.model.bodies else ""
+        for name, symbol in equation.symbols.items():
+            self.symbols[f"{active.name}.{name}"] = self.filled(symbol, body=body)
+
+    def effects(self, kind: str, at: str) -> list[ActiveEffect]:
+        """What acts at a site, in the order in which it acts."""
+        return sorted((one for one in self.model.effects if one.at == at), key=lambda one: one.effect.order)
+
+
+def plain_words(name: str) -> str:
+    """A user's name without the characters that mean something in LaTeX.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+    """
+    return re.sub(r"[^\w.\- ]|_", " ", name)
+
+
+def equations(model: Model) -> tuple[list[Equation], dict[str, str]]:
+    """Write a model's equations.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    lines : list of Equation
+        Balance of every body, couplings, what happens to the command and to the readings.
+    symbols : dict
+        Symbol of each parameter, by its name.
+    """
+    writer = _Writer(model)
+    acting = _command(writer)
+    for index, body in enumerate(model.bodies):
+        _balance(writer, index, body, acting)
+    for coupling, (first, second) in zip(
+        model.couplings, zip(model.bodies[:-1], model.bodies[1:], strict=True), strict=True
+    ):
+        _coupling(writer, coupling, first, second)
+    for output in model.outputs:
+        _reading(writer, output)
+    return writer.lines, {name: symbol for name, symbol in writer.symbols.items() if name in model.values}
+
+
+def _command(writer: _Writer) -> str:
+    """What of the command acts; its effects one after the other."""
+    signal = "u"
+    for active in writer.effects(INPUT, "input"):
+        equation = writer.equation_of(active, INPUT)
+        body = writer.model.bodies[0]
+        writer.lines.append(Equation(writer.filled(equation.text, body=body, signal=signal), "command", active.name))
+        writer.keep_symbols(active, equation)
+        signal = equation.term
+    return signal
+
+
+def _balance(writer: _Writer, index: int, body: str, acting: str) -> None:
+    model = writer.model
+    inertia, drag = writer.of(writer.inertia, body), writer.of("B", body)
+    place, speed = writer.of(writer.q, body), writer.of(writer.v, body)
+    writer.symbols |= {f"{body}.inertia": inertia, f"{body}.viscous_friction": drag, "drive.gain": "K"}
+    terms = ""
+    if index == 0:
+        terms += rf"K\,{acting}"
+    else:
+        terms += _between(writer, model.couplings[index - 1])
+    if index < len(model.couplings):
+        terms += f" - {_between(writer, model.couplings[index])}"
+    terms += rf" - {drag}\,{speed}"
+    definitions = []
+    for active in writer.effects(BODY, body):
+        equation = writer.equation_of(active, BODY)
+        terms += " " + writer.filled(equation.term, body=body)
+        if equation.text:
+            definitions.append(Equation(writer.filled(equation.text, body=body), "force", active.name))
+        writer.keep_symbols(active, equation)
+    left = rf"{inertia}\,\frac{{d{speed}}}{{dt}}"
+    about = f"{body}: balance of forces, {_named(place)}" + ("" if index else ", u the command")
+    writer.lines.append(Equation(f"{left} = {terms}", about))
+    writer.lines += definitions
+
+
+def _named(place: str) -> str:
+    return {r"\theta": "θ the angle", "x": "x the position"}.get(place.partition("_")[0], "q the position")
+
+
+def _between(writer: _Writer, coupling: str) -> str:
+    return rf"{writer.force}_{{\text{{{plain_words(coupling)}}}}}"
+
+
+def _coupling(writer: _Writer, coupling: str, first: str, second: str) -> None:
+    twist, rate = (rf"\left({writer.of(x, first)} - {writer.of(x, second)}\right)" for x in (writer.q, writer.v))
+    stiffness, damping = (rf"{x}_{{\text{{{plain_words(coupling)}}}}}" for x in ("k", "c"))
+    writer.symbols |= {f"{coupling}.stiffness": stiffness, f"{coupling}.damping": damping}
+    right, definitions = rf"{stiffness}\,{twist} + {damping}\,{rate}", []
+    for active in writer.effects(COUPLING, coupling):
+        equation = writer.equation_of(active, COUPLING)
+        right += " " + writer.filled(equation.term, coupling)
+        if equation.text:
+            definitions.append(Equation(writer.filled(equation.text, coupling), "coupling", active.name))
+        writer.keep_symbols(active, equation)
+    writer.lines.append(Equation(f"{_between(writer, coupling)} = {right}", f"{coupling}: what passes"))
+    writer.lines += definitions
+
+
+def _reading(writer: _Writer, output: OutputSignal) -> None:
+    letter = writer.of(writer.q if output.field == "position" else writer.v, output.body)
+    factor = "" if output.scale == 1.0 else rf"{output.scale:.6g}\,"
+    signal = factor + letter
+    site = output.site
+    for active in writer.effects(OUTPUT, site):
+        equation = writer.equation_of(active, OUTPUT)
+        text = writer.filled(equation.text, site, body=output.body, signal=signal)
+        writer.lines.append(Equation(text, f"reading {output.name}", active.name))
+        writer.keep_symbols(active, equation)
+        signal = equation.term
+    writer.lines.append(
+        Equation(rf"y_{{\text{{{plain_words(output.name)}}}}} = {signal} + e", f"reading {output.name}, noise e")
+    )  # fmt: skip

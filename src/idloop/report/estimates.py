@@ -1,0 +1,66 @@
+"""Numbers for a reader: as many digits as the interval lets stand, with a true minus sign."""
+
+from __future__ import annotations
+
+import math
+
+NORMAL_95 = 1.959963984540054
+
+
+def figure_text(value: float | None, digits: int = 4) -> str:
+    """Write a number with a few digits; "–" where there is none.
+
+    Parameters
+    ----------
+    value : float or None
+    digits : int
+
+    Returns
+    -------
+    str
+    """
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0.0 else "−∞"
+    return _tidy(f"{value:.{digits}g}")
+
+
+def with_interval(value: float, stderr: float | None) -> str:
+    """Write an estimate with the half-width of its 95 % interval, both to the interval's second digit.
+
+    Parameters
+    ----------
+    value : float
+    stderr : float or None
+        Standard error; None for a known or a fixed value.
+
+    Returns
+    -------
+    str
+        Such as "20.34 ± 0.40".
+    """
+    if stderr is None or not math.isfinite(stderr) or stderr <= 0.0 or not math.isfinite(value):
+        return figure_text(value)
+    half = NORMAL_95 * stderr
+    # Two digits of the interval; of the value as many places, but never fewer than one digit.
+    place = math.floor(math.log10(half)) - 1
+    size = max(abs(value), half)
+    power = math.floor(math.log10(size))
+    if -5 < power < 6:
+        places = max(-place, 0)
+        return _tidy(f"{value:.{places}f} ± {half:.{places}f}")
+    scale = 10.0**power
+    places = max(power - place, 0)
+    return f"({_tidy(f'{value / scale:.{places}f} ± {half / scale:.{places}f}')}) · 10{_raised(power)}"
+
+
+def _tidy(text: str) -> str:
+    if "e" in text:
+        head, _, power = text.partition("e")
+        return f"{head.replace('-', '−')} · 10{_raised(int(power))}"
+    return text.replace("-", "−")
+
+
+def _raised(power: int) -> str:
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

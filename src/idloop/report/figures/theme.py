@@ -1,0 +1,168 @@
+"""Colours and letters of the interactive figures, light and dark, and the empty figure that all start from.
+
+The light palette is that of Okabe and Ito (2008), as in `idloop.drawing`, its pale members darkened until a line
+stands out from white by 3 to 1 (WCAG 2, 1.4.11); the dark one has the same hues, lightened.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from bokeh.models import ColumnDataSource, Range1d
+from bokeh.models.annotations import Legend
+from bokeh.plotting import figure
+
+from idloop import drawing
+
+FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
+DASHES = ("solid", [10, 4], [3, 3], [10, 3, 3, 3])
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours by what they stand for; no two of a theme are equal, so that a page may be switched to the other.
+
+    Attributes
+    ----------
+    name : str
+        ``light`` or ``dark``.
+    page, surface : str
+        Background of the page and of a figure; none is a default of Bokeh's, which is not written to a page.
+    text, muted, grid : str
+        Words, ticks and less important words, lines of the grid.
+    measured, command, band, found, limit : str
+        The measurement, what was sent in, bands of noise, what was found to be missing, limits.
+    models : tuple of str
+        Models and rivals, in their order.
+    """
+
+    name: str
+    page: str
+    surface: str
+    text: str
+    muted: str
+    grid: str
+    measured: str
+    command: str
+    band: str
+    found: str
+    limit: str
+    models: tuple[str, ...]
+
+    @property
+    def colours(self) -> list[str]:
+        """Every colour, in the same order in all themes."""
+        plain = [getattr(self, f.name) for f in fields(self) if f.name not in {"name", "models"}]
+        return [*plain, *self.models]
+
+    def model(self, index: int) -> dict[str, Any]:
+        """Colour and dashes of the line of the model number `index`."""
+        return {"color": self.models[index % len(self.models)], "line_dash": DASHES[index % len(DASHES)]}
+
+
+LIGHT = Theme(
+    name="light", page="#f4f5f7", surface="#fefefe", text="#1b2128", muted="#56606b", grid="#e3e6ea",
+    measured="#111111", command="#555555", band="#999999", found="#c24a00", limit="#7a1f1f",
+    models=("#0072b2", "#d55e00", "#007f5f", "#b0528f", "#946200"),
+)  # fmt: skip
+DARK = Theme(
+    name="dark", page="#0f1318", surface="#171c23", text="#e8ebef", muted="#a3adb8", grid="#2b323b",
+    measured="#f2f2f2", command="#b4bac2", band="#7d8894", found="#ff9a4d", limit="#ff8f8f",
+    models=("#5cb8f2", "#ff8a4c", "#35cf9f", "#e9a0cb", "#efc04a"),
+)  # fmt: skip
+THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
+
+
+def new_figure(
+    theme: Theme, x: tuple[str, str | None], y: tuple[str, str | None], *, height: int = 230, **given: Any
+) -> figure:
+    """Make an empty figure that fills the width of where it is put.
+
+    Parameters
+    ----------
+    theme : Theme
+    x, y : tuple of (str, str or None)
+        Name and unit of each axis; an empty name leaves the axis without a label (a category's ticks are words).
+    height : int
+        Of the whole figure [CSS pixels].
+    **given
+        For `bokeh.plotting.figure`.
+
+    Returns
+    -------
+    bokeh.plotting.figure
+    """
+    plot = figure(
+        **{
+            "height": height,
+            "sizing_mode": "stretch_width",
+            "tools": "xpan,box_zoom,xwheel_zoom,reset,save",
+            "active_drag": "box_zoom",
+            "background_fill_color": theme.surface,
+            "border_fill_color": theme.surface,
+            "outline_line_color": None,
+            "min_border_left": 64,
+            "min_border_right": 12,
+            **given,
+        }
+    )
+    plot.toolbar.logo = None
+    plot.toolbar.autohide = True
+    heading: Any = plot.title
+    heading.text_color, heading.text_font, heading.text_font_size = theme.muted, FONT, "11px"
+    heading.text_font_style = "normal"
+    for axis, (name, unit) in ((plot.xaxis, x), (plot.yaxis, y)):
+        axis.axis_label = drawing.label(name, unit) if name else None
+        axis.axis_label_text_font_style = "normal"
+        axis.axis_label_text_font = axis.major_label_text_font = FONT
+        axis.axis_label_text_font_size = "12px"
+        axis.major_label_text_font_size = "11px"
+        axis.axis_label_text_color = theme.text
+        axis.major_label_text_color = theme.muted
+        axis.axis_line_color = axis.major_tick_line_color = theme.muted
+        axis.minor_tick_line_color = None
+    plot.grid.grid_line_color = theme.grid
+    return plot
+
+
+def add_legend(plot: figure, theme: Theme, entries: list[tuple[str, list[Any]]]) -> None:
+    """Write a legend above a figure, one line an entry so that a phone shows it whole; a click hides a line.
+
+    Parameters
+    ----------
+    plot : bokeh.plotting.figure
+    theme : Theme
+    entries : list of (str, list of GlyphRenderer)
+        What each says, and for what.
+    """
+    look: dict[str, Any] = {"padding": 2}
+    plot.add_layout(
+        Legend(
+            items=entries,
+            click_policy="hide",
+            border_line_color=None,
+            background_fill_color=None,
+            label_text_color=theme.text,
+            label_text_font=FONT,
+            label_text_font_size="11px",
+            label_height=14,
+            glyph_height=14,
+            spacing=0,
+            margin=0,
+            **look,
+        ),
+        "above",
+    )
+    plot.height = int(plot.height or 0) + 16 * len(entries)
+
+
+def source(**columns: Any) -> ColumnDataSource:
+    """Data of a glyph."""
+    return ColumnDataSource(data=columns)
+
+
+def padded(low: float, high: float, share: float = 0.06) -> Range1d:
+    """Range that leaves some room about what is drawn."""
+    room = share * (high - low) or max(0.1 * abs(high), 1e-12)
+    return Range1d(start=low - room, end=high + room)

@@ -1,0 +1,162 @@
+"""Which figures stand on the page of a report, by the name of their place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from idloop.report.comparison import Panel
+from idloop.report.estimates import figure_text
+from idloop.report.figures.candidates import candidates_figure, ladder_rows
+from idloop.report.figures.characteristic import characteristic_figure
+from idloop.report.figures.describing import describing_figures
+from idloop.report.figures.force import force_figures
+from idloop.report.figures.ladder import ladder_figures
+from idloop.report.figures.next_experiment import experiment_figures
+from idloop.report.figures.overlay import overlay
+from idloop.report.figures.residual import residual_figures
+from idloop.report.figures.theme import LIGHT, Theme
+from idloop.report.figures.thinning import BUCKETS
+from idloop.report.figures.unknown import unknown_figure
+from idloop.report.figures.where import error_along
+from idloop.validate.variables import VARIABLES
+
+if TYPE_CHECKING:
+    from bokeh.plotting import figure
+
+    from idloop.report.contents import Contents, Judged
+    from idloop.validate import Comparison
+
+# Records that are drawn; the tables name them all.
+MOST_RECORDS = 3
+# Bytes of a point in the page (two numbers of four bytes as text), and what all lines over time may take.
+_POINT, _ROOM = 11.0, 2.2e6
+_FEWEST = 300
+# The residual tests look at 25 lags, which fewer samples do not carry.
+_FEWEST_FOR_TESTS = 100
+
+
+def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[figure]]:
+    """Draw every figure of a report.
+
+    Parameters
+    ----------
+    contents : Contents
+    theme : Theme
+
+    Returns
+    -------
+    dict
+        Figures that stand below one another, by the name of their place.
+    """
+    buckets = _buckets(contents)
+    places: dict[str, list[figure]] = {"ladder": ladder_figures(contents.ladder, contents.floor, theme)}
+    for name, one in contents.characteristics.items():
+        places[effect_place(name)] = [characteristic_figure(one, theme)]
+    candidates = candidates_figure(ladder_rows(contents.ladder), theme)
+    if candidates is not None:
+        places["candidates"] = [candidates]
+    for index, judged in enumerate(contents.judged[:MOST_RECORDS]):
+        record = judged.record
+        forces = [(label, c.force) for label, c in judged.rows if c.force is not None]
+        if forces:
+            places[f"force-{index}"] = force_figures(forces, contents.ladder.model.units.force, theme, buckets=buckets)
+        places[f"overlay-{index}"] = overlay(
+            panel_of(judged), record.output_names, record.output_units, record.input_name, record.input_unit,
+            theme, buckets=buckets,
+        )  # fmt: skip
+    for name, variable in where_places(contents):
+        maps = [(label, c.where[name]) for label, c in contents.judged[0].rows if name in _names(c)]
+        drawn = error_along(maps, variable, theme)
+        if drawn is not None:
+            places[where_place(name, variable)] = [drawn]
+    if contents.ladder.unknown is not None:
+        places["unknown"] = [unknown_figure(contents.ladder.unknown, theme)]
+    if contents.judged and len(contents.judged[0].record.time) >= _FEWEST_FOR_TESTS:
+        for test in contents.judged[0].rows[-1][1].residual_tests():
+            places[f"residual-{test.name}"] = residual_figures(test, theme)
+    for index, measured in enumerate(contents.describing):
+        places[f"describing-{index}"] = describing_figures(measured, theme)
+    if contents.suggestion is not None:
+        places["next"] = experiment_figures(contents.suggestion, theme, buckets=buckets)
+    return places
+
+
+def effect_place(name: str) -> str:
+    """Place of an effect's characteristic."""
+    return f"effect-{name}"
+
+
+def where_place(name: str, variable: str) -> str:
+    """Place of the error of an output along a variable."""
+    return f"where-{name}-{variable}"
+
+
+def where_places(contents: Contents) -> list[tuple[str, str]]:
+    """Output (or drive force) and variable of every figure of where the model fails.
+
+    Parameters
+    ----------
+    contents : Contents
+
+    Returns
+    -------
+    list of (str, str)
+        Of the first error everything; of the others time and what shows most in the first model.
+    """
+    if not contents.judged:
+        return []
+    found: list[tuple[str, str]] = []
+    maps = contents.judged[0].rows[0][1].where.maps
+    for index, one in enumerate(maps):
+        # What a curve over the variable explains most of comes first.
+        ranked = sorted(one.breakdowns, key=lambda b: -np.nan_to_num(b.follows))
+        variables = [b.variable for b in ranked if b.variable != "time"]
+        found += [(one.name, v) for v in ("time", *(variables if not index else variables[:1])) if v in VARIABLES]
+    return found
+
+
+def panel_of(judged: Judged) -> Panel:
+    """Measured and modelled outputs of one record, as the figures of comparisons take them.
+
+    Parameters
+    ----------
+    judged : Judged
+
+    Returns
+    -------
+    Panel
+    """
+    first = judged.rows[0][1]
+    noise = [np.nan if output.noise is None else output.noise for output in first.model.outputs]
+    return Panel(
+        title=judged.title,
+        time=first.time,
+        output=first.measured,
+        modelled={label: comparison.simulated for label, comparison in judged.rows},
+        input_time=first.record.input_time,
+        input=first.record.input,
+        band=1.96 * np.array(noise),
+        notes={
+            label: [f"FIT {figure_text(comparison.fit[name], 3)} %" for name in comparison.names]
+            for label, comparison in judged.rows
+        },
+    )
+
+
+def _names(comparison: Comparison) -> Sequence[str]:
+    return [one.name for one in comparison.where.maps]
+
+
+def _buckets(contents: Contents) -> int:
+    """Stretches of time of a line, so that the page stays small enough to be mailed."""
+    lines = 1
+    for judged in contents.judged[:MOST_RECORDS]:
+        models = len(judged.rows)
+        lines += len(judged.record.output_names) * (1 + 2 * models) + 2 + 2 * models
+    if contents.suggestion is not None:
+        rivals = len(contents.suggestion.rivals)
+        lines += (2 + 2 * len(contents.ladder.model.outputs)) * rivals
+    return int(np.clip(_ROOM / (2.0 * _POINT * lines), _FEWEST, BUCKETS))

@@ -1,0 +1,327 @@
+"""The words and tables of a report's page, from the same objects as its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from idloop.diagnose.suggest_words import describe_signal, listed
+from idloop.report.estimates import NORMAL_95, figure_text, with_interval
+from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
+from idloop.report.figures.ladder import words
+from idloop.report.ladder import VERDICTS, p_text
+from idloop.report.page_figures import MOST_RECORDS, effect_place, where_place, where_places
+from idloop.validate.variables import TITLES
+
+if TYPE_CHECKING:
+    from idloop.diagnose import Candidate, Ladder, Step
+    from idloop.physics import Model
+    from idloop.report.contents import Contents, Judged
+
+_FEWEST_FOR_TESTS = 100
+
+
+def page_words(contents: Contents) -> dict[str, Any]:
+    """Everything that the page says, as plain texts and tables.
+
+    Parameters
+    ----------
+    contents : Contents
+
+    Returns
+    -------
+    dict
+        By the names that the template uses.
+    """
+    ladder = contents.ladder
+    return {
+        "model": ladder.model,
+        "headline": headline(ladder),
+        "verdict": verdict_text(ladder),
+        "changes": changes(ladder),
+        "steps": [_step(n, step, ladder.model) for n, step in enumerate(ladder.steps) if step.added is not None],
+        "rungs": rungs(ladder),
+        "kinds": [
+            (kind, said)
+            for kind, said in (("validation", "unseen"), ("train", "fitted"))
+            if any(getattr(step, kind) for step in ladder.steps)
+        ],
+        "outputs": list(ladder.model.output_names),
+        "records": [_record(judged) for judged in contents.judged],
+        "most_records": MOST_RECORDS,
+        "where": _where(contents),
+        "residuals": _residuals(contents),
+        "unknown": None if ladder.unknown is None else _capital(ladder.unknown.text),
+        "weighed": [
+            {
+                "name": words(row.name),
+                "explains": figure_text(100.0 * row.explains, 2) if np.isfinite(row.explains) else "–",
+                "gain": figure_text(row.gain, 4) if np.isfinite(row.gain) else "–",
+                "evidence": row.evidence,
+                "text": row.text,
+            }
+            for row in ladder_rows(ladder)
+            if row.standing != UNTESTABLE
+        ],
+        "untestable": _untestable(ladder),
+        "findings": list(ladder.findings),
+        "suggestion": ladder.suggested_experiment,
+        "experiment": _experiment(ladder),
+        "parameters": _parameters(ladder.model),
+        "describing": [
+            {"name": one.name, "place": f"describing-{i}"} for i, one in enumerate(contents.describing)
+        ],
+        "criterion": CRITERIA.get(ladder.criterion, ladder.criterion),
+        "level": figure_text(100.0 * ladder.level, 3),
+        "provenance": {"commands": [], "seed": None, "versions": {}, "bags": [], **contents.provenance},
+    }  # fmt: skip
+
+
+CRITERIA = {
+    "auto": "chosen from the data",
+    "prediction": "one-step prediction errors",
+    "simulation": "free-run errors",
+    "force": "the drive force that the measured motion leaves unexplained",
+}
+
+
+def headline(ladder: Ladder) -> str:
+    """Say in one sentence what is missing.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    str
+    """
+    names = [words(name).partition(" @ ")[0] for name in ladder.added]
+    if names:
+        return f"Missing from the model: {listed(list(dict.fromkeys(names)))}."
+    return {
+        "adequate": "Nothing is missing: the model explains this data.",
+        "unknown_structure": "Something is missing that no effect of the catalogue explains.",
+        "not_excited": "Nothing significant is missing, but this data cannot show everything.",
+    }.get(ladder.verdict, "No effect was added.")
+
+
+def verdict_text(ladder: Ladder) -> str:
+    """Say how the ladder ended, as a sentence.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    str
+    """
+    if ladder.verdict == "not_excited" and ladder.untestable:
+        names = listed([words(name) for name in ladder.untestable])
+        return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
+    if not ladder.added and ladder.verdict == "adequate":
+        return "What is left is noise."
+    return f"{_capital(VERDICTS.get(ladder.verdict, ladder.verdict))}."
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def changes(ladder: Ladder) -> list[dict[str, str]]:
+    """Error of the first and the last step: the drive force, then the FIT of each output; unseen data where there is.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``unit``, ``before``, ``after``, ``data``.
+    """
+    first, last = ladder.steps[0], ladder.steps[-1]
+    kind, data = ("validation", "unseen data") if last.validation else ("train", "fitted data")
+    before, after = getattr(first, kind), getattr(last, kind)
+    rows = []
+    if before.get("force") is not None and after.get("force") is not None:
+        rows.append(_change("error of the drive force", 100.0 * before["force"], 100.0 * after["force"], data))
+    fits = before.get("fit", {})
+    return rows + [_change(f"FIT of {name}", fits.get(name), fit, data) for name, fit in after.get("fit", {}).items()]
+
+
+def _change(name: str, before: float | None, after: float | None, data: str) -> dict[str, str]:
+    return {"name": name, "unit": "%", "before": figure_text(before, 3), "after": figure_text(after, 3), "data": data}
+
+
+def _step(number: int, step: Step, last: Model) -> dict[str, Any]:
+    added = step.added
+    if added is None:
+        raise ValueError("the first step adds nothing")
+    others = [words(name) for name in step.set if name != added.name]
+    return {
+        "number": number,
+        "name": _capital(words(added.effect)),
+        "site": added.at,
+        "text": added.text,
+        "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
+        "explains": figure_text(100.0 * added.explains, 2),
+        "ties": others,
+        "replaces": "" if not added.replaces else words(added.replaces),
+        "place": effect_place(added.name),
+        "parameters": [
+            {
+                "name": name.replace("_", " "),
+                "value": with_interval(float(entry["value"]), entry.get("stderr")),
+                "unit": entry.get("unit", ""),
+            }
+            for name, entry in added.parameters.items()
+        ],
+        "later": _later(added, last),
+    }
+
+
+def _later(added: Candidate, last: Model) -> str:
+    """What became of an effect's strength in the last step, where that is another value; empty otherwise."""
+    name, entry = next(iter(added.parameters.items()), ("", {}))
+    final = {p.name: p for p in last.parameters}.get(f"{added.name}.{name}")
+    if not name:
+        return ""
+    if final is None:
+        return "Later steps replaced it."
+    now = with_interval(final.value, final.stderr)
+    if now == with_interval(float(entry["value"]), entry.get("stderr")):
+        return ""
+    unit = f" {final.unit}" if final.unit != "-" else ""
+    gone = final.stderr is not None and abs(final.value) < NORMAL_95 * final.stderr
+    return f"At the last step: {name.replace('_', ' ')} {now}{unit}" + (
+        ", no longer different from 0." if gone else "."
+    )
+
+
+def _evidence(p_value: float | None) -> str:
+    return "" if p_value is None else p_text(p_value)
+
+
+def rungs(ladder: Ladder) -> list[dict[str, Any]]:
+    """Rows of the ladder's table: every number that ``ladder.json`` has of each step.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``evidence``, and ``errors``: for unseen and fitted data the error of the force and the FITs.
+    """
+    rows = []
+    for step in ladder.steps:
+        errors = {}
+        for kind in ("validation", "train"):
+            part: Mapping[str, Any] = getattr(step, kind)
+            force = part.get("force")
+            errors[kind] = {
+                "force": figure_text(None if force is None else 100.0 * force, 3),
+                "fit": [figure_text(part.get("fit", {}).get(name), 4) for name in ladder.model.output_names],
+            }
+        rows.append(
+            {
+                "name": "start" if step.added is None else f"+ {words(step.added.name)}",
+                "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
+                "errors": errors,
+            }
+        )
+    return rows
+
+
+def _record(judged: Judged) -> dict[str, Any]:
+    record = judged.record
+    gaps = [finding.text for finding in record.findings if finding.level == "warning"]
+    return {
+        "use": judged.use,
+        "name": record.name,
+        "seconds": figure_text(record.duration, 4),
+        "samples": len(record.time),
+        "step": figure_text(1e3 * record.sample_time, 4),
+        "command": f"{figure_text(float(np.min(record.input)), 3)} … {figure_text(float(np.max(record.input)), 3)}",
+        "unit": record.input_unit,
+        "loop": "closed" if record.reference is not None else "open or not recorded",
+        "warnings": gaps,
+    }
+
+
+def _where(contents: Contents) -> list[dict[str, Any]]:
+    """For each error its words before and after, and its figures with what stands out."""
+    if not contents.judged:
+        return []
+    rows = contents.judged[0].rows
+    found = []
+    places = where_places(contents)
+    for one in rows[0][1].where.maps:
+        figures = []
+        for name, variable in places:
+            breakdown = one.along(variable)
+            if name == one.name and breakdown is not None:
+                caption = breakdown.worst.text if breakdown.stands_out else "nothing stands out"
+                figures.append(
+                    {"place": where_place(name, variable), "title": TITLES[variable], "caption": caption}
+                )  # fmt: skip
+        last = rows[-1][1].where
+        after = next((other for other in last.maps if other.name == one.name), None)
+        found.append(
+            {
+                "name": one.name,
+                "kind": one.kind if after is None or after.kind == one.kind else "",
+                "figures": figures,
+                "before": one.lines(),
+                "after": after.lines() if after is not None and len(rows) > 1 else [],
+            }
+        )
+    return found
+
+
+def _residuals(contents: Contents) -> list[dict[str, Any]]:
+    if not contents.judged or len(contents.judged[0].record.time) < _FEWEST_FOR_TESTS:
+        return []
+    return [
+        {
+            "name": test.name,
+            "place": f"residual-{test.name}",
+            "white": "is white" if test.white else "is not white",
+            "white_p": p_text(test.ljung_box_p),
+            "free": "is free of the input" if test.input_free else "still follows the input",
+            "free_p": p_text(test.cross_p),
+        }
+        for test in contents.judged[0].rows[-1][1].residual_tests()
+    ]
+
+
+def _untestable(ladder: Ladder) -> list[dict[str, str]]:
+    why = {c.name: c.why for c in ladder.candidates}
+    return [{"name": words(name), "why": why.get(name, "")} for name in ladder.untestable]
+
+
+def _experiment(ladder: Ladder) -> str:
+    suggested = ladder.suggested_experiment
+    return "" if suggested is None else describe_signal(suggested["signal"], suggested["adds_to"])
+
+
+def _parameters(model: Model) -> list[dict[str, Any]]:
+    rows = []
+    for parameter in model.parameters:
+        bounds: Sequence[float] = (parameter.min, parameter.max)
+        at_bound = parameter.free and parameter.value in bounds
+        rows.append(
+            {
+                "key": parameter.name,
+                "name": words(parameter.name.replace(".", " ")),
+                "value": with_interval(parameter.value, parameter.stderr if parameter.free else None),
+                "unit": parameter.unit,
+                "kind": "at its bound" if at_bound else "estimated" if parameter.free else "known",
+            }
+        )
+    return rows

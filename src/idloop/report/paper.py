@@ -1,0 +1,66 @@
+"""The figures of a run for a paper: one vector file each, in the look of all printed figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from idloop import drawing
+from idloop.report.comparison import plot_comparison
+from idloop.report.ladder import plot_ladder, plot_unknown
+from idloop.report.page_figures import panel_of
+from idloop.report.where import plot_where
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from idloop.report.contents import Contents
+
+
+def paper_figures(contents: Contents) -> dict[str, Figure]:
+    """Draw them.
+
+    Parameters
+    ----------
+    contents : Contents
+
+    Returns
+    -------
+    dict
+        Figures by the stem of their file.
+    """
+    figures = {"ladder": plot_ladder(contents.ladder, contents.floor)}
+    for index, judged in enumerate(contents.judged, start=1):
+        record = judged.record
+        figures[f"compare_{index}_{judged.use}"] = plot_comparison(
+            [panel_of(judged)], record.output_names, record.output_units, record.input_name, record.input_unit
+        )
+        figures[f"where_{index}_{judged.use}"] = plot_where([(label, c.where) for label, c in judged.rows])
+    if contents.ladder.unknown is not None:
+        figures["unknown"] = plot_unknown(contents.ladder.unknown)
+    if contents.suggestion is not None:
+        from idloop.report.suggestion import plot_suggestion
+
+        figures["next"] = plot_suggestion(contents.suggestion)
+    return figures
+
+
+def save_paper_figures(contents: Contents, folder: Path) -> list[Path]:
+    """Write them as SVG.
+
+    Parameters
+    ----------
+    contents : Contents
+    folder : Path
+        Is made where it is not there.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    IdloopError
+        A file cannot be written.
+    """
+    return [drawing.save(figure, folder / f"{stem}.svg") for stem, figure in paper_figures(contents).items()]

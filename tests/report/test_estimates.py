@@ -1,0 +1,46 @@
+"""Numbers with as many digits as their interval lets stand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idloop.report.estimates import figure_text, with_interval
+
+
+@pytest.mark.parametrize(
+    ("value", "stderr", "text"),
+    (
+        (20.3421, 0.20435, "20.34 ± 0.40"),
+        (94.99, 0.2, "94.99 ± 0.39"),
+        (-36.8, 2.1, "−36.8 ± 4.1"),
+        (204.6, 20.0, "205 ± 39"),
+        (3.11e-7, 1e-9, "(3.110 ± 0.020) · 10⁻⁷"),
+        (5.0, None, "5"),
+        (5.0, 0.0, "5"),
+        (0.0, None, "0"),
+    ),
+)
+def test_two_digits_of_the_interval(value, stderr, text):
+    assert with_interval(value, stderr) == text
+
+
+@given(st.floats(-1e5, 1e5), st.floats(1e-4, 1e3))
+def test_the_text_is_within_a_tenth_of_the_interval(value, stderr):
+    text = with_interval(value, stderr).replace("−", "-")
+    factor = 1.0
+    if "·" in text:
+        text, _, power = text.partition(" · 10")
+        factor = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")))
+    said, half = (float(part.strip("()")) * factor for part in text.split(" ± "))
+    assert abs(said - value) <= 0.1 * 1.96 * stderr + 1e-9
+    assert half == pytest.approx(1.96 * stderr, rel=0.06)
+
+
+def test_what_is_no_number_is_said():
+    assert figure_text(None) == figure_text(math.nan) == "–"
+    assert figure_text(math.inf) == "∞"
+    assert figure_text(-1.5e-9, 2) == "−1.5 · 10⁻⁹"

@@ -1,0 +1,239 @@
+"""The page itself: sections, words escaped, numbers of the ladder, nothing loaded; then in a real browser."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from idloop.errors import IdloopError, InputError
+from idloop.report.chromium import VARIABLE, find_chromium, print_pdf, take_picture
+from idloop.report.figures.ladder import error_lines
+from idloop.report.figures.theme import LIGHT
+from idloop.report.page import render_page
+from idloop.report.page_words import headline
+
+SECTIONS = ("answer", "ladder", "measured", "where", "left", "open", "model", "data", "provenance")
+PHONE, DESK = {"width": 360, "height": 740}, {"width": 1280, "height": 900}
+
+
+class Outline(HTMLParser):
+    """Sections, places of figures and whatever a browser would load."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.sections, self.places, self.loaded = [], [], []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        if tag == "section":
+            self.sections.append(found["id"])
+        if tag == "figure":
+            self.places.append(found["data-place"])
+        self.loaded += [v for k, v in attrs if k in {"src", "srcset"} or (tag == "link" and k == "href")]
+
+
+@pytest.fixture(scope="module")
+def html(contents) -> str:
+    return render_page(contents)
+
+
+@pytest.fixture(scope="module")
+def items(html) -> dict:
+    return json.loads(re.search(r'<script type="application/json" id="figures">(.*?)</script>', html, re.DOTALL)[1])
+
+
+def test_all_sections_and_figures_are_there_and_nothing_is_loaded(html, items):
+    outline = Outline(html)
+    assert tuple(outline.sections) == SECTIONS
+    assert set(outline.places) == set(items)
+    assert outline.loaded == []
+    assert "default-src 'none'" in html
+    assert len(html.encode()) < 3_000_000
+
+
+def test_the_answer_comes_first(html, contents):
+    assert headline(contents.ladder) == "Missing from the model: Coulomb friction."
+    answer = html[html.index('id="answer"') : html.index('id="ladder"')]
+    for text in ("Missing from the model: Coulomb friction.", "3.000 ± 0.039", "N·m", "p &lt; 0.001"):
+        assert text in answer
+    assert "cannot tell it from dead zone @ input" in answer
+    assert "What is left has a shape" in answer
+
+
+def test_words_of_a_model_are_escaped(html, contents):
+    assert "Dry friction &lt;opposes&gt; motion." in html
+    name = '</script><img src="x">'
+    model = replace(contents.ladder.model, description=name)
+    steps = tuple(replace(step, model=model) for step in contents.ladder.steps)
+    page = render_page(replace(contents, ladder=replace(contents.ladder, steps=steps)))
+    assert name not in page
+    assert Outline(page).loaded == []
+
+
+def test_the_table_says_what_the_document_says(html, contents):
+    table = html[html.index('id="ladder"') : html.index('id="measured"')]
+    for step in contents.ladder.to_dict()["ladder"]:
+        for kind in ("train", "validation"):
+            assert f">{100.0 * step[kind]['force']:.3g}<" in table
+            for value in step[kind]["fit"].values():
+                assert f">{value:.4g}<".replace("-", "−") in table
+
+
+def arrays(node):
+    """Arrays of numbers anywhere in a figure."""
+    if isinstance(node, dict):
+        if node.get("type") == "ndarray" and node["dtype"] in {"float64", "float32"}:
+            yield np.frombuffer(gzip.decompress(base64.b64decode(node["array"]["data"])), dtype=node["dtype"])
+        for value in node.values():
+            yield from arrays(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from arrays(value)
+
+
+def test_the_figure_of_the_ladder_holds_the_numbers_of_the_document(items, contents):
+    held = list(arrays(items["ladder"]))
+    for line in error_lines(contents.ladder):
+        assert any(np.array_equal(one, line.error) for one in held), line.label
+
+
+def test_a_ladder_without_a_step_says_so(contents):
+    start = contents.ladder.steps[:1]
+    for verdict, words in (("adequate", "Nothing is missing"), ("not_excited", "cannot show everything")):
+        alone = replace(contents.ladder, steps=start, verdict=verdict, unknown=None, candidates=(), untestable=())
+        assert words in headline(alone)
+        bare = replace(
+            contents, ladder=alone, characteristics={},
+            judged=tuple(replace(one, rows=one.rows[:1]) for one in contents.judged),
+        )  # fmt: skip
+        page = render_page(bare)
+        assert "Every effect of the catalogue would have shown" in page
+        assert tuple(Outline(page).sections) == SECTIONS
+
+
+# ---------------------------------------------------------------- in a browser
+
+
+@pytest.fixture(scope="module")
+def file(html, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(html, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def opened(browser, file):
+    """Open the page from disk in a window; complaints and requests are kept and must stay empty."""
+    contexts, bad = [], []
+
+    def opening(**window):
+        context = browser.new_context(offline=True, **window)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda said: bad.append(said.text) if said.type in {"error", "warning"} else None)
+        page.on("pageerror", lambda error: bad.append(str(error)))
+        page.on(
+            "request", lambda asked: bad.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None
+        )
+        page.goto(file.as_uri())
+        page.wait_for_selector("html[data-ready]", timeout=60_000)
+        return page
+
+    yield opening
+    for context in contexts:
+        context.close()
+    assert bad == []
+
+
+def drawn(page) -> int:
+    """Figures in which a canvas has been drawn on."""
+    return page.evaluate("""[...document.querySelectorAll("figure.plot")].filter((place) => {
+        const find = (node) => [...node.querySelectorAll("*")].some(
+            (one) => (one.tagName === "CANVAS" && one.width > 0) || (one.shadowRoot && find(one.shadowRoot)));
+        return find(place);
+    }).length""")
+
+
+@pytest.mark.slow
+def test_every_figure_is_drawn_from_disk_without_a_network(opened, items):
+    page = opened(viewport=DESK)
+    assert drawn(page) == len(items)
+    assert page.locator("#answer h1").inner_text() == "Missing from the model: Coulomb friction."
+    assert page.locator("math").count() > 3
+
+
+@pytest.mark.slow
+def test_a_phone_shows_it_without_sideways_scrolling(opened, items):
+    page = opened(viewport=PHONE, has_touch=True, is_mobile=True, color_scheme="dark")
+    assert drawn(page) == len(items)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    # A finger on a figure scrolls the page: no tool that drags is on.
+    assert page.evaluate(
+        """Bokeh.documents.every((one) => [...one.all_models].every(
+            (model) => model.type !== "Toolbar" || model.tools.every((tool) => !(tool.active === true))))"""
+    )
+
+
+@pytest.mark.slow
+def test_light_and_dark_are_switched_and_paper_gets_pictures(opened, items):
+    page = opened(viewport=DESK)
+    page.click("#theme")
+    page.wait_for_selector('html[data-ready][data-theme="dark"]', timeout=60_000)
+    assert drawn(page) == len(items)
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    page.wait_for_function("[...document.querySelectorAll('figure.plot img')].every((img) => img.naturalWidth > 0)")
+    # A picture for every figure, and there are several at some places.
+    pictured = page.evaluate(
+        "[...document.querySelectorAll('figure.plot')].map((place) => place.querySelectorAll('img').length)"
+    )
+    assert min(pictured) == 1
+    assert max(pictured) > 3
+    assert page.locator("figure.plot img:visible").count() == sum(pictured)
+    assert page.locator("header").is_hidden()
+    # Words on paper are dark, whatever the screen was.
+    dark_ink = "rgb({}, {}, {})".format(*(int(LIGHT.text[i : i + 2], 16) for i in (1, 3, 5)))
+    assert page.evaluate("getComputedStyle(document.body).color") == dark_ink
+
+
+@pytest.mark.slow
+def test_a_pdf_is_printed(file, tmp_path):
+    try:
+        find_chromium()
+    except InputError as error:
+        pytest.skip(str(error))
+    printed = print_pdf(file, tmp_path / "report.pdf")
+    content = printed.read_bytes()
+    assert content.startswith(b"%PDF")
+    # Pages with the figures as pictures, not empty boxes.
+    assert len(content) > 200_000
+
+
+@pytest.mark.slow
+def test_a_picture_is_taken(file, tmp_path):
+    try:
+        find_chromium()
+    except InputError as error:
+        pytest.skip(str(error))
+    taken = take_picture(file, tmp_path / "report.png", 800, 600)
+    content = taken.read_bytes()
+    assert content.startswith(b"\x89PNG")
+    assert (int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big")) == (800, 600)
+
+
+def test_without_a_browser_one_line_says_what_to_do(monkeypatch, file, tmp_path):
+    monkeypatch.setenv(VARIABLE, "no-such-browser")
+    with pytest.raises(InputError, match=f"install chromium, name it in {VARIABLE}"):
+        print_pdf(file, tmp_path / "report.pdf")
+    monkeypatch.setenv(VARIABLE, "false")
+    with pytest.raises(IdloopError, match="could not print"):
+        print_pdf(file, tmp_path / "report.pdf")
