@@ -182,7 +182,8 @@ def test_a_residual_that_is_not_white_is_diagnosed_unasked(bench):
     assert missing_from_statuses(statuses).set == ("dead_zone@input",)
 
 
-def test_an_excitation_that_is_not_there_is_said(bench):
+def test_an_excitation_that_is_not_there_is_said(bench, monkeypatch):
+    monkeypatch.setattr("idloop_nodes.experiment_client.PATIENCE", 0.5)
     one = EstimatorBench(bench, catalogue="[dead_zone]")
     one.drive()
     one.after("missing_effects", lambda: one.call("diagnose"))

@@ -26,6 +26,21 @@ def sequence(*values, keeps=True):
     return ExcitationSequence(np.array(values, dtype=float), np.zeros(len(values)), STEP, keeps=keeps, ahead=20)
 
 
+def test_a_signal_that_repeats_has_no_end():
+    command = ExcitationSequence(np.array([1.0, 2.0, 3.0]), np.zeros(3), STEP, keeps=False, ahead=20, repeats=0.5)
+    assert play(command, 0, 8) == [1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 1.0, 2.0]
+
+
+def test_a_reference_that_repeats_goes_back_without_a_jump():
+    ramp = np.linspace(0.0, 5.0, 100)
+    one = ExcitationSequence(ramp, np.zeros(100), STEP, keeps=True, ahead=20, repeats=0.5)
+    values = play(one, 0, 400)
+    assert np.max(np.abs(np.diff(values))) < 0.25
+    assert values[:100] == pytest.approx(ramp.tolist())
+    assert min(values[100:200]) == pytest.approx(0.0, abs=0.02)
+    assert max(values[200:]) == pytest.approx(5.0)
+
+
 def play(one, start, count, active=True):
     return [one.next(start + index * STEP, active)[0] for index in range(count)]
 

@@ -1,4 +1,4 @@
-"""Whole graphs with a hidden effect: services and handover in real time, the autopilot in lock-step."""
+"""Whole graphs with a hidden effect: services, handover and the autopilot in lock-step, the stop in real time."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ from idloop_nodes.codec import (
 
 pytestmark = [
     pytest.mark.ros,
+    pytest.mark.whole_graph,
     pytest.mark.slow,
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(1800),
     pytest.mark.usefixtures("ros_environment"),
 ]
-WAIT = 200.0
+WAIT = 400.0
 TIE = {"dead_zone@input", "coulomb_friction@motor"}
 FEW = {
     "effects": "['dead_zone@input(width=0.35)']",
@@ -46,22 +47,23 @@ FEW = {
 class Operator:
     """What a user has: services, parameters, topics."""
 
-    def __init__(self, run):
+    def __init__(self, run, lines):
         self.run = run
+        self.lines = lines  # what the nodes say
         rclpy.init()
         self.node = rclpy.create_node("operator")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.got = {}
-        for topic in ("estimator/missing_effects", "estimator/ladder", "excitation", "estimator/prediction"):
+        for topic in ("estimator/missing_effects", "estimator/ladder", "estimator/prediction", "excitation"):
             self.got[topic] = []
             self.node.create_subscription(topic_type(topic), topic, self.got[topic].append, topic_qos(topic), raw=True)
 
     def until(self, condition):
         end = time.monotonic() + WAIT
         while not condition():
-            assert time.monotonic() < end, "condition not met in time"
-            assert len(self.run.running) == 5, self.run.running
+            assert time.monotonic() < end, self.lines[-20:]
+            assert len(self.run.running) == 5, self.lines[-20:]
             self.executor.spin_once(timeout_sec=0.05)
 
     def _call(self, kind, name, request):
@@ -88,6 +90,12 @@ class Operator:
     def ladder(self):
         return self.newest("estimator/ladder", ladder_from_statuses)
 
+    def diagnose(self):
+        count = len(self.got["estimator/missing_effects"])
+        assert self.call("/estimator/diagnose").success
+        self.until(lambda: len(self.got["estimator/missing_effects"]) > count)
+        return self.missing()
+
     def close(self):
         self.executor.shutdown()
         self.node.destroy_node()
@@ -95,23 +103,31 @@ class Operator:
 
 
 @pytest.fixture
-def operator(tmp_path):
-    values = FEW | {"mode": "realtime", "duration": "0.0", "bag": str(tmp_path / "bag")}
-    values |= {"auto_diagnose": "false", "auto_add": "false", "auto_experiment": "false"}
-    lines = []
-    run = GraphRun(load_graph("hidden", values), say=lambda label, line: lines.append(f"{label}: {line}"))
-    one = Operator(run)
-    one.lines = lines
-    yield one
-    one.close()
-    run.stop()
+def operate(tmp_path):
+    """Start the graph, with some values of its own, without an autopilot; return its operator."""
+    begun = []
+
+    def start(**values):
+        given = FEW | {"duration": "0.0", "bag": str(tmp_path / "bag")}
+        given |= {"auto_diagnose": "false", "auto_add": "false", "auto_experiment": "false"}
+        lines = []
+        run = GraphRun(load_graph("hidden", given | values), say=lambda label, line: lines.append(f"{label}: {line}"))
+        begun.append(Operator(run, lines))
+        return begun[-1]
+
+    yield start
+    for one in begun:
+        print(*one.lines[-40:], sep="\n")
+        one.close()
+        one.run.stop()
 
 
-def test_a_user_has_the_next_experiment_run_and_climbs(operator):
+def test_a_user_has_the_next_experiment_run_and_climbs(operate):
+    # No command is late here: a motor that was let go for want of processor time tells dead zone and friction apart.
+    operator = operate(mode="lockstep", real_time_factor="5.0")
     operator.until(lambda: len(operator.got["estimator/prediction"]) > 2200)  # the start from rest is out of the window
-    assert operator.call("/estimator/diagnose").success
-    operator.until(operator.missing)
-    assert set(operator.missing().set) == TIE, operator.missing()
+    found = operator.diagnose()
+    assert set(found.set) == TIE, found
 
     answer = operator.call("/estimator/run_suggested_experiment")
     assert answer.success, answer.message
@@ -138,7 +154,8 @@ def test_a_user_has_the_next_experiment_run_and_climbs(operator):
     operator.until(lambda: len(operator.ladder().steps) == 1)
 
 
-def test_a_suggestion_beyond_the_limits_is_refused_and_an_experiment_can_be_stopped(operator):
+def test_a_suggestion_beyond_the_limits_is_refused_and_an_experiment_can_be_stopped(operate):
+    operator = operate(mode="realtime")
     operator.until(lambda: operator.got["estimator/prediction"] and operator.got["excitation"])
     refused = operator.set("excitation", "experiment", "{signal: {name: square, amplitude: 9.0, duration: 5.0}}")
     assert not refused.successful

@@ -133,7 +133,7 @@ def test_losses_without_numbers_are_counted_on_the_grid():
 
 def test_the_wiring_is_closed():
     """Every stream that a node subscribes is published by another, else the start barrier would never open."""
-    graph = ("excitation", "controller", "plant", "recorder", "estimator")
+    graph = ("excitation", "controller", "plant", "bridge", "recorder", "estimator")
     for kind in graph:
         for topic in NODES[kind].subscribes:
             assert expected_publishers(topic, graph) >= 1, topic

@@ -19,7 +19,7 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 from idloop.graph import GraphRun, load_graph, read_results, run_graph
 from idloop.physics import load_model
 
-pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
+pytestmark = [pytest.mark.ros, pytest.mark.whole_graph, pytest.mark.usefixtures("ros_environment")]
 SHORT = {"duration": "4.0", "window": "2.0", "validation": "1.0", "fit_period": "1.0"}
 SAMPLES = 400
 

@@ -2,7 +2,7 @@
 
 from setuptools import find_packages, setup
 
-EXECUTABLES = ("excitation", "controller", "plant", "recorder", "estimator", "replay")
+EXECUTABLES = ("excitation", "controller", "bridge", "plant", "recorder", "estimator", "replay", "workbench")
 
 setup(
     name="idloop_nodes",
@@ -10,7 +10,7 @@ setup(
     description="ROS 2 nodes of idloop: excite, control, simulate, record, identify",
     license="Apache-2.0",
     packages=find_packages(include=["idloop_nodes", "idloop_nodes.*"]),
-    package_data={"idloop_nodes": ["py.typed"]},
+    package_data={"idloop_nodes": ["py.typed", "*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/idloop_nodes"]),
         ("share/idloop_nodes", ["package.xml"]),

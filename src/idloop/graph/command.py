@@ -15,6 +15,8 @@ from idloop.errors import IdloopError
 from idloop.graph.description import NodeEntry
 
 OWN_PACKAGE = "idloop_nodes"
+FAST_DISCOVERY = Path(__file__).with_name("fast_discovery.xml")
+PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")  # of Kilted on, and before
 
 
 def node_command(node: NodeEntry, parameter_file: Path) -> list[str]:
@@ -75,10 +77,13 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
     environment["PYTHONUNBUFFERED"] = "1"
     # A node ends by itself when this process is gone, however that came about.
     environment["IDLOOP_RUNNER"] = str(os.getpid())
-    names = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
-    if not any(name in environment for name in names):
-        old = environment.get("ROS_DISTRO") in ("humble", "jazzy")
-        environment[names[old]] = str(Path(__file__).with_name("fast_discovery.xml"))
+    if not any(name in environment for name in PROFILE_VARIABLES):
+        environment[profile_variable(environment)] = str(FAST_DISCOVERY)
     if domain_id is not None:
         environment["ROS_DOMAIN_ID"] = str(domain_id)
     return environment
+
+
+def profile_variable(environment: Mapping[str, str]) -> str:
+    """Return the name of the variable from which Fast DDS of this ROS takes its profile file."""
+    return PROFILE_VARIABLES[environment.get("ROS_DISTRO") in ("humble", "jazzy")]

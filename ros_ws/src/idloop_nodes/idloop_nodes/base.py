@@ -9,6 +9,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -20,7 +21,7 @@ from idloop.errors import IdloopError
 from idloop_nodes import qos, wiring
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
 from idloop_nodes.parameters import NodeParameters, Table
-from idloop_nodes.progress import READY, Progress
+from idloop_nodes.progress import DONE, END, READY, Progress
 
 TYPES: dict[str, type] = {
     wiring.JOINT_STATE: JointState,
@@ -29,6 +30,8 @@ TYPES: dict[str, type] = {
     wiring.CLOCK: ClockMessage,
 }
 PROGRESS_DEPTH = 200
+SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
+SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
 
 
 def topic_type(topic: str) -> type:
@@ -132,9 +135,22 @@ class StreamNode(Node):
         self.listen("progress", lambda data: self.progress.hear(*decode_header(data)))
 
     def tell_progress(self, stamp: int, word: str = "") -> None:
-        """Publish this node's progress."""
+        """Publish this node's progress.
+
+        Before `END` and `DONE` whoever listens to this node's streams has all that it published: between two topics
+        there is no order, and after these words a recorder may close its bag.
+        """
+        if word in (END, DONE):
+            self._settle()
         frame = f"{self.get_name()}/{word}" if word else self.get_name()
         self._progress_publisher.publish(encode_header(stamp, frame))
+
+    def _settle(self) -> None:
+        limit = time.monotonic() + SETTLE_LIMIT
+        for publisher in self._publishers_by_topic.values():
+            # rclpy waits with the interpreter locked: only asked, the node's other threads go on.
+            while not publisher.wait_for_all_acked(Duration()) and time.monotonic() < limit:
+                time.sleep(SETTLE_PERIOD)
 
     def matched(self) -> bool:
         """Whether every stream has as many partners as the peers make expect."""
@@ -242,9 +258,18 @@ class ManagedNode(StreamNode, LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Become inactive: from now on only neutral values leave this node."""
+        self._leave_active()
+        return super().on_deactivate(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End as deactivation does: this transition may come straight from the active state."""
+        if self.active:
+            self._leave_active()
+        return super().on_shutdown(state)
+
+    def _leave_active(self) -> None:
         self.active = False
         self.deactivated()
-        return super().on_deactivate(state)
 
     def activated(self) -> None:
         """Do what activation needs."""

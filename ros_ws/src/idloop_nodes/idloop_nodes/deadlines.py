@@ -52,10 +52,10 @@ class Deadlines:
         return self._start_ns + now - self._steady_start
 
 
-def become_urgent() -> bool:
-    """Ask for real-time scheduling of the calling thread; return whether the system granted it."""
+def become_urgent(priority: int = 20) -> bool:
+    """Ask for real-time scheduling of the calling thread and of those it starts; return whether it was granted."""
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (OSError, AttributeError):
         return False
     return True

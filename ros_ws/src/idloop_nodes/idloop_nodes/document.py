@@ -17,13 +17,23 @@ ABOUT = {
     "motion limit is set, the axis is watched on `joint_states` and a breach deactivates the node.",
     "controller": "Computes the command from measurement, reference and excitation. Lifecycle node: inactive, after "
     "an emergency stop, on a measurement that is not finite or absent, and at its end the command is zero.",
+    "bridge": "The last node before the motor: passes a robot's measurement of a joint on to us and our command on to "
+    "the robot, within limits that no message and no service can widen. Lifecycle node: inactive, after an emergency "
+    "stop or a breach of a limit, while a stream is silent, not finite or its clock jumps, and at its end the motor is "
+    "told to stay. All limits are in our units, and ours = scale × the robot's + offset. [Which fault ends how "
+    "soon](bridge.md).",
     "plant": "Simulates the machine. In lock-step it steps when the command arrives and waits for slow listeners; "
     "in real time it measures at absolute deadlines.",
     "recorder": "Writes every message as it came into a rosbag2 directory (mcap, 16 KiB chunks) and counts every loss.",
     "estimator": "Predicts every sample, fits a sliding window in a worker process, judges the fit on the samples "
     "after the window. Diagnoses in the same worker process when told to, after an experiment, and by itself when "
-    "the free-run residual of successive fits stops being white; in lock-step simulated time waits for it.",
+    "the free-run residual of successive fits stops being white; in lock-step simulated time waits for it. With "
+    "`recursion` a black-box model of each output follows every sample beside the prediction: measurements that are "
+    "NaN, and samples that never came, are predicted and teach nothing; a bag gives the same in `idloop identify`.",
     "replay": "Plays a recording into the live graph, byte for byte.",
+    "workbench": "Serves a browser page on this machine: measured and model, where the model fails, what is missing, "
+    "the ladder, the health of the graph, and a button that stops the motor. Passes orders on to the services of the "
+    "other nodes; only looks on, so that the graph starts and runs without it. [What the page shows](workbench.md).",
 }
 SERVICES = {
     "excitation": {
@@ -31,6 +41,10 @@ SERVICES = {
         "~/stop": "neutral values from the next sample, whatever runs",
         "~/run_experiment": "play the parameter `experiment` once, then go on with the signal",
         "~/stop_experiment": "end it now and go on with the signal",
+    },
+    "bridge": {
+        "~/emergency_stop": "stop the motor until reset",
+        "~/reset": "clear stop and breach, unless the breach still holds, and start softly",
     },
     "controller": {"~/emergency_stop": "zero command until reset", "~/reset": "clear stop, fault and memory"},
     "estimator": {
@@ -45,10 +59,12 @@ SERVICES = {
 EXAMPLE = {
     "excitation": "-p signal:=prbs -p prbs.band_hz:=10.0 -p amplitude:=0.6",
     "controller": "-p model:=torsion",
+    "bridge": "-r __ns:=/axis -p robot_joints:=\"['elbow']\" -p joints:=\"['motor']\" -p limit.command:=2.0",
     "plant": "-p model:=torsion -p duration:=10.0 -p effects:=\"['coulomb_friction@motor(level=0.01)']\"",
     "recorder": "-p bag:=bags/first",
     "estimator": "-p model:=torsion -p window:=10.0",
     "replay": "-p bag:=bags/first -p rate:=1.0",
+    "workbench": "-p model:=torsion -p port:=8080",
 }
 
 

@@ -46,6 +46,8 @@ class ExcitationSequence:
         Whether a signal that has ended or was stopped stays at its value (a reference) or is zero.
     ahead : int
         Samples that are announced ahead at most.
+    repeats : float or None
+        Begin again when the normal signal is over; where it keeps its value, on a smooth way back of so long [s].
 
     Attributes
     ----------
@@ -55,8 +57,18 @@ class ExcitationSequence:
         Stamps of the newest experiment's first sample and after its last one; the ways in and back are outside.
     """
 
-    def __init__(self, position: Array, velocity: Array, period_ns: int, *, keeps: bool, ahead: int) -> None:
+    def __init__(
+        self,
+        position: Array,
+        velocity: Array,
+        period_ns: int,
+        *,
+        keeps: bool,
+        ahead: int,
+        repeats: float | None = None,
+    ) -> None:
         self._keeps = keeps
+        self.repeats = repeats
         self._period_ns = period_ns
         self._announced: deque[tuple[int, float]] = deque(maxlen=ahead + 2)
         self.span: tuple[int, int] | None = None
@@ -110,6 +122,11 @@ class ExcitationSequence:
     def _next(self, active: bool) -> tuple[float, float]:
         if active and self._between:
             return self._between.popleft()
+        if active and self.index == self.length and self.repeats is not None:
+            self.index = 0
+            if self._keeps:
+                self._hand_over(self._newest, float(self._position[0]), self.repeats)
+                return self._next(active)
         if active and self.index < self.length:
             self.index += 1
             return float(self._position[self.index - 1]), float(self._velocity[self.index - 1])
@@ -128,6 +145,8 @@ class ExcitationSequence:
         """Value at which the normal signal goes on."""
         if self.index < self.length:
             return float(self._position[self.index])
+        if self.repeats is not None:
+            return float(self._position[0])
         return float(self._position[-1]) if self._keeps else 0.0
 
     def begin(self, experiment: Experiment, handover: float, rest: float, stamp: int) -> tuple[int, int]:
@@ -173,6 +192,10 @@ class ExcitationSequence:
         self.take_back(now)
         self.span = min(self.span[0], stop), stop
         self._left = 0
-        value, rate = blend(self._newest, self._resumes_at, handover, self._period_ns / SECOND)
-        self._between = deque(zip(value.tolist(), rate.tolist(), strict=True))
+        self._hand_over(self._newest, self._resumes_at, handover)
         return stop
+
+    def _hand_over(self, start: float, end: float, seconds: float) -> None:
+        """Put a smooth way from one value to another in."""
+        value, rate = blend(start, end, seconds, self._period_ns / SECOND)
+        self._between = deque(zip(value.tolist(), rate.tolist(), strict=True))

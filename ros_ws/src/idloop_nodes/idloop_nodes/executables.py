@@ -17,6 +17,11 @@ def controller() -> None:
     sys.exit(run("controller"))
 
 
+def bridge() -> None:
+    """Run the bridge to a robot."""
+    sys.exit(run("bridge"))
+
+
 def plant() -> None:
     """Run the simulated plant."""
     sys.exit(run("plant"))
@@ -35,3 +40,8 @@ def estimator() -> None:
 def replay() -> None:
     """Run the replay node."""
     sys.exit(run("replay"))
+
+
+def workbench() -> None:
+    """Run the workbench."""
+    sys.exit(run("workbench"))

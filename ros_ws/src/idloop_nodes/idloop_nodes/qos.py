@@ -26,6 +26,13 @@ def newest() -> QoSProfile:
     return stream(depth=1)
 
 
+def robot(*, reliable: bool) -> QoSProfile:
+    """Measurements of a robot, which may be published best effort: then a reliable reader would get none."""
+    profile = stream()
+    profile.reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    return profile
+
+
 def latched(depth: int = 1) -> QoSProfile:
     """Results: a late joiner receives the newest."""
     return QoSProfile(

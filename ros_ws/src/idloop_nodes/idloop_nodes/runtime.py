@@ -23,7 +23,8 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
     Parameters
     ----------
     kind : str
-        Name of the executable; its class is ``idloop_nodes.nodes.<kind>.make``.
+        Name of the executable; its node comes from ``idloop_nodes.nodes.<kind>.make``. Where that module has a
+        function ``prepare``, it is called before ROS starts.
     arguments : list of str, optional
         Command line, the program's name first; default sys.argv.
 
@@ -104,6 +105,8 @@ def _spin(kind: str, arguments: list[str]) -> None:
 
     # rclpy's own handlers end the context at once; a controller must still publish its zero command.
     previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    module = importlib.import_module(f"idloop_nodes.nodes.{kind}")
+    getattr(module, "prepare", lambda: None)()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
@@ -112,7 +115,7 @@ def _spin(kind: str, arguments: list[str]) -> None:
     executor = None
     try:
         try:
-            node = importlib.import_module(f"idloop_nodes.nodes.{kind}").make()
+            node = module.make()
         except ParameterException as error:
             raise InputError(str(error)) from error
         executor = make_executor()

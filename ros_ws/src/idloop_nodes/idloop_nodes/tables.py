@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
+from idloop_nodes.bridge_table import bridge_table
 from idloop_nodes.parameters import NodeParameter as P
 from idloop_nodes.parameters import Table
 from idloop_nodes.wiring import RECORDED
+from idloop_nodes.workbench_table import workbench_table
 
 MODES = ("lockstep", "realtime")
 
@@ -78,6 +80,14 @@ PLANT: Table = (
         read_only=True,
     ),
     P("clock_rate", "float", 100.0, "Simulated rate of /clock (lock-step).", unit="Hz", minimum=1.0, read_only=True),
+    P(
+        "real_time_factor",
+        "float",
+        0.0,
+        "Lock-step: simulated seconds in a second of the wall clock, at most; 0 as many as the machine allows.",
+        minimum=0.0,
+        read_only=True,
+    ),
     P("command_timeout", "float", 0.2, "Real time: command falls to zero after this silence.", unit="s", minimum=0.0),
     LISTENERS,
     WINDOW,
@@ -138,6 +148,34 @@ ESTIMATOR: Table = (
         choices=("auto", "prediction", "simulation", "force"),
     ),
     P("recursive", "bool", True, "Predict every sample while parameters and state are estimated.", read_only=True),
+    P(
+        "recursion",
+        "str",
+        "none",
+        "Black-box model that is estimated sample by sample beside the prediction; its innovations are published.",
+        choices=("none", "rarx", "kalman", "ekf", "rarmax", "roe", "rbj", "rpem", "rplr"),
+        read_only=True,
+    ),
+    P("recursion_order", "int", 2, "Degree of its polynomials.", minimum=1, maximum=20, read_only=True),
+    P(
+        "recursion_delay",
+        "int",
+        1,
+        "Samples until a command shows in a measurement; 1 is none beyond that of sampling.",
+        minimum=0,
+        maximum=1000,
+        read_only=True,
+    ),
+    P(
+        "recursion_memory",
+        "float",
+        0.0,
+        "Time constant with which it forgets old data; 0 keeps all.",
+        unit="s",
+        minimum=0.0,
+        read_only=True,
+    ),
+    P("recursion_period", "float", 0.5, "Time between its published coefficients.", unit="s", minimum=1e-3),
     P("auto_diagnose", "bool", True, "Diagnose when the residual of the fits stops being white."),
     P("auto_add", "bool", False, "Add what a diagnosis finds missing, and diagnose again until nothing is left."),
     P("auto_experiment", "bool", False, "Let the excitation run the suggested experiment where effects tie."),
@@ -165,6 +203,10 @@ REPLAY: Table = (
     WINDOW,
     DRAIN_TIMEOUT,
 )
+
+BRIDGE: Table = bridge_table(PEERS, START_TIMEOUT, AUTOSTART)
+
+WORKBENCH: Table = workbench_table(PEERS, START_TIMEOUT, SAMPLE_TIME, MODEL)
 
 
 @cache
@@ -201,6 +243,7 @@ def excitation_table() -> Table:
         P("limit.position_max", "float", None, "An experiment must not take the axis above this position."),
         P("limit.velocity", "float", None, "An experiment must not move the axis faster than this.", minimum=0.0),
         P.adopt(common["duration"], "duration", 60.0),
+        P("repeat", "bool", False, "Begin again when the signal is over; else it stays at rest."),
     ]
     rows += [P.adopt(common[name], name, common[name].default) for name in ("amplitude", "offset", "seed", "ramp_in")]
     rows += [
@@ -216,8 +259,10 @@ def tables() -> dict[str, Table]:
     return {
         "excitation": excitation_table(),
         "controller": CONTROLLER,
+        "bridge": BRIDGE,
         "plant": PLANT,
         "recorder": RECORDER,
         "estimator": ESTIMATOR,
         "replay": REPLAY,
+        "workbench": WORKBENCH,
     }

@@ -15,10 +15,16 @@ TOPICS: dict[str, tuple[str, str]] = {
     "excitation": (JOINT_STATE, "added to the reference (position) or to the command (effort)"),
     "joint_command": (JOINT_STATE, "command in the model's input unit; stamp = when it takes effect"),
     "joint_states": (JOINT_STATE, "measurement; NaN where not measured"),
+    "bridge/command": (JOINT_STATE, "what a robot was told, in our unit, after all limits; stamp = when"),
     "estimator/prediction": (JOINT_STATE, "one step ahead, stamped like its measurement"),
     "estimator/residual": (JOINT_STATE, "measurement minus prediction, stamped likewise"),
+    "estimator/innovation": (
+        JOINT_STATE,
+        "innovation of the recursive black-box model, stamped likewise; if asked for",
+    ),
     "estimator/fit": (DIAGNOSTICS, "newest fit, judged on samples it has not used (latched)"),
     "estimator/parameters": (DIAGNOSTICS, "its parameters with standard errors (latched)"),
+    "estimator/coefficients": (DIAGNOSTICS, "of the recursive black-box model, with standard errors (latched)"),
     "estimator/missing_effects": (DIAGNOSTICS, "newest diagnosis: verdict, and one status for each effect (latched)"),
     "estimator/ladder": (DIAGNOSTICS, "effects added so far, with the error at each step (latched)"),
     "progress": (HEADER, "how far each node has come: flow control and start barrier"),
@@ -26,8 +32,8 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/diagnostics": (DIAGNOSTICS, "health, once a second"),
 }
 
-RECORDED = tuple(list(TOPICS)[:10])
-RESULTS = ("estimator/fit", "estimator/parameters", "estimator/missing_effects", "estimator/ladder")
+RECORDED = tuple(name for name in TOPICS if name not in ("progress", "/clock", "/diagnostics"))
+RESULTS = tuple(name for name in RECORDED if TOPICS[name][0] == DIAGNOSTICS)
 
 
 @dataclass(frozen=True)
@@ -41,13 +47,29 @@ class Wiring:
 NODES: dict[str, Wiring] = {
     "excitation": Wiring(("reference", "excitation"), ("/clock",)),
     "controller": Wiring(("joint_command",), ("joint_states", "reference", "excitation")),
+    "bridge": Wiring(("joint_states", "bridge/command"), ("joint_command",)),
     "plant": Wiring(("joint_states", "/clock"), ("joint_command",)),
     "recorder": Wiring((), RECORDED),
     "estimator": Wiring(
-        ("estimator/prediction", "estimator/residual", *RESULTS),
+        ("estimator/prediction", "estimator/residual", "estimator/innovation", *RESULTS),
         ("joint_states", "joint_command", "reference"),
     ),
     "replay": Wiring(("reference", "excitation", "joint_command", "joint_states"), ()),
+    "workbench": Wiring(
+        (),
+        (
+            "reference",
+            "joint_command",
+            "joint_states",
+            "estimator/prediction",
+            "estimator/residual",
+            "estimator/fit",
+            "estimator/parameters",
+            "estimator/missing_effects",
+            "estimator/ladder",
+            "/diagnostics",
+        ),
+    ),
 }
 
 

@@ -14,6 +14,7 @@ from idloop_nodes.codec.effects import (
     missing_from_statuses,
     missing_to_statuses,
 )
+from idloop_nodes.codec.floats import decode_float, decode_floats, encode_float, encode_floats
 from idloop_nodes.codec.joints import (
     JointReader,
     JointSample,
@@ -33,6 +34,7 @@ from idloop_nodes.codec.ladder import (
     ladder_from_statuses,
     ladder_to_statuses,
 )
+from idloop_nodes.codec.recursion import RecursionSummary, recursion_from_statuses, recursion_to_statuses
 from idloop_nodes.codec.results import (
     FitSummary,
     ParameterSummary,
@@ -55,14 +57,19 @@ __all__ = [
     "Measures",
     "MissingSummary",
     "ParameterSummary",
+    "RecursionSummary",
     "Status",
     "StepSummary",
     "UnknownSummary",
     "decode_diagnostics",
+    "decode_float",
+    "decode_floats",
     "decode_header",
     "decode_joint_state",
     "decode_time",
     "encode_diagnostics",
+    "encode_float",
+    "encode_floats",
     "encode_header",
     "encode_joint_state",
     "encode_time",
@@ -75,4 +82,6 @@ __all__ = [
     "parameters_from_statuses",
     "parameters_to_statuses",
     "peek_stamp",
+    "recursion_from_statuses",
+    "recursion_to_statuses",
 ]

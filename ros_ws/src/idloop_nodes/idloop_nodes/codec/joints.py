@@ -222,6 +222,11 @@ class JointReader:
         seconds, nanoseconds = _STAMP.unpack_from(data, 4)
         return seconds * SECOND + nanoseconds, self._pick(data)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Joints of the newest message; none before the first."""
+        return () if self._layout is None else self._layout.names
+
     def _learn(self, data: bytes) -> None:
         layout = _Layout(data)
         offsets: list[int | None] = []

@@ -7,21 +7,20 @@ import threading
 import time
 from typing import Any
 
-from std_srvs.srv import Trigger
-
 from idloop.control import build_controller
 from idloop.errors import InputError
 from idloop.physics import Model, load_model
 from idloop_nodes.base import ManagedNode, PolledStream
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
 from idloop_nodes.deadlines import Deadlines, become_urgent
+from idloop_nodes.emergency_stop import EmergencyStop
 from idloop_nodes.held_stream import HeldStream
 from idloop_nodes.joint_layout import output_columns, output_topic
 from idloop_nodes.rates import RateCounter
+from idloop_nodes.stream_watch import JUMP_NS
 from idloop_nodes.tables import CONTROLLER
 
 SECOND = 1_000_000_000
-JUMP_NS = SECOND  # a measurement this far from the last one means that a clock was set
 
 
 class ControllerNode(ManagedNode):
@@ -50,7 +49,6 @@ class ControllerNode(ManagedNode):
         self._lockstep = values["mode"] == "lockstep"
         self._pending: tuple[int, tuple[float, ...]] | None = None
         self._last: int | None = None
-        self._emergency = ""
         self._lock = threading.Lock()
         self._sending = threading.Lock()
         self._sent_stamp = 0
@@ -75,8 +73,7 @@ class ControllerNode(ManagedNode):
         else:
             self._measurements = self.poll_topic(output_topic(model))
             self._thread = threading.Thread(target=self._run_by_clock, name="controller", daemon=True)
-        self.create_service(Trigger, "~/emergency_stop", self._on_emergency_stop)
-        self.create_service(Trigger, "~/reset", self._on_reset)
+        self._emergency = EmergencyStop(self, self._lock, self._publish_zero, self._reset, "controller reset")
         self.start_by_itself()
         if self._thread is not None:
             self._thread.start()
@@ -161,7 +158,7 @@ class ControllerNode(ManagedNode):
                 self._last = stamp
                 return 0.0
             self._last = stamp
-            if not self.active or self._emergency:
+            if not self.active or self._emergency.latched:
                 return 0.0
             position, velocity, feedforward = self._wanted(stamp)
             command = self._controller.step(position, velocity, measured, feedforward)
@@ -234,20 +231,9 @@ class ControllerNode(ManagedNode):
         if not self._lockstep:
             self._send(time.time_ns(), 0.0)
 
-    def _on_emergency_stop(self, request: Any, response: Any) -> Any:
-        with self._lock:
-            self._emergency = "emergency stop"
-            self._publish_zero()
-        self.get_logger().warning("emergency stop: zero command until ~/reset")
-        response.success, response.message = True, "zero command until ~/reset"
-        return response
-
-    def _on_reset(self, request: Any, response: Any) -> Any:
-        with self._lock:
-            self._emergency = ""
-            self._controller.reset()
-        response.success, response.message = True, "controller reset"
-        return response
+    def _reset(self) -> str:
+        self._controller.reset()
+        return ""
 
     def close(self) -> None:
         """Leave a zero command behind."""
@@ -259,7 +245,7 @@ class ControllerNode(ManagedNode):
     def health(self) -> list[Status]:
         """Return loop and safety state."""
         rate = self._answers.rate()
-        fault = self._emergency or self._controller.fault or ""
+        fault = self._emergency.latched or self._controller.fault or ""
         loop = {
             "answers": str(self._answers.count),
             "rate": f"{rate:.1f}",

@@ -33,6 +33,7 @@ from idloop_nodes.parameters import Values
 from idloop_nodes.prediction import Prediction, Sample
 from idloop_nodes.progress import DONE
 from idloop_nodes.rates import RateCounter
+from idloop_nodes.recursive_model import RecursiveModel
 from idloop_nodes.tables import ESTIMATOR
 from idloop_nodes.worker import Worker
 
@@ -70,6 +71,14 @@ class EstimatorNode(StreamNode):
             packer=OutputPacker(columns),
             publish_prediction=self.publisher("estimator/prediction"),
             publish_residual=self.publisher("estimator/residual"),
+        )
+        self._recursion = RecursiveModel(
+            self.get_name(),
+            values.values,
+            self._model,
+            OutputPacker(columns),
+            self.publisher("estimator/innovation"),
+            self.publisher("estimator/coefficients"),
         )
         self._publish_fit = self.publisher("estimator/fit")
         self._publish_parameters = self.publisher("estimator/parameters")
@@ -198,6 +207,7 @@ class EstimatorNode(StreamNode):
         self._diagnosing.restart()
         self._last = None
         self._prediction.begin(self._model)
+        self._recursion.begin()
 
     @property
     def _holding(self) -> bool:
@@ -232,10 +242,12 @@ class EstimatorNode(StreamNode):
             self._book.first = block[0][0]
         self._last = self._diagnosing.last = block[-1][0]
         self._samples.count += len(block)
-        healthy = not self._prediction.failure
-        self._prediction.take(self._book.first, block, [self._held.at(stamp) for stamp, _ in block])
-        if healthy and self._prediction.failure:
-            self.get_logger().error(self._prediction.failure)
+        commands = [self._held.at(stamp) for stamp, _ in block]
+        for follower in (self._prediction, self._recursion):
+            healthy = not follower.failure
+            follower.take(self._book.first, block, commands)
+            if healthy and follower.failure:
+                self.get_logger().error(follower.failure)
         self._fits.follow(self._model, self._last)
         self._diagnosing.follow(self.progress)
         self._forget(self._last)
@@ -297,6 +309,7 @@ class EstimatorNode(StreamNode):
             return
         if not self._worker.busy and not self._diagnosing.desk.busy:
             self._done = True
+            self._recursion.tell(last)
             self.tell_progress(last, DONE)
 
     def close(self) -> None:
@@ -325,6 +338,7 @@ class EstimatorNode(StreamNode):
         return [
             Status("prediction", failure or f"{rate:.0f} samples/s", Level.ERROR if failure else Level.OK, values),
             Status("fits", text, level, fits),
+            *self._recursion.health(),
             self._diagnosing.health(),
         ]
 

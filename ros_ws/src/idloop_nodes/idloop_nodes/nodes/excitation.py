@@ -52,7 +52,11 @@ class ExcitationNode(ManagedNode):
         self._breach = ""
         self._own_limit: float | None = None
         self._sequence = ExcitationSequence(
-            *self._build(values.values), self._period_ns, keeps=self._reference, ahead=values["ahead"]
+            *self._build(values.values),
+            self._period_ns,
+            keeps=self._reference,
+            ahead=values["ahead"],
+            repeats=self._handover_back(values.values),
         )
         self._measurements: PolledStream | None = None
         self._measured = JointReader([(values["joint"], "position"), (values["joint"], "velocity")])
@@ -81,6 +85,11 @@ class ExcitationNode(ManagedNode):
         return signal.value, rate
 
     @staticmethod
+    def _handover_back(values: Values) -> float | None:
+        """Return the time of the way back to the beginning of a signal that repeats [s]; None where it ends."""
+        return float(values["handover_time"]) if values["repeat"] else None
+
+    @staticmethod
     def _limits(values: Values) -> Limits:
         return Limits(**{name: values[f"limit.{name}"] for name in LIMITS})
 
@@ -105,6 +114,7 @@ class ExcitationNode(ManagedNode):
     def _apply(self, names: set[str]) -> None:
         if names - FOR_EXPERIMENTS:
             self._sequence.load(*self._build(self.parameters.values))
+            self._sequence.repeats = self._handover_back(self.parameters.values)
             self._choose_limit()
         self._watch_axis()
 

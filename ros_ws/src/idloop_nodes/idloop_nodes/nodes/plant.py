@@ -11,6 +11,7 @@ from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
 from idloop_nodes.deadlines import Deadlines, become_urgent
 from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
+from idloop_nodes.pace import Pace
 from idloop_nodes.progress import DONE, END, BackPressure
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.tables import PLANT
@@ -48,6 +49,7 @@ class PlantNode(StreamNode):
         self._wrong_stamps = 0
         self._late_commands = 0
         self._bad_commands = 0
+        self._pace = Pace(values["real_time_factor"])
         self._clock_every = max(1, round(1.0 / (values["clock_rate"] * self._period)))
         self._window = BackPressure(values["listeners"], values["listener_window"] * self._period_ns)
         self._window.progress = self.progress
@@ -106,11 +108,12 @@ class PlantNode(StreamNode):
         self._send(self._packer.pack(stamp, self._plant.measure().tolist()))
 
     def _send(self, message: bytes) -> None:
-        if self._window.open(self._stamp(), self._start_ns):
+        caught_up = self._window.open(self._stamp(), self._start_ns)
+        if caught_up and not self._pace.early(self._index * self._period, time.monotonic()):
             self._held_back = None
             self._publish(message)
         else:
-            self._window.waits += self._held_back is None
+            self._window.waits += self._held_back is None and not caught_up
             self._held_back = message
 
     def _on_command(self, data: bytes) -> None:
@@ -127,10 +130,10 @@ class PlantNode(StreamNode):
             self._measure()
 
     def _end(self) -> None:
-        self._running = False
         last = self._start_ns + (self._index - 1) * self._period_ns
         self.tell_progress(last, END)
         self._drain_until = time.monotonic() + self.parameters["drain_timeout"]
+        self._running = False  # only now: in real time `poll` runs beside this, and would start the run again
         self.get_logger().info(f"end: {self._index} samples, waited {self._window.waits} times for listeners")
 
     def _finish_when_drained(self, limit: float) -> None:

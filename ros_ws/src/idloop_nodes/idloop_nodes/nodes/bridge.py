@@ -1,0 +1,227 @@
+"""The bridge: between our topics and a robot's, and the last node before its motor."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import threading
+import time
+from typing import Any
+
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray
+
+from idloop.errors import InputError
+from idloop_nodes import qos
+from idloop_nodes.base import ManagedNode
+from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status
+from idloop_nodes.deadlines import become_urgent
+from idloop_nodes.emergency_stop import EmergencyStop
+from idloop_nodes.gate_settings import gate_settings
+from idloop_nodes.rates import RateCounter
+from idloop_nodes.robot_joints import RobotJoints
+from idloop_nodes.safety_gate import SafetyGate
+from idloop_nodes.sockets_only import use_sockets_only
+from idloop_nodes.tables import BRIDGE
+
+PRIORITY = 40  # above that of the other nodes' loops, 20
+LOOK_PERIOD = 0.2  # seconds between looks at who else commands the robot
+TICK = 0.005  # seconds between looks at the watchdog
+FAREWELL = Duration(nanoseconds=200_000_000)  # longest wait for the robot to acknowledge the last command
+MESSAGES = {"float64_multi_array": Float64MultiArray, "float64": Float64, "joint_state": JointState}
+
+
+class BridgeNode(ManagedNode):
+    """Turns a robot's messages into ours and ours into the robot's, through a `SafetyGate`.
+
+    Every message is passed on when it comes; a thread looks at the watchdog whatever the executor does.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("bridge", BRIDGE)
+        values = self.parameters
+        self._robot = RobotJoints(values.values)
+        self._gate = SafetyGate(gate_settings(values.values))
+        self._refuse_loops()
+        self._lock = threading.Lock()
+        self._command_reader = JointReader([(self._robot.names[0], "effort")])
+        self._sent_writer = JointWriter(self._robot.names[:1], ["effort"])
+        self._measured = RateCounter()
+        self._commanded = RateCounter()
+        self._sent = RateCounter()
+        self._unreadable = 0
+        self._said = ""
+        self._look_again = 0.0
+        self._urgent = False
+        self._publish_states = self.publisher("joint_states")
+        self._publish_sent = self.publisher("bridge/command")
+        self._to_robot: Any = self.create_publisher(
+            MESSAGES[values["command_type"]], values["robot_commands"], qos.newest()
+        )
+        self.create_subscription(
+            JointState, values["robot_states"], self._on_measurement, qos.robot(reliable=values["reliable"]), raw=True
+        )
+        # Only the newest command counts: a bridge that was held up must not play back what has passed.
+        self._subscriptions_by_topic["joint_command"] = self.create_subscription(
+            JointState, "joint_command", self._on_command, qos.newest(), raw=True
+        )
+        self._emergency = EmergencyStop(self, self._lock, self._stop_motor, self._gate.reset, "soft start")
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+        self._thread.start()
+        self.start_by_itself()
+
+    def _refuse_loops(self) -> None:
+        for parameter, ours in (("robot_states", "joint_states"), ("robot_commands", "joint_command")):
+            topic = self.resolve_topic_name(self.parameters[parameter])
+            if topic == self.resolve_topic_name(ours):
+                raise InputError(
+                    f"bridge: {parameter} is {topic}, which is our own {ours}; start the graph in a namespace "
+                    "(-r __ns:=/axis) or give the robot's topic another name"
+                )
+
+    # streams
+
+    def _on_measurement(self, data: bytes) -> None:
+        now = time.monotonic_ns()
+        try:
+            read = self._robot.read(data)
+        except CdrError:
+            self._unreadable += 1
+            return
+        if read is None:
+            return
+        stamp, values = read
+        robot = self._robot
+        position, velocity = robot.measured(values, "position"), robot.measured(values, "velocity")
+        with self._lock:
+            self._send(self._gate.measure(now, stamp, position, velocity))
+            self._measured.count += 1
+        self._publish_states(robot.pack(stamp or time.time_ns(), values))
+
+    def _on_command(self, data: bytes) -> None:
+        now = time.monotonic_ns()
+        try:
+            stamp, (value,) = self._command_reader.read(data)
+        except CdrError:
+            self._unreadable += 1
+            return
+        with self._lock:
+            self._send(self._gate.command(now, stamp, value))
+            self._commanded.count += 1
+
+    def _watch(self) -> None:
+        self._urgent = become_urgent(PRIORITY)
+        while not self._stop.wait(TICK):
+            with self._lock:
+                self._send(self._gate.tick(time.monotonic_ns()))
+
+    def _send(self, command: float | None) -> None:
+        """Tell the robot, then the recorder; the caller holds the lock."""
+        stamp = time.time_ns()
+        message = None if command is None else self._robot.command(stamp, command)
+        if message is not None and command is not None:
+            self._to_robot.publish(message)
+            self._publish_sent(self._sent_writer.pack(stamp, (command,)))
+            self._sent.count += 1
+
+    def poll(self) -> None:
+        """Look for others who command the robot, and say once why the motor stands still."""
+        super().poll()
+        now = time.monotonic()
+        if now >= self._look_again:
+            self._look_again = now + LOOK_PERIOD
+            self._look_for_rivals()
+        reason = self._gate.reason
+        if reason != self._said:
+            self._said = reason
+            if reason:
+                self.get_logger().warning(f"the motor is stopped: {reason}")
+            else:
+                self.get_logger().info("commands pass, with a soft start")
+
+    def _look_for_rivals(self) -> None:
+        """What others publish to the robot goes past every limit: then at least nothing comes from here."""
+        topic = self.parameters["robot_commands"]
+        rivals = self.count_publishers(topic) - 1
+        with self._lock:
+            self._gate.forbidden = f"{rivals} more publish on {topic}, past all limits" if rivals > 0 else ""
+
+    # lifecycle, services, health
+
+    def activated(self) -> None:
+        """Let commands pass."""
+        with self._lock:
+            self._gate.activate()
+
+    def deactivated(self) -> None:
+        """Stop the motor at once."""
+        with self._lock:
+            self._send(self._gate.deactivate(time.monotonic_ns()))
+
+    def _stop_motor(self) -> None:
+        self._send(self._gate.stop(time.monotonic_ns()))
+
+    def close(self) -> None:
+        """Leave a motor behind that stands still."""
+        self._stop.set()
+        self._thread.join(timeout=1.0)
+        self.deactivated()
+        with contextlib.suppress(Exception):  # without a robot there is nobody to acknowledge
+            self._to_robot.wait_for_all_acked(FAREWELL)
+
+    def health(self) -> list[Status]:
+        """Return the streams, and what the safety gate has done."""
+        gate, robot = self._gate, self._robot
+        commanders = self.count_publishers("joint_command")
+        driven = robot.robot_names[0]
+        strangers = robot.seen if self._measured.count == 0 else ()
+        streams = {
+            "measurements": str(self._measured.count),
+            "measurement_rate": f"{self._measured.rate():.1f}",
+            "commands": str(self._commanded.count),
+            "command_rate": f"{self._commanded.rate():.1f}",
+            "sent": str(self._sent.count),
+            "sent_rate": f"{self._sent.rate():.1f}",
+            "clock_jumps": str(gate.commands.jumps + gate.measurements.jumps),
+            "stale": str(gate.commands.stale + gate.measurements.stale),
+            "unreadable": str(self._unreadable),
+            "commanders": str(commanders),
+            "real_time_priority": str(self._urgent).lower(),
+        }
+        text, level = "ok", Level.OK
+        if commanders > 1:
+            text, level = f"{commanders} nodes publish joint_command", Level.WARN
+        if strangers:
+            text, level = f"no joint {driven} in {self.parameters['robot_states']}: {', '.join(strangers)}", Level.ERROR
+        safety = {
+            "active": str(self.active).lower(),
+            "latched": gate.latched,
+            "faults": str(gate.faults),
+            "limited": str(gate.limited),
+            "rms": f"{gate.limiter.rms:.6g}",
+            "work": f"{gate.limiter.work:.6g}",
+        }
+        state = Level.ERROR if gate.latched else Level.WARN if gate.reason and self.active else Level.OK
+        return [
+            Status("streams", text, level, streams),
+            Status("safety", gate.reason or "commands pass", state, safety),
+        ]
+
+
+def prepare() -> None:
+    """See to it that neither another process nor a busy machine can keep this one from its watchdog.
+
+    Every thread becomes urgent, for the watchdog needs the interpreter, and the others hold it now and then. What has
+    been imported is taken from the garbage collector, which would stop everything to look through it.
+    """
+    use_sockets_only()
+    become_urgent(PRIORITY)
+    gc.collect()
+    gc.freeze()
+
+
+def make() -> BridgeNode:
+    """Build the node."""
+    return BridgeNode()

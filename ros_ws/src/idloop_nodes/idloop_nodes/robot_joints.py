@@ -1,0 +1,155 @@
+"""The robot's side of the bridge: its joints, its units, its messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from idloop.errors import InputError
+from idloop.spelling import did_you_mean
+from idloop_nodes.codec import JointReader, JointWriter, encode_float, encode_floats
+from idloop_nodes.codec.joints import FIELDS, NAN
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """Ours = scale × the robot's + offset."""
+
+    scale: float = 1.0
+    offset: float = 0.0
+
+    def to_ours(self, value: float) -> float:
+        """Return a number of the robot in our unit."""
+        return self.scale * value + self.offset
+
+    def to_robot(self, value: float) -> float:
+        """Return a number of ours in the robot's unit."""
+        return (value - self.offset) / self.scale
+
+
+class RobotJoints:
+    """Reads the robot's measurements and writes its commands.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the bridge.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Our names of the joints, the driven first.
+    robot_names : tuple of str
+        The robot's.
+    fields : tuple of str
+        Which fields the robot measures.
+
+    Raises
+    ------
+    InputError
+        Parameters that contradict one another.
+    """
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self.robot_names = tuple(values["robot_joints"])
+        self.names = tuple(values["joints"]) or self.robot_names
+        self.fields = tuple(field for field in FIELDS if field in values["fields"])
+        self._interface: str = values["interface"]
+        self._others = tuple(values["controller_joints"]) or self.robot_names[:1]
+        _check(self, values)
+        self._index = self._others.index(self.robot_names[0])
+        self._units = _conversions(values)
+        self._reader = JointReader([(joint, field) for joint in self.robot_names for field in FIELDS])
+        self._rest_reader = JointReader([(joint, "position") for joint in self._others])
+        self._rest = [NAN if self._interface == "position" else 0.0] * len(self._others)
+        self._writer = JointWriter(self.names, FIELDS)
+        self._encode = self._encoder(values["command_type"])
+
+    def read(self, data: bytes) -> tuple[int, list[float]] | None:
+        """Return stamp and position, velocity, effort of every joint in our units; None without the driven joint.
+
+        Raises
+        ------
+        CdrError
+            When the bytes are no JointState.
+        """
+        stamp, raw = self._reader.read(data)
+        if self.robot_names[0] not in self._reader.names:
+            return None
+        if any(map(math.isnan, self._rest)):
+            self._hold_others(self._rest_reader.read(data)[1])
+        units = [self._units[field] for field in FIELDS]
+        return stamp, [units[place % 3].to_ours(value) for place, value in enumerate(raw)]
+
+    def measured(self, values: Sequence[float], field: str) -> float | None:
+        """Return a field of the driven joint, None where the robot does not measure it."""
+        return values[FIELDS.index(field)] if field in self.fields else None
+
+    def pack(self, stamp_ns: int, values: Sequence[float]) -> bytes:
+        """Return the measurement as our message."""
+        blank = [NAN] * len(self.names)
+        columns = [values[place::3] if field in self.fields else blank for place, field in enumerate(FIELDS)]
+        return self._writer.pack(stamp_ns, *columns)
+
+    def command(self, stamp_ns: int, value: float) -> bytes | None:
+        """Return a command in the robot's unit as its message; None where the place of another joint is not known."""
+        row = list(self._rest)
+        row[self._index] = self._units["command"].to_robot(value)
+        return self._encode(stamp_ns, row) if all(map(math.isfinite, row)) else None
+
+    @property
+    def seen(self) -> tuple[str, ...]:
+        """Joints of the newest message."""
+        return self._reader.names
+
+    def _hold_others(self, positions: Sequence[float]) -> None:
+        """Remember where the other joints of a position controller are: there they are told to stay."""
+        known = zip(self._rest, positions, strict=True)
+        self._rest = [position if math.isnan(rest) else rest for rest, position in known]
+
+    def _encoder(self, command_type: str) -> Callable[[int, list[float]], bytes]:
+        if command_type == "float64":
+            return lambda stamp, row: encode_float(row[self._index])
+        if command_type == "joint_state":
+            return JointWriter(self._others, [self._interface]).pack
+        return lambda stamp, row: encode_floats(row)
+
+
+def _check(robot: RobotJoints, values: Mapping[str, Any]) -> None:
+    """Refuse what no robot can mean."""
+    unknown = [field for field in values["fields"] if field not in FIELDS]
+    if unknown:
+        raise InputError(f"bridge: fields: no field {unknown[0]!r}{did_you_mean(unknown[0], FIELDS)}")
+    if not robot.robot_names or len(set(robot.robot_names)) != len(robot.robot_names):
+        raise InputError("bridge: robot_joints: name each joint once, the driven one first")
+    if len(robot.names) != len(robot.robot_names):
+        raise InputError(f"bridge: joints: {len(robot.names)} names for {len(robot.robot_names)} robot_joints")
+    controller = tuple(values["controller_joints"])
+    if controller and robot.robot_names[0] not in controller:
+        raise InputError(
+            f"bridge: controller_joints: {robot.robot_names[0]} is not among them ({', '.join(controller)}); "
+            "name all joints of the controller in its order"
+        )
+    if len(controller) > 1 and values["command_type"] == "float64":
+        raise InputError("bridge: controller_joints: a float64 message has room for one joint")
+    if values["interface"] == "position" and "position" not in robot.fields:
+        raise InputError("bridge: fields: a position can be commanded only where it is measured; add position")
+
+
+def _conversions(values: Mapping[str, Any]) -> dict[str, Conversion]:
+    """Return the conversion of every field and of the command."""
+
+    def chosen(name: str, otherwise: float) -> float:
+        return otherwise if values[name] is None else float(values[name])
+
+    position = Conversion(values["scale.position"], values["offset.position"])
+    units = {
+        "position": position,
+        "velocity": Conversion(chosen("scale.velocity", position.scale)),
+        "effort": Conversion(values["scale.effort"], values["offset.effort"]),
+    }
+    same = units[values["interface"]]
+    units["command"] = Conversion(chosen("scale.command", same.scale), chosen("offset.command", same.offset))
+    return units

@@ -1,0 +1,118 @@
+"""From the estimator's messages to the plain objects that the page shows."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from idloop.diagnose import Candidate, Ladder, UnknownStructure
+from idloop.workbench.source import Activity, Fit, Health, Missing
+from idloop_nodes.codec import EffectSummary, FitSummary, LadderSummary, MissingSummary, Status
+from idloop_nodes.diagnosis_jobs import MotionLimits
+
+NANO = 1e-9
+_SHARE = re.compile(r"\b(\d+) %")
+
+
+def fit_of(summary: FitSummary) -> Fit:
+    """Return the newest fit."""
+    first, last = summary.validation_window
+    return Fit(summary.fit, summary.fit_train, (last - first) * NANO, summary.effects, summary.error)
+
+
+def missing_of(summary: MissingSummary) -> Missing:
+    """Return the newest diagnosis."""
+    unknown = summary.unknown
+    return Missing(
+        summary.verdict,
+        summary.line,
+        tuple(candidate_of(one) for one in summary.candidates),
+        summary.set,
+        summary.pair,
+        summary.untestable,
+        summary.findings,
+        None
+        if unknown is None
+        else UnknownStructure(
+            unknown.variable,
+            unknown.unit,
+            unknown.force_unit,
+            np.array(unknown.at),
+            np.array(unknown.force),
+            np.array(unknown.band),
+            unknown.share,
+            unknown.text,
+        ),
+        summary.error,
+    )
+
+
+def candidate_of(one: EffectSummary) -> Candidate:
+    """Return one effect; its model stays with the estimator."""
+    return Candidate(
+        one.effect,
+        one.at,
+        one.testable,
+        one.why,
+        one.text,
+        math.nan if one.gain is None else one.gain,
+        1.0 if one.p_value is None else one.p_value,
+        one.explains,
+        {
+            name: {"value": value.value, "stderr": value.stderr, "unit": value.unit}
+            for name, value in one.parameters.items()
+        },
+        replaces=one.replaces or None,
+    )
+
+
+def ladder_of(summary: LadderSummary, folder: Path | None) -> Ladder | None:
+    """Return the ladder with its models; None while there is none."""
+    document = json.loads(summary.document) if summary.document else None
+    return None if document is None else Ladder.from_dict(document, folder)
+
+
+def activity_of(status: Status) -> Activity | None:
+    """Return what the estimator works on, from its check of the diagnosis; None while it does nothing."""
+    if status.values.get("order"):
+        found = _SHARE.search(status.message)
+        return Activity(status.message.replace("_", " "), float(found[1]) / 100.0 if found else None)
+    if status.values.get("experiment"):
+        return Activity("the experiment is running")
+    return None
+
+
+def health_of(statuses: Sequence[tuple[Status, bool]]) -> tuple[Health, ...]:
+    """Return the checks of all nodes by name; True marks those that have fallen silent."""
+    return tuple(
+        Health(
+            one.name, 3 if silent else int(one.level), "nothing heard any more" if silent else one.message, one.values
+        )
+        for one, silent in sorted(statuses, key=lambda pair: pair[0].name)
+    )
+
+
+def limits_of(limits: MotionLimits, input_unit: str, position_unit: str) -> tuple[tuple[str, str], ...]:
+    """Say what an experiment may do; what is not declared is said too."""
+    what, unit = (
+        ("amplitude of the reference", position_unit)
+        if limits.adds_to == "reference"
+        else ("amplitude of the command", input_unit)
+    )
+    low, high = limits.position_min, limits.position_max
+    given = "not limited by the excitation"
+    span = given if low is None and high is None else f"{_end(low, 'any')} to {_end(high, 'any')} {position_unit}"
+    return (
+        (what, given if limits.amplitude is None else f"at most {limits.amplitude:g} {unit}"),
+        ("position", span),
+        ("velocity", given if limits.velocity is None else f"at most {limits.velocity:g} {position_unit}/s"),
+    )
+
+
+def _end(value: float | None, otherwise: str) -> str:
+    return otherwise if value is None else f"{value:g}"

@@ -1,0 +1,58 @@
+"""The example graph of a robot, as its user starts it: in a namespace, with recorder and estimator."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
+pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
+
+from idloop.graph import GraphRun, load_graph
+from idloop.graph.command import node_environment
+from idloop.physics import load_model
+from idloop.records import read_record, read_streams
+
+pytestmark = [pytest.mark.ros, pytest.mark.whole_graph, pytest.mark.usefixtures("ros_environment")]
+COMMANDS = 300
+REMAPPED = ("/robot/joint_states:=/joint_states", "/robot/commands:=/effort_controller/commands")
+
+
+@pytest.fixture
+def robot(ros_environment, tmp_path):
+    """A robot with the topics of the example; its log."""
+    log = tmp_path / "robot.log"
+    words = [sys.executable, str(Path(__file__).with_name("robot.py")), str(log), "0.01", "--ros-args"]
+    words += [word for rule in REMAPPED for word in ("-r", rule)]
+    with subprocess.Popen(words, env=node_environment(), stdin=subprocess.PIPE, text=True) as process:
+        yield log
+        process.communicate("end\n", timeout=60)
+
+
+def told(log):
+    """Commands that the robot has received so far."""
+    whole, _, _ = log.read_text(encoding="utf-8").rpartition("\n") if log.exists() else ("", "", "")
+    return [float(row[2]) for row in map(str.split, whole.splitlines()) if row[1] == "command"]
+
+
+def test_the_example_drives_and_records_a_joint_of_a_robot(robot, tmp_path):
+    said: list[str] = []
+    graph = load_graph("robot", {"bag": str(tmp_path / "bag"), "namespace": "left", "fit_period": "0.0"})
+    run = GraphRun(graph, say=lambda label, line: said.append(f"{label}: {line}"))
+    try:
+        run.wait(lambda: sum(command != 0.0 for command in told(robot)) > COMMANDS)
+    finally:
+        run.stop()
+    streams = read_streams(tmp_path / "bag")
+    states, passed = streams["/left/joint_states"], streams["/left/bridge/command"]
+    assert states.names == passed.names == ("motor",), said
+    assert np.mean(np.isin(passed.effort[:, 0], told(robot))) > 0.9, "recorded as it was told"
+    assert told(robot)[-1] == 0.0
+    record = read_record(tmp_path / "bag", load_model("dc_motor"))
+    assert record.output_names == ("motor.position", "motor.velocity")
+    assert np.ptp(record.output[:, 1]) > 0.0
+    assert any("lost 0, dropped 0" in line for line in said), said
