@@ -34,3 +34,14 @@ def hidden(tmp_path_factory) -> SimpleNamespace:
         unseen=record("unseen", 6.0, name="multilevel", seed=5),
         two=record("two", 10.0, name="prbs", band_hz=1.0, seed=1),
     )
+
+
+@pytest.fixture(scope="session")
+def refined(hidden, tmp_path_factory) -> Path:
+    """Folder of the ladder that the whole catalogue climbs to the hidden effect."""
+    from idloop.cli import main
+
+    folder = tmp_path_factory.mktemp("ladders") / "refined"
+    words = ("refine", hidden.model, hidden.levels, "--validate", hidden.unseen, "--output", folder, "--most", 3)
+    assert main.run([str(word) for word in words]) == 0
+    return folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -164,7 +164,7 @@ def run_live(hidden: str, folder: Path, seed: int, domain: int | None, tell: Cal
 # ---------------------------------------------------------------- what came of it
 
 
-def judge(hidden: str, bag: Path, folder: Path) -> Outcome:
+def judge(hidden: str, bag: Path, folder: Path, seed: int) -> Outcome:
     """Read what the graph left behind, and write the files."""
     from idloop.diagnose import Ladder
     from idloop.graph import read_findings
@@ -177,21 +177,22 @@ def judge(hidden: str, bag: Path, folder: Path) -> Outcome:
     ladder = Ladder.from_dict(findings.ladder)
     record = read_record(bag, load_model(MACHINE))
     windows = [diagnosis["windows"] for diagnosis in findings.diagnoses if diagnosis["windows"]][-1]
-    unseen = [judged_part(record, start, stop) for start, stop in windows]
+    seen, unseen = zip(*(window_parts(record, start, stop) for start, stop in windows), strict=True)
     outcome = Outcome(hidden, bag, findings, ladder, noise_floor(ladder.model, unseen))
-    outcome.files.update(write_files(outcome, folder, unseen[-1]))
+    outcome.files.update(write_files(outcome, folder, record, seen, unseen, seed))
     return outcome
 
 
-def judged_part(record: Record, start: int, stop: int) -> Record:
-    """The end of a stretch of data, by which the live estimator has judged."""
+def window_parts(record: Record, start: int, stop: int) -> tuple[Record, Record]:
+    """What the live estimator has fitted of a stretch of data, and its end, by which it has judged."""
     share = VALIDATION / (DIAGNOSED + VALIDATION)
     cut = stop - round((stop - start) * share)
-    first, last = ((stamp - record.start_ns) / 1e9 for stamp in (cut, stop))
-    return record.cut(first, last - 0.5 * record.sample_time)
+    first, middle, last = ((stamp - record.start_ns) / 1e9 for stamp in (start, cut, stop))
+    half = 0.5 * record.sample_time
+    return record.cut(first, middle - half), record.cut(middle, last - half)
 
 
-def noise_floor(model: Model, records: list[Record]) -> dict[str, dict[str, float]]:
+def noise_floor(model: Model, records: Sequence[Record]) -> dict[str, dict[str, float]]:
     """FIT and NRMSE of a model that is exact, by output, as means over records like those of a ladder."""
     import numpy as np
 
@@ -204,28 +205,37 @@ def noise_floor(model: Model, records: list[Record]) -> dict[str, dict[str, floa
     return floor
 
 
-def write_files(outcome: Outcome, folder: Path, unseen: Record) -> dict[str, Path]:
-    """Write model, ladder and figures; `idloop refine --resume` goes on from them."""
-    from idloop.cli._assessment import make_panel, save_figure
+def write_files(
+    outcome: Outcome, folder: Path, record: Record, seen: Sequence[Record], unseen: Sequence[Record], seed: int
+) -> dict[str, Path]:
+    """Write model, ladder, figures and report; `idloop refine --resume` and `idloop report` go on from them."""
+    from dataclasses import replace
+
+    from idloop.cli._assessment import save_figure
+    from idloop.cli._command_line import command_line
+    from idloop.cli._ladder_folder import Kept, fitted_records, judged_records, write_ladder, write_report
     from idloop.drawing import save
+    from idloop.report.contents import gather
     from idloop.report.ladder import plot_ladder
-    from idloop.validate import compare
+    from idloop.report.page_figures import panel_of
+    from idloop.report.provenance import provenance
 
     ladder = outcome.ladder
-    files = {name: folder / name for name in ("model.yaml", "ladder.json", "ladder.png", "compare.png")}
-    ladder.model.save(files["model.yaml"])
-    document = {
-        **(outcome.findings.ladder or {}),
-        "bags": [outcome.bag.resolve()],
-        "validate": [],
-        "model_folder": None,
-    }
-    text = json.dumps(_common.to_json(document), indent=2, ensure_ascii=False)
-    files["ladder.json"].write_text(text + "\n", encoding="utf-8")
+    context = click.get_current_context(silent=True)
+    origin = provenance([outcome.bag], [], commands=[command_line(context)] if context else [], seed=seed)
+    judged, fitted = (
+        tuple((outcome.bag, float(part.time[0]), float(part.time[-1])) for part in parts) for parts in (unseen, seen)
+    )
+    kept = Kept(ladder, (outcome.bag,), (), None, origin, judged, fitted)
+    write_ladder(folder, kept)
+    parts = fitted_records(kept, [record]), judged_records(kept, [record])
+    contents = gather(ladder, *parts, provenance=origin)
+    contents = replace(contents, floor=outcome.floor["nrmse"])
+    files = {name: folder / name for name in ("model.yaml", "ladder.json", "ladder.png", "compare.png", "report.html")}
     save(plot_ladder(ladder, outcome.floor["nrmse"]), files["ladder.png"])
-    ends = {"start": ladder.steps[0].model, "end of the ladder": ladder.model}
-    rows = [(label, compare(model, unseen)) for label, model in ends.items()]
-    save_figure([make_panel("unseen data", rows)], rows[-1][1], files["compare.png"])
+    shown = contents.judged[0]
+    save_figure([panel_of(shown)], shown.rows[0][1], files["compare.png"])
+    write_report(contents, files["report.html"])
     return {"bag": outcome.bag, **files}
 
 
@@ -319,7 +329,7 @@ def tell_story(hidden: str, folder: Path, seed: int, domain: int | None, *, as_j
     if not as_json:
         click.echo(f"{'hidden':<8} an effect in the machine that the estimator is not told; the motor turns one way")
     bag = run_live(hidden, folder, seed, domain, (lambda line: None) if as_json else click.echo)
-    outcome = judge(hidden, bag, folder)
+    outcome = judge(hidden, bag, folder, seed)
     failures = outcome.failures
     if as_json:
         _common.print_json(to_document(outcome, failures))

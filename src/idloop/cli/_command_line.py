@@ -1,0 +1,37 @@
+"""The command line that is running, as one would type it again."""
+
+from __future__ import annotations
+
+import shlex
+
+import click
+from click.core import ParameterSource
+
+
+def command_line(context: click.Context) -> str:
+    """Write the verb with the arguments and options that were given, defaults left out.
+
+    Parameters
+    ----------
+    context : click.Context
+        Of the verb.
+
+    Returns
+    -------
+    str
+        For a shell.
+    """
+    words, options = ["idloop", context.info_name or ""], []
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        value = context.params[name]
+        if isinstance(parameter, click.Argument):
+            words += [str(word) for word in (value if isinstance(value, tuple) else (value,))]
+        elif isinstance(parameter, click.Option) and parameter.is_flag:
+            options.append(parameter.opts[0])
+        else:
+            for one in value if parameter.multiple else (value,):
+                options += [parameter.opts[0], *(str(word) for word in (one if isinstance(one, tuple) else (one,)))]
+    return shlex.join([*words, *options])

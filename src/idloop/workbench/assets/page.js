@@ -1,0 +1,433 @@
+// The page around the figures: asks the server what it knows, says it in words, passes orders on.
+// Figures come over Bokeh's own connection; this part works without it, the STOP button above all.
+"use strict";
+(() => {
+  const PERIOD = 400; // milliseconds between two questions
+  const PATIENCE = 4; // questions without an answer before the page says so
+  const LONGEST = 4000; // milliseconds that an answer may take
+  const TITLES = Object.fromEntries([...document.querySelectorAll("#variables button")].map((b) => [b.dataset.variable, b.textContent]));
+  const $ = (id) => document.getElementById(id);
+  const base = new URL(".", location.href);
+  const { key, run } = document.body.dataset;
+  let state = null; // newest answer of the server
+  let have = "";
+  let failures = 0;
+  let figuresLost = false; // Bokeh's connection is gone, and it does not come back by itself
+  let chosen = false; // the reader has chosen an error or a variable
+  let look = null; // the source over which both sides tell what is shown
+  let shown = {};
+
+  // -- small helpers ------------------------------------------------------------------------
+
+  function make(tag, attributes = {}, ...children) {
+    const one = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes)) {
+      if (name === "onclick") one.addEventListener("click", value);
+      else if (value === true) one.setAttribute(name, "");
+      else if (value !== false && value != null) one.setAttribute(name, value);
+    }
+    one.append(...children.filter((child) => child != null));
+    return one;
+  }
+
+  // Rebuilding what has not changed would take the focus away from the reader.
+  const drawn = new Map();
+  function render(id, content, build) {
+    const text = JSON.stringify(content);
+    if (drawn.get(id) === text) return;
+    drawn.set(id, text);
+    const focused = document.activeElement?.dataset?.focus;
+    $(id).replaceChildren(...build());
+    if (focused) $(id).querySelector(`[data-focus="${CSS.escape(focused)}"]`)?.focus();
+  }
+
+  const say = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
+  const percent = (value, digits = 1) => (value == null ? "–" : `${value.toFixed(digits)} %`);
+
+  // -- orders -------------------------------------------------------------------------------
+
+  let fading = 0;
+  function note(text, bad) {
+    clearTimeout(fading);
+    if (!bad) fading = setTimeout(() => { $("note").hidden = true; }, 6000);
+    $("note").hidden = false;
+    $("note").classList.toggle("bad", Boolean(bad));
+    $("note").firstElementChild.textContent = text;
+  }
+
+  async function post(path, body) {
+    try {
+      const response = await fetch(new URL(path, base), {
+        method: "POST",
+        headers: { "Content-Type": "application/json", "X-Idloop-Key": key },
+        body: JSON.stringify(body ?? {}),
+      });
+      const answer = await response.json();
+      if (!response.ok) note(answer.refused ?? "The workbench refused the order.", true);
+    } catch {
+      note("The order did not reach the workbench: it does not answer.", true);
+    }
+    ask();
+  }
+  const order = (verb, what = "") => post("order", { verb, what });
+  const stop = () => post("stop");
+
+  // -- what is shown: the strips here, the figures by the server ------------------------------
+
+  const view = { follow: false, span: 10, shown: "one_step", stretch: null };
+  const strips = window.strips = new Strips($("strips"), base, (stretch) => choose({ follow: false, stretch }));
+  strips.paintIn(document.body);
+  let arranged = "";
+
+  function choose(values) {
+    for (const name of Object.keys(view)) if (name in values) view[name] = values[name];
+    const rest = Object.fromEntries(Object.entries(values).filter(([name]) => !(name in view)));
+    if (look !== null && Object.keys(rest).length) look.data = { json: [JSON.stringify({ ...JSON.parse(look.data.json[0]), ...rest })] };
+    taken();
+  }
+
+  function taken() {
+    if (look !== null) shown = JSON.parse(look.data.json[0]);
+    if (shown.theme && document.body.className !== shown.theme) {
+      document.body.className = shown.theme;
+      strips.paintIn(document.body);
+    }
+    say("theme", shown.theme === "dark" ? "Light" : "Dark");
+    if (!state) return;
+    $("follow").hidden = !state.live;
+    const several = state.recordings;
+    $("recording-label").hidden = several.length < 2;
+    render("recording", several, () => several.map((name, index) => make("option", { value: String(index) }, name)));
+    $("recording").value = String(state.shown);
+    $("follow").setAttribute("aria-pressed", String(view.follow));
+    say("follow", view.follow ? "Pause" : "Follow");
+    $("follow").classList.toggle("primary", !view.follow);
+    $("span").value = String(view.span);
+    $("shown").value = view.shown;
+    strips.show({ follow: view.follow ? view.span : null, stretch: view.stretch, shown: view.shown });
+    showWhere(state);
+  }
+
+  // A live graph is followed; of a recording everything is shown, with the model left alone.
+  function arrange(s) {
+    const { outputs, input, followed, live } = s;
+    const text = JSON.stringify([outputs, input, followed, live]);
+    if (text === arranged) return;
+    arranged = text;
+    Object.assign(view, { follow: live, shown: live ? "one_step" : "free_run", stretch: null });
+    strips.arrange(outputs, input, followed);
+  }
+
+  function connect() {
+    const found = window.Bokeh?.documents?.[0]?.get_model_by_name("look");
+    if (!found) return setTimeout(connect, 50);
+    look = found;
+    Bokeh.documents[0].on_event("connection_lost", () => { figuresLost = true; });
+    const stored = localStorage.getItem("idloop_theme");
+    const wanted = stored ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+    taken();
+    if (wanted !== shown.theme) setTheme(wanted, stored !== null);
+    document.body.dataset.ready = "true";
+  }
+
+  function setTheme(theme, keep) {
+    if (keep) localStorage.setItem("idloop_theme", theme);
+    document.cookie = `idloop_theme=${theme}; SameSite=Strict; path=${base.pathname}`;
+    choose({ theme });
+  }
+
+  // -- the parts of the page ----------------------------------------------------------------
+
+  function showHead(s) {
+    say("title", `workbench · ${s.title}`);
+    render("model", s.effects, () => s.effects.length
+      ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
+      : ["no further effects"]);
+    const live = s.fit && !s.fit.error;
+    const values = live ? s.fit.unseen : s.assessment?.fit;
+    const force = s.assessment?.force;
+    render("fits", [live, values, force, s.fit?.seconds, s.fit?.error, s.assessment?.record], () => {
+      if (s.fit?.error) return [make("span", { class: "hint" }, `no fit: ${s.fit.error}`)];
+      if (!values) return [make("span", { class: "hint" }, s.live ? "waiting for the first fit" : "comparing model and record …")];
+      const fits = Object.entries(values).map(([name, value]) => make("div", { class: "fit", "data-output": name, title: live
+          ? `FIT of the free run on ${s.fit.seconds.toFixed(1)} s that the fit has not used`
+          : `FIT of the free run on ${s.assessment.record}` },
+        make("div", { class: "value" }, percent(value)),
+        make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, value ?? 0))}%` })),
+        make("div", { class: "what" }, `FIT ${name}${live ? ", unseen data" : ""}`)));
+      if (force != null) fits.push(make("div", { class: "fit error", "data-output": "force", title: `Force that the measured motion needs and the model does not know, on ${s.assessment.record}` },
+        make("div", { class: "value" }, percent(force)),
+        make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, force))}%` })),
+        make("div", { class: "what" }, "force unexplained")));
+      return fits;
+    });
+    $("stop").hidden = !s.moves;
+    $("stopped").hidden = !s.stopped;
+    $("state").className = `state ${s.live ? "running" : ""}`;
+    say("state", s.live ? "live" : "recording");
+    for (const one of document.querySelectorAll(".live-only")) one.hidden = !s.live;
+    $("whole").hidden = s.live;
+    const text = s.note ? JSON.stringify(s.note) : "";
+    if (text && text !== drawn.get("note") ) { drawn.set("note", text); note(s.note.text, s.note.level > 0); }
+  }
+
+  function showWhere(s) {
+    const found = s.assessment;
+    say("where-hint", found ? `Free run of the model on ${found.record}.` : s.live ? "After the first seconds of data the model is left to run freely and compared." : "");
+    if (!found || !found.maps.length) {
+      for (const one of document.querySelectorAll("#variables button")) one.disabled = true;
+      render("stretches", null, () => []);
+      return;
+    }
+    if (!chosen && found.telling && look && (shown.error !== found.telling.error || shown.variable !== found.telling.variable)) {
+      return choose(found.telling);
+    }
+    const map = found.maps.find((m) => m.name === shown.error) ?? found.maps[0];
+    render("error", found.maps.map((m) => [m.name, m.rms]), () =>
+      found.maps.map((m) => make("option", { value: m.name }, `${m.name} (rms ${m.rms}${m.relative ? ", " + m.relative : ""})`)));
+    $("error").value = map.name;
+    for (const one of document.querySelectorAll("#variables button")) {
+      const name = one.dataset.variable;
+      const checked = name === (shown.variable || "velocity");
+      one.disabled = !map.variables.includes(name);
+      one.title = map.left_out[name] ?? "";
+      one.setAttribute("aria-checked", String(checked));
+      one.tabIndex = checked ? 0 : -1;
+      one.classList.toggle("loud", name in map.stands_out);
+    }
+    say("where-words", map.stands_out[shown.variable || "velocity"] ?? `Nothing stands out along ${TITLES[shown.variable || "velocity"]}.`);
+    render("stretches", [map.name, map.stretches], () => map.stretches.length ? [
+      make("h3", {}, "Worst stretches: a click zooms to them"),
+      ...map.stretches.map((one, index) => make("button", { type: "button", "data-focus": `stretch${index}`, onclick: () => zoom(one) },
+        make("b", {}, String(index + 1)),
+        make("span", {}, `${one.start.toFixed(2)} to ${one.stop.toFixed(2)} s: ${one.error} of the error in ${one.time} of the time `, make("small", {}, one.text)))),
+    ] : []);
+  }
+
+  function zoom(one) {
+    const room = Math.max(one.stop - one.start, 0.05);
+    choose({ follow: false, shown: "free_run", stretch: [one.start - room, one.stop + room] });
+    $("strips-panel").scrollIntoView({ block: "start", behavior: "smooth" });
+  }
+
+  const VERDICTS = {
+    adequate: "Nothing significant is missing.",
+    unknown_structure: "Something is missing that is not in the catalogue.",
+    not_excited: "Nothing significant is missing, but this data cannot show everything.",
+  };
+
+  function showMissing(s) {
+    const m = s.missing;
+    const verdict = $("verdict");
+    verdict.className = "verdict";
+    if (!m) say("verdict", s.activity ? "" : (s.ladder?.steps.length ?? 0) > 1 ? "Added. Is anything still missing?" : "Not looked for yet.");
+    else if (m.error) say("verdict", m.error);
+    else if (m.verdict === "missing") {
+      verdict.classList.add("found");
+      say("verdict", m.pair.length ? `Missing, and only together: ${m.pair.join(" and ")}.`
+        : m.tied.length > 1 ? "One of these is missing; this data cannot tell which." : `Missing: ${m.tied[0]}.`);
+    } else {
+      if (m.verdict !== "unknown_structure") verdict.classList.add("good");
+      say("verdict", (m.verdict === "unknown_structure" && m.unknown) || VERDICTS[m.verdict] || m.line);
+    }
+    const busy = Boolean(s.activity);
+    $("diagnose").disabled = busy;
+    $("diagnose").classList.toggle("primary", !m || m.verdict !== "missing");
+    say("diagnose", m ? "Look again" : "Find what is missing");
+    render("candidates", [m, busy], () => (m ? candidates(m, busy) : []));
+    const cannot = m?.untestable ?? [];
+    $("cannot").hidden = !cannot.length;
+    if (drawn.get("cannot") !== JSON.stringify(cannot)) {
+      drawn.set("cannot", JSON.stringify(cannot));
+      $("cannot").firstElementChild.textContent = `This data cannot show ${cannot.length} effect${cannot.length > 1 ? "s" : ""}`;
+      $("cannot").lastElementChild.replaceChildren(...cannot.map((c) => make("li", {}, make("b", {}, c.name), c.why ? `: ${c.why}` : "")));
+    }
+  }
+
+  function candidates(m, busy) {
+    const significant = m.candidates.filter((c) => c.significant);
+    const others = m.candidates.filter((c) => !c.significant && c.fitted).slice(0, 8);
+    const rest = m.candidates.filter((c) => !c.significant && !c.fitted && c.testable !== "no");
+    const parts = [];
+    const cards = significant.map((c) => card(c, busy, m));
+    if (cards.length > 1) {
+      parts.push(make("div", { class: "tie" }, make("p", {}, m.pair.length
+        ? "Neither shows alone; both together do" : "A tie: this data cannot tell these apart"), ...cards));
+    } else parts.push(...cards);
+    if (others.length) parts.push(make("details", {}, make("summary", {}, `${others.length} weighed and not significant`), ...others.map((c) => card(c, busy, m))));
+    if (rest.length) parts.push(make("details", {}, make("summary", {}, `${rest.length} screened, nothing seen`),
+      make("ul", {}, ...rest.map((c) => make("li", {}, make("b", {}, c.words), ` ${c.text} `, add(c, busy, m))))));
+    return parts;
+  }
+
+  function add(c, busy, m) {
+    const pair = m.pair.length > 0 && c.best;
+    return make("button", { type: "button", class: c.best ? "primary" : null, disabled: busy, "data-focus": `add ${c.name}`, "data-effect": c.name,
+      onclick: () => order("add", c.name) }, pair ? "Add both" : c.best ? "Add it" : "Add this one");
+  }
+
+  function card(c, busy, m) {
+    const picture = c.picture ? drawing(c.picture) : null;
+    return make("div", { class: `card ${c.significant ? "significant" : "weak"} ${picture ? "" : "plain"}`, "data-candidate": c.name },
+      picture,
+      make("div", {}, make("h3", {}, c.words),
+        make("div", { class: "numbers" }, [c.p, `explains ${c.share} of the error`, ...c.parameters].filter(Boolean).join(" · ")),
+        make("div", { class: "share" }, make("i", { style: `width:${Math.max(0, Math.min(100, 100 * c.explains))}%` }))),
+      add(c, busy, m),
+      make("p", {}, c.text, c.replaces ? ` It takes the place of ${c.replaces}.` : ""));
+  }
+
+  function drawing(picture) {
+    const NS = "http://www.w3.org/2000/svg";
+    const node = (tag, attributes, text) => {
+      const one = document.createElementNS(NS, tag);
+      for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
+      if (text) one.textContent = text;
+      return one;
+    };
+    const svg = node("svg", { viewBox: "0 0 92 62", role: "img", "aria-label": `${picture.y} over ${picture.x}` });
+    const xs = [...picture.curve, ...picture.data].map((p) => p[0]);
+    const ys = [0, ...[...picture.curve, ...picture.data].map((p) => p[1])];
+    const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const px = (x) => (4 + (84 * (x - x0)) / (x1 - x0 || 1)).toFixed(1);
+    const py = (y) => (47 - (43 * (y - y0)) / (y1 - y0 || 1)).toFixed(1);
+    svg.append(node("title", {}, `${picture.y} over ${picture.x}: dots are what the data leave, the line is the fitted effect`));
+    svg.append(node("line", { x1: 4, x2: 88, y1: py(0), y2: py(0) }));
+    if (x0 < 0 && x1 > 0) svg.append(node("line", { x1: px(0), x2: px(0), y1: 4, y2: 47 }));
+    for (const [x, y] of picture.data) svg.append(node("circle", { cx: px(x), cy: py(y), r: 1.7 }));
+    svg.append(node("path", { d: picture.curve.map(([x, y], i) => `${i ? "L" : "M"}${px(x)} ${py(y)}`).join("") }));
+    svg.append(node("text", { x: 46, y: 60, "text-anchor": "middle" }, picture.x));
+    return svg;
+  }
+
+  function showActivity(s) {
+    $("activity").hidden = !s.activity;
+    if (!s.activity) return;
+    $("activity").firstElementChild.textContent = s.activity.text;
+    const bar = $("activity").lastElementChild;
+    if (s.activity.share == null) bar.removeAttribute("value");
+    else bar.value = s.activity.share;
+  }
+
+  function showLadder(s) {
+    const steps = s.ladder?.steps ?? [];
+    $("undo").disabled = steps.length < 2 || Boolean(s.activity);
+    say("ladder-hint", steps.length ? (s.ladder.unseen ? "" : "Errors of the data that were fitted.") : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
+    render("steps", steps, () => steps.map((one) => make("li", { "data-step": one.number },
+      make("span", {}, one.words, one.ties.length ? make("small", {}, `could as well be ${one.ties.join(", ")}`) : null,
+        one.parameters.length ? make("small", {}, one.parameters.join(" · ")) : null),
+      make("span", {}, [...Object.values(one.fit).map((value) => percent(value)), one.force == null ? null : `force ${percent(one.force)}`].filter(Boolean).join(" · "),
+        make("small", {}, one.number ? [one.by === "user" ? "your choice" : one.p].filter(Boolean).join("") : `FIT ${Object.keys(one.fit).join(" · ")}${one.force == null ? "" : " · error of the force"}`)))));
+  }
+
+  function showExperiment(s) {
+    const open = s.missing && (s.missing.tied.length > 1 || s.missing.verdict === "not_excited");
+    const offline = !s.live;
+    $("experiment-panel").hidden = !s.suggested && !open;
+    say("experiment", offline ? "Work out the next experiment" : "Run the suggested experiment …");
+    $("experiment").disabled = Boolean(s.activity) || s.stopped || !open;
+    say("experiment-text", s.suggested?.text ?? (open ? "This data leaves it open. An experiment that separates these effects can be worked out, within the limits of the axis." : ""));
+    render("outcomes", s.suggested?.outcomes ?? [], () => (s.suggested?.outcomes ?? []).map((text) => make("li", {}, text)));
+    render("limits", s.limits, () => s.limits.map((one) => make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.value))));
+  }
+
+  const LEVELS = ["ok", "warning", "error", "silent"];
+  function showHealth(s) {
+    $("health-panel").hidden = !s.health.length;
+    render("health", s.health, () => s.health.map((one) => make("tr", {},
+      make("td", {}, one.name),
+      make("td", { title: Object.entries(one.values).map(([k, v]) => `${k}: ${v}`).join("\n") },
+        make("span", { class: `level level${one.level}` }, `${LEVELS[one.level]} `), one.message,
+        one.trouble.length ? make("small", {}, one.trouble.join(", ")) : null))));
+  }
+
+  function show(s) {
+    showHead(s);
+    arrange(s);
+    taken();
+    showActivity(s);
+    showMissing(s);
+    showLadder(s);
+    showExperiment(s);
+    showHealth(s);
+    $("reference-legend").hidden = !strips.values("reference").length;
+    document.body.dataset.version = String(s.version);
+  }
+
+  // -- the server ---------------------------------------------------------------------------
+
+  let asking = false;
+  async function ask() {
+    if (asking) return;
+    asking = true;
+    try {
+      const response = await fetch(new URL(`state?have=${encodeURIComponent(have)}`, base), { cache: "no-store", signal: AbortSignal.timeout(LONGEST) });
+      if (!response.ok) throw new Error(String(response.status));
+      const answer = await response.json();
+      if (answer.run !== run) return location.reload(); // another run of the server
+      if (figuresLost) return location.reload();
+      if (failures >= PATIENCE) {
+        $("lost").hidden = true;
+        if (state) showHead(state);
+      }
+      failures = 0;
+      if ("title" in answer) {
+        have = `${answer.run}:${answer.version}`;
+        state = answer;
+        show(state);
+      }
+    } catch {
+      failures += 1;
+      if (failures >= PATIENCE) {
+        $("lost").hidden = false;
+        $("state").className = "state bad";
+        say("state", "connection lost");
+      }
+    } finally {
+      asking = false;
+    }
+  }
+
+  // A page in the background draws nothing, and the server sends it nothing.
+  document.addEventListener("visibilitychange", () => choose({ seen: document.visibilityState === "visible" }));
+  addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || !state?.moves || event.repeat) return;
+    $("confirm").close();
+    event.preventDefault();
+    stop();
+  }, { capture: true });
+  $("stop").addEventListener("click", stop);
+  $("reset").addEventListener("click", () => order("reset"));
+  $("diagnose").addEventListener("click", () => order("diagnose"));
+  $("undo").addEventListener("click", () => order("undo"));
+  $("assess").addEventListener("click", () => order("assess"));
+  $("experiment").addEventListener("click", () => (state.live ? $("confirm").showModal() : order("experiment")));
+  $("confirm-no").addEventListener("click", () => $("confirm").close());
+  $("confirm-yes").addEventListener("click", () => { $("confirm").close(); order("experiment"); });
+  $("note").lastElementChild.addEventListener("click", () => { $("note").hidden = true; });
+  $("theme").addEventListener("click", () => setTheme(shown.theme === "dark" ? "light" : "dark", true));
+  $("follow").addEventListener("click", () => choose({ follow: !view.follow, stretch: [strips.start, strips.stop] }));
+  $("recording").addEventListener("change", () => order("show", $("recording").value));
+  $("whole").addEventListener("click", () => choose({ follow: false, stretch: null }));
+  $("zoom-out").addEventListener("click", () => strips.zoom(2));
+  $("save").addEventListener("click", () => strips.save("workbench.png"));
+  $("span").addEventListener("change", () => choose({ span: Number($("span").value), follow: true }));
+  $("shown").addEventListener("change", () => choose({ shown: $("shown").value }));
+  $("error").addEventListener("change", () => { chosen = true; choose({ error: $("error").value }); });
+  const tabs = [...document.querySelectorAll("#variables button")];
+  for (const one of tabs) {
+    one.addEventListener("click", () => { chosen = true; choose({ variable: one.dataset.variable }); });
+    one.addEventListener("keydown", (event) => {
+      const by = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+      const open = tabs.filter((tab) => !tab.disabled);
+      if (!by || !open.includes(one)) return;
+      event.preventDefault();
+      const next = open[(open.indexOf(one) + by + open.length) % open.length];
+      next.focus();
+      next.click();
+    });
+  }
+  setInterval(ask, PERIOD);
+  ask();
+  connect();
+})();

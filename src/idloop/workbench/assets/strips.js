@@ -1,0 +1,498 @@
+// The strips: every output with its model, its residual below, and the command, on one canvas with one axis of time.
+// They ask the server for what they lack, draw it, and ask again: a slow browser sees fewer pictures, nothing queues up.
+"use strict";
+const Strips = (() => {
+  const PERIOD = 60; // milliseconds between two pictures that follow
+  const IDLE = 400; // between two questions when nothing moves
+  const TALL = [176, 100], LOW = [136, 80]; // heights of an output and of its residual: up to two outputs, and more
+  const COMMAND = 112, FOOT = 40, GAP = 12, LEFT = 78, RIGHT = 14;
+  const SETTLE = 2500; // milliseconds for which a range has to be far too wide before it becomes narrower
+  const ROOM = 0.08; // of a range about what is drawn
+  const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
+  const COLOURS = ["surface", "text", "muted", "grid", "measured", "model", "command", "reference", "band", "accent"];
+  // A line is drawn as hairlines beside each other: without a graphics processor one that is wider than a pixel costs
+  // forty times as much as one that is not. Offsets in pixels.
+  const PENS = {
+    measured: [[-0.55, -0.55], [0.55, -0.55], [-0.55, 0.55], [0.55, 0.55]],
+    model: [[0, -0.45], [0.4, 0.3], [-0.4, 0.3]],
+    residual: [[-0.2, -0.2], [0.2, 0.2]],
+    command: [[-0.3, -0.3], [0.3, 0.3]],
+    reference: [[-0.2, -0.2], [0.2, 0.2]],
+  };
+  const DASH = 5; // pixels
+
+  // Points of one stream, kept between two pictures: what comes replaces what is not older.
+  class Points {
+    constructor() { this.count = 0; this.time = new Float64Array(0); this.values = []; }
+
+    take(time, values, whole, before) {
+      let keep = whole ? 0 : this.count;
+      while (time.length && keep > 0 && this.time[keep - 1] >= time[0]) keep -= 1;
+      let drop = 0; // points that have left the picture; one more holds the line's beginning
+      while (drop + 1 < keep && this.time[drop + 1] < before) drop += 1;
+      const count = keep - drop + time.length;
+      if (count > this.time.length || values.length !== this.values.length) {
+        const room = Math.ceil(1.5 * count) + 64;
+        const grown = (old, Kind) => { const one = new Kind(room); if (old) one.set(old.subarray(drop, keep)); return one; };
+        this.time = grown(this.time, Float64Array);
+        this.values = values.map((_, i) => grown(this.values[i], Float32Array));
+      } else if (drop) {
+        for (const one of [this.time, ...this.values]) one.copyWithin(0, drop, keep);
+      }
+      this.time.set(time, keep - drop);
+      values.forEach((one, i) => this.values[i].set(one, keep - drop));
+      this.count = count;
+    }
+
+    // Index of the last point that is not after an instant; -1 where there is none.
+    at(instant) {
+      let [low, high] = [-1, this.count - 1];
+      while (low < high) {
+        const middle = (low + high + 1) >> 1;
+        if (this.time[middle] <= instant) low = middle; else high = middle - 1;
+      }
+      return low;
+    }
+  }
+
+  // Range of an axis that moves in steps: it grows when it must, and shrinks when it has long been far too wide.
+  class Range {
+    constructor() { this.low = -1; this.high = 1; this.wide = 0; this.empty = true; }
+
+    fit(low, high, now, calm) {
+      if (!(low <= high)) { [this.low, this.high, this.empty] = [-1, 1, true]; return; }
+      calm &&= !this.empty;
+      this.empty = false;
+      const room = ROOM * (high - low) || 0.1 * Math.abs(high) || 1e-9;
+      if (calm && this.low <= low && high <= this.high) {
+        if (high - low + 2 * room > 0.6 * (this.high - this.low)) { this.wide = now; return; }
+        if (now - this.wide < SETTLE) return;
+      }
+      this.wide = now;
+      // More room on the side to which it grows, so that it need not grow at once again.
+      const step = calm ? 0.1 * (high - low) : 0;
+      const [up, down] = [calm && high > this.high ? step : 0, calm && low < this.low ? step : 0];
+      this.low = low - room - down;
+      this.high = high + room + up;
+    }
+  }
+
+  function ticks(low, high, wanted) {
+    const raw = (high - low) / wanted;
+    const power = 10 ** Math.floor(Math.log10(raw));
+    const step = power * [1, 2, 5, 10].find((m) => m * power >= raw * 0.999);
+    const at = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) at.push(k * step);
+    const largest = Math.max(Math.abs(low), Math.abs(high));
+    const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    const write = largest >= 1e6 || step < 1e-5
+      ? (v) => (v === 0 ? "0" : v.toExponential(Math.max(0, Math.ceil(Math.log10(largest / step)) - 1)))
+      : (v) => (Math.abs(v) < step / 2 ? 0 : v).toFixed(digits).replace("-", "−");
+    return { at, write };
+  }
+
+  class Strips {
+    // place: element; base: address of the server; moved: told when the reader moves or zooms.
+    constructor(place, base, moved) {
+      this.base = base;
+      this.moved = moved;
+      this.look = null; // { follow: seconds | null, stretch: [start, stop] | null, shown }
+      this.pictures = 0;
+      this.start = 0;
+      this.stop = 10;
+      this.streams = {};
+      this.newest = {};
+      this.epoch = "";
+      this.strips = [];
+      this.colours = {};
+      this.cursor = null; // [x, y] of the mouse
+      this.canvas = document.createElement("canvas");
+      this.canvas.tabIndex = 0;
+      this.canvas.setAttribute("role", "img");
+      this.box = document.createElement("div");
+      this.box.className = "box";
+      this.box.hidden = true;
+      place.replaceChildren(this.canvas, this.box);
+      this.context = this.canvas.getContext("2d", { alpha: false });
+      new ResizeObserver(() => this.resize()).observe(place);
+      this.listen();
+      this.pull();
+    }
+
+    // -- what is shown ----------------------------------------------------------------------
+
+    arrange(outputs, input, followed) {
+      const [high, low] = outputs.length <= 2 ? TALL : LOW;
+      let top = 4;
+      this.strips = [];
+      const add = (height, given) => {
+        this.strips.push({ top, height, range: new Range(), ...given });
+        top += height + GAP;
+      };
+      outputs.forEach(({ name, unit }, column) => {
+        const lines = [["measured", column], ["model", column]];
+        if (column === followed) lines.unshift(["reference", 0]);
+        add(high, { name, unit, lines });
+        add(low, { name: "residual", unit, lines: [["residual", column]], band: column });
+      });
+      add(COMMAND, { name: input.name, unit: input.unit, lines: [["command", 0]] });
+      this.height = top - GAP + FOOT;
+      this.canvas.setAttribute("aria-label",
+        `Over time: ${outputs.map((o) => o.name).join(", ")}, each measured and of the model, with its residual; ${input.name}`);
+      this.resize();
+    }
+
+    show(look) {
+      const text = JSON.stringify(look);
+      if (text === JSON.stringify(this.look)) return;
+      this.look = look;
+      this.calm = 0; // the next ranges fit at once
+      clearTimeout(this.due);
+      this.pull();
+    }
+
+    paintIn(body) {
+      const style = getComputedStyle(body);
+      this.colours = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+      this.repaint();
+    }
+
+    // Every value that a line shows, for all outputs.
+    values(name) {
+      const one = this.streams[name];
+      return one ? one.values.flatMap((v) => Array.from(v.subarray(0, one.count))) : [];
+    }
+
+    times(name) { const one = this.streams[name]; return one ? Array.from(one.time.subarray(0, one.count)) : []; }
+
+    get bytes() {
+      return Object.values(this.streams).reduce((sum, one) => sum + [one.time, ...one.values].reduce((s, a) => s + a.byteLength, 0), 0);
+    }
+
+    // -- the server -------------------------------------------------------------------------
+
+    question() {
+      const { follow, stretch, shown } = this.look;
+      const query = new URLSearchParams({ shown, epoch: this.epoch, buckets: Math.max(100, Math.round((this.width - LEFT - RIGHT) / 2)) });
+      if (follow) query.set("follow", follow);
+      else if (stretch) { query.set("start", stretch[0]); query.set("stop", stretch[1]); }
+      query.set("have", Object.entries(this.newest).map(([name, seconds]) => `${name}:${seconds}`).join(","));
+      return new URL(`strips?${query}`, this.base);
+    }
+
+    async pull() {
+      if (!this.look || !this.width) return;
+      this.asking?.abort();
+      const asking = this.asking = new AbortController();
+      const begin = performance.now();
+      let pause = IDLE;
+      try {
+        const response = await fetch(this.question(), { cache: "no-store", signal: asking.signal });
+        if (!response.ok) throw new Error(String(response.status));
+        const data = await response.arrayBuffer();
+        // A page in the background gets no frame: it asks for nothing until it can be seen again.
+        await new Promise((resolve) => { requestAnimationFrame(resolve); });
+        if (asking !== this.asking) return;
+        const drawing = performance.now();
+        const fresh = this.take(data);
+        if (fresh) { this.paint(drawing); this.pictures += 1; }
+        // On a small computer the control loop needs the processor too: at most half of the time is spent on drawing.
+        await new Promise((resolve) => { setTimeout(resolve); });
+        const now = performance.now();
+        pause = this.look.follow ? Math.max(PERIOD, 2 * (now - drawing)) - (now - begin) : IDLE;
+      } catch {
+        if (asking !== this.asking) return;
+      }
+      this.due = setTimeout(() => this.pull(), pause);
+    }
+
+    take(data) {
+      const length = new DataView(data).getUint32(0, true);
+      const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+      let offset = 4 + length, came = head.whole;
+      const before = head.start - (head.stop - head.start) / 50;
+      for (const { name, count, columns, newest } of head.streams) {
+        const time = new Float64Array(data, offset, count);
+        offset += 8 * count;
+        const values = Array.from({ length: columns }, (_, i) => new Float32Array(data, offset + 4 * count * i, count));
+        offset += 4 * count * columns;
+        offset += -offset & 7;
+        (this.streams[name] ??= new Points()).take(time, values, head.whole, before);
+        if (newest != null) { came ||= newest !== this.newest[name]; this.newest[name] = newest; }
+        else if (head.whole) delete this.newest[name];
+      }
+      this.epoch = head.epoch;
+      this.band = head.band;
+      [this.start, this.stop] = [head.start, head.stop];
+      return came;
+    }
+
+    // -- drawing ----------------------------------------------------------------------------
+
+    resize() {
+      const width = this.canvas.parentElement.clientWidth;
+      if (!width || !this.height) return;
+      const scale = this.scale = Math.min(devicePixelRatio || 1, 2);
+      const wider = Math.abs(width - (this.width ?? 0)) > 2;
+      this.width = width;
+      this.canvas.width = Math.round(width * scale);
+      this.canvas.height = Math.round(this.height * scale);
+      this.canvas.style.height = `${this.height}px`;
+      this.paint();
+      if (wider) { clearTimeout(this.due); this.pull(); }
+    }
+
+    repaint() {
+      this.frame ??= requestAnimationFrame(() => { this.frame = null; this.paint(); });
+    }
+
+    get right() { return this.width - RIGHT; }
+    x(instant) { return LEFT + ((instant - this.start) / (this.stop - this.start)) * (this.right - LEFT); }
+    instant(x) { return this.start + ((x - LEFT) / (this.right - LEFT)) * (this.stop - this.start); }
+
+    paint(now = performance.now()) {
+      if (!this.colours.surface || !this.strips.length || !this.width) return;
+      const g = this.context;
+      g.setTransform(this.scale, 0, 0, this.scale, 0, 0);
+      const seen = this.canvas.getBoundingClientRect();
+      const calm = Boolean(this.look?.follow && this.calm);
+      const along = ticks(this.start, this.stop, Math.max(3, (this.right - LEFT) / 110));
+      const last = this.strips[this.strips.length - 1];
+      for (const strip of this.strips) {
+        this.fit(strip, now, calm);
+        // What is scrolled out of sight is not drawn.
+        const from = seen.top + strip.top;
+        if (from > innerHeight || from + strip.height + (strip === last ? FOOT : GAP) < 0) continue;
+        g.fillStyle = this.colours.surface;
+        g.fillRect(0, strip.top - GAP / 2, this.width, strip.height + (strip === last ? FOOT + GAP : GAP));
+        this.axes(g, strip, along, strip === last);
+        this.lines(g, strip);
+        if (this.cursor) this.read(g, strip);
+      }
+      this.calm = 1;
+    }
+
+    fit(strip, now, calm) {
+      let low = Infinity, high = -Infinity;
+      for (const [name, column] of strip.lines) {
+        const one = this.streams[name];
+        const values = one?.values[column];
+        if (!values) continue;
+        for (let i = Math.max(one.at(this.start), 0), end = one.at(this.stop); i <= end; i += 1) {
+          const value = values[i];
+          if (value < low) low = value;
+          if (value > high) high = value;
+        }
+      }
+      if (strip.band != null) {
+        // About zero, so that one sees at once to which side it lies.
+        const half = Math.max(this.band?.[strip.band] ?? 0, -low, high, 0);
+        [low, high] = half > 0 ? [-half, half] : [low, high];
+      }
+      strip.range.fit(low, high, now, calm);
+    }
+
+    axes(g, strip, along, foot) {
+      const { top, height, range } = strip;
+      const { at, write } = ticks(range.low, range.high, Math.max(height / 36, 3));
+      const y = this.scaleOf(strip);
+      g.lineWidth = 1;
+      g.strokeStyle = this.colours.grid;
+      g.beginPath();
+      for (const value of at) { const p = Math.round(y(value)) + 0.5; g.moveTo(LEFT, p); g.lineTo(this.right, p); }
+      for (const value of along.at) { const p = Math.round(this.x(value)) + 0.5; g.moveTo(p, top); g.lineTo(p, top + height); }
+      g.stroke();
+      g.strokeStyle = this.colours.muted;
+      g.beginPath();
+      g.moveTo(LEFT + 0.5, top);
+      g.lineTo(LEFT + 0.5, top + height);
+      if (foot) { g.moveTo(LEFT, top + height + 0.5); g.lineTo(this.right, top + height + 0.5); }
+      g.stroke();
+      g.fillStyle = this.colours.muted;
+      g.font = `11px ${FONT}`;
+      g.textBaseline = "middle";
+      g.textAlign = "right";
+      for (const value of at) g.fillText(write(value), LEFT - 6, y(value));
+      g.textAlign = "center";
+      if (foot) for (const value of along.at) g.fillText(along.write(value), this.x(value), top + height + 12);
+      g.fillStyle = this.colours.text;
+      g.font = `12px ${FONT}`;
+      if (foot) g.fillText("time [s]", (LEFT + this.right) / 2, top + height + 30);
+      g.save();
+      g.translate(14, top + height / 2);
+      g.rotate(-Math.PI / 2);
+      g.fillText(`${strip.name} [${strip.unit}]`, 0, 0, height + GAP);
+      g.restore();
+    }
+
+    scaleOf({ top, height, range }) {
+      const by = height / (range.high - range.low);
+      return (value) => top + height - (value - range.low) * by;
+    }
+
+    lines(g, strip) {
+      const { top, height } = strip;
+      const y = this.scaleOf(strip);
+      g.save();
+      g.beginPath();
+      g.rect(LEFT, top, this.right - LEFT, height);
+      g.clip();
+      const half = strip.band == null ? null : this.band?.[strip.band];
+      if (strip.band != null) {
+        if (half) {
+          g.globalAlpha = 0.3;
+          g.fillStyle = this.colours.band;
+          g.fillRect(LEFT, y(half), this.right - LEFT, y(-half) - y(half));
+          g.globalAlpha = 1;
+        }
+        g.strokeStyle = this.colours.muted;
+        g.lineWidth = 0.8;
+        g.beginPath();
+        g.moveTo(LEFT, y(0));
+        g.lineTo(this.right, y(0));
+        g.stroke();
+      }
+      for (const [name, column] of strip.lines) this.line(g, name, column, y);
+      g.restore();
+    }
+
+    line(g, name, column, y) {
+      const one = this.streams[name];
+      const values = one?.values[column];
+      if (!values) return;
+      const time = one.time;
+      const from = Math.max(one.at(this.start) - 1, 0), to = Math.min(one.at(this.stop) + 2, one.count);
+      const by = (this.right - LEFT) / (this.stop - this.start), zero = LEFT - this.start * by;
+      const held = name === "command", dashed = name === "reference";
+      const path = new Path2D();
+      let down = false, before = 0;
+      for (let i = from; i < to; i += 1) {
+        const value = values[i];
+        // Dashes belong to the time: they must not run along the line while it moves.
+        if (value !== value || (dashed && Math.floor((time[i] * by) / DASH) % 2)) { down = false; continue; }
+        const x = zero + time[i] * by, p = y(value);
+        if (!down) path.moveTo(x, p);
+        else { if (held) path.lineTo(x, before); path.lineTo(x, p); }
+        down = true;
+        before = p;
+      }
+      g.strokeStyle = this.colours[name === "residual" ? "model" : name];
+      g.lineWidth = 1 / this.scale;
+      for (const [right, under] of PENS[name]) {
+        g.translate(right, under);
+        g.stroke(path);
+        g.translate(-right, -under);
+      }
+    }
+
+    // The values under the mouse, and a line through all strips: events are compared across signals.
+    read(g, strip) {
+      const x = this.cursor[0];
+      if (x < LEFT || x > this.right) return;
+      g.strokeStyle = this.colours.muted;
+      g.lineWidth = 1;
+      g.setLineDash([2, 3]);
+      g.beginPath();
+      g.moveTo(x, strip.top);
+      g.lineTo(x, strip.top + strip.height);
+      g.stroke();
+      g.setLineDash([]);
+      const said = strip.lines.map(([name, column]) => {
+        const one = this.streams[name];
+        const value = one?.values[column]?.[one.at(this.instant(x))];
+        return value == null || value !== value ? null : `${strip.lines.length > 1 ? `${name} ` : ""}${Number(value.toPrecision(4))}`;
+      }).filter(Boolean);
+      if (strip === this.strips[0]) said.unshift(`at ${this.instant(x).toFixed(3)} s`);
+      if (!said.length) return;
+      const text = `${said.join("   ")} ${strip.unit}`.replaceAll("-", "−");
+      g.font = `11px ${FONT}`;
+      g.textAlign = "right";
+      g.textBaseline = "middle";
+      const wide = g.measureText(text).width;
+      g.globalAlpha = 0.88;
+      g.fillStyle = this.colours.surface;
+      g.fillRect(this.right - wide - 8, strip.top, wide + 8, 17);
+      g.globalAlpha = 1;
+      g.fillStyle = this.colours.text;
+      g.fillText(text, this.right - 4, strip.top + 9);
+    }
+
+    save(name) {
+      this.canvas.toBlob((blob) => {
+        const link = document.createElement("a");
+        link.href = URL.createObjectURL(blob);
+        link.download = name;
+        link.click();
+        setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+      });
+    }
+
+    // -- the reader -------------------------------------------------------------------------
+
+    go(start, stop) {
+      if (!(stop - start > 1e-5)) return;
+      [this.start, this.stop] = [start, stop];
+      this.moved([start, stop]);
+      this.repaint();
+    }
+
+    // Zoom by a factor about an instant.
+    zoom(by, about = (this.start + this.stop) / 2) { this.go(about - (about - this.start) * by, about + (this.stop - about) * by); }
+
+    move(share) { const by = share * (this.stop - this.start); this.go(this.start + by, this.stop + by); }
+
+    listen() {
+      const canvas = this.canvas;
+      const place = (event) => { const r = canvas.getBoundingClientRect(); return [event.clientX - r.left, event.clientY - r.top]; };
+      const inside = (x) => Math.min(Math.max(x, LEFT), this.right);
+      let from = null, pan = null;
+      canvas.addEventListener("pointerdown", (event) => {
+        const [x] = place(event);
+        if (event.button > 1 || x < LEFT) return;
+        canvas.setPointerCapture(event.pointerId);
+        from = x;
+        pan = event.shiftKey || event.button === 1 ? [this.start, this.stop] : null;
+      });
+      canvas.addEventListener("pointermove", (event) => {
+        this.cursor = event.pointerType === "mouse" ? place(event) : null;
+        const [x] = place(event);
+        if (from !== null && pan) {
+          const by = ((from - x) / (this.right - LEFT)) * (pan[1] - pan[0]);
+          this.go(pan[0] + by, pan[1] + by);
+        } else if (from !== null) {
+          this.box.hidden = Math.abs(x - from) < 5;
+          this.box.style.left = `${Math.min(from, inside(x))}px`;
+          this.box.style.width = `${Math.abs(inside(x) - from)}px`;
+        }
+        this.repaint();
+      });
+      canvas.addEventListener("pointerup", (event) => {
+        const [x] = place(event);
+        if (from !== null && !pan && Math.abs(x - from) >= 5) {
+          const ends = [this.instant(from), this.instant(inside(x))].sort((a, b) => a - b);
+          this.go(...ends);
+        }
+        from = null;
+        this.box.hidden = true;
+      });
+      canvas.addEventListener("pointercancel", () => { from = null; this.box.hidden = true; });
+      canvas.addEventListener("pointerleave", () => { this.cursor = null; this.repaint(); });
+      canvas.addEventListener("dblclick", () => this.zoom(2));
+      // With Ctrl, and by two fingers on a touchpad; the wheel alone scrolls the page.
+      canvas.addEventListener("wheel", (event) => {
+        if (!event.ctrlKey) return;
+        event.preventDefault();
+        this.zoom(1.002 ** event.deltaY, this.instant(inside(place(event)[0])));
+      }, { passive: false });
+      canvas.addEventListener("keydown", (event) => {
+        const does = { ArrowLeft: () => this.move(-0.2), ArrowRight: () => this.move(0.2), "+": () => this.zoom(0.5), "=": () => this.zoom(0.5), "-": () => this.zoom(2) }[event.key];
+        if (!does || event.ctrlKey || event.metaKey) return;
+        event.preventDefault();
+        does();
+      });
+      addEventListener("scroll", () => this.repaint(), { passive: true });
+    }
+  }
+
+  return Strips;
+})();

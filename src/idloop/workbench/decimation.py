@@ -1,0 +1,57 @@
+"""Fewer points without losing a peak: the lowest and the highest sample of every bucket of time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def extremes(time: Array, values: Array, width: float) -> tuple[Array, Array]:
+    """Keep two samples of each bucket and column: its lowest and its highest, in the order in which they came.
+
+    The buckets lie on whole multiples of `width`, so that a window that moves on shows the same points again.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Not decreasing [s].
+    values : array, shape (n, k)
+        NaN where there is none; a bucket without any stays NaN.
+    width : float
+        Length of a bucket [s].
+
+    Returns
+    -------
+    time : array, shape (m,)
+        First and last instant of every bucket that holds samples; the samples themselves where buckets would
+        not make them fewer.
+    values : array, shape (m, k)
+    """
+    n = len(time)
+    if n == 0 or width <= 0.0:
+        return time, values
+    starts = np.concatenate([[0], 1 + np.flatnonzero(np.diff(np.floor(time / width)))])
+    if n <= 2 * len(starts):
+        return time, values
+    ends = np.append(starts[1:], n)
+    low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+    position = np.arange(n)[:, None]
+    counts = ends - starts
+    first_low = np.minimum.reduceat(np.where(values == np.repeat(low, counts, axis=0), position, n), starts)
+    first_high = np.minimum.reduceat(np.where(values == np.repeat(high, counts, axis=0), position, n), starts)
+    rising = first_low <= first_high
+    few = np.empty((2 * len(starts), values.shape[1]))
+    few[0::2] = np.where(rising, low, high)
+    few[1::2] = np.where(rising, high, low)
+    instants = np.empty(2 * len(starts))
+    instants[0::2], instants[1::2] = time[starts], time[ends - 1]
+    return instants, few
+
+
+def held_steps(time: Array, values: Array, until: float) -> tuple[Array, Array]:
+    """Add the last value once more at `until`, for a signal that holds."""
+    if len(time) == 0 or until <= time[-1]:
+        return time, values
+    return np.append(time, until), np.concatenate([values, values[-1:]])

@@ -1,0 +1,277 @@
+"""Serves the page: Bokeh's server in a thread of its own, on this machine only unless told otherwise."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import ipaddress
+import json
+import logging
+import secrets
+import socket
+import threading
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.server.server import Server
+from tornado.ioloop import IOLoop
+from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+
+from idloop.errors import IdloopError, InputError
+from idloop.workbench.page import make_page
+from idloop.workbench.source import ORDERS, Source
+from idloop.workbench.state import page_state
+from idloop.workbench.strips import Question, answer
+
+ASSETS = Path(__file__).with_name("assets")
+KEY_HEADER = "X-Idloop-Key"
+START_TIMEOUT = 120.0
+UNUSED_SESSION = 5_000  # milliseconds after which a closed browser's figures are forgotten
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the page is served.
+
+    Attributes
+    ----------
+    address : str
+        To listen on.
+    port : int
+        0 takes any that is free.
+    """
+
+    address: str = "127.0.0.1"
+    port: int = 0
+
+    @property
+    def local(self) -> bool:
+        """Whether only this machine can reach it."""
+        if self.address == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.address).is_loopback
+        except ValueError:
+            return False
+
+
+class Site:
+    """The running page.
+
+    Parameters
+    ----------
+    source : Source
+        What it shows.
+    place : Place
+
+    Attributes
+    ----------
+    address : str
+        What to open in a browser; outside this machine it holds a random token, without which nothing is served.
+
+    Raises
+    ------
+    InputError
+        The address or port cannot be listened on.
+    """
+
+    def __init__(self, source: Source, place: Place) -> None:
+        self.source = source
+        self.place = place
+        self.run = uuid.uuid4().hex  # a page of another run loads itself anew
+        self.key = secrets.token_urlsafe(24)
+        self.prefix = "" if place.local else secrets.token_urlsafe(24)
+        self.address = ""
+        self.hosts: set[str] = set()
+        self._server: Server | None = None
+        self._loop: IOLoop | None = None
+        self._failure: Exception | None = None
+        self._ready = threading.Event()
+        _check(place)
+        self._thread = threading.Thread(target=self._serve, name="workbench page", daemon=True)
+        self._thread.start()
+        if not self._ready.wait(START_TIMEOUT):
+            raise IdloopError(f"the page was not served within {START_TIMEOUT:g} s")
+        if self._failure is not None:
+            raise IdloopError(f"the page cannot be served: {self._failure}") from self._failure
+
+    @property
+    def sessions(self) -> int:
+        """Browsers that look on."""
+        server = self._server
+        return 0 if server is None else len(server.get_sessions("/"))
+
+    def close(self) -> None:
+        """End the server; browsers say that they lost it."""
+        loop, server = self._loop, self._server
+        if loop is None or server is None or not self._thread.is_alive():
+            return
+
+        async def end() -> None:
+            server.stop()
+            # A connection that is kept open would let the browser wait for an answer that never comes.
+            await server._http.close_all_connections()  # noqa: SLF001  (Bokeh has no other way to it)
+            loop.stop()
+
+        loop.add_callback(end)
+        self._thread.join(timeout=5.0)
+
+    def _serve(self) -> None:
+        for name in ("bokeh", "tornado.access", "tornado.application"):
+            logging.getLogger(name).setLevel(logging.ERROR)
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        self._loop = IOLoop.current()
+        try:
+            self._server = self._make(self._loop)
+            self._server.start()
+        except Exception as error:  # noqa: BLE001  (told to the one who waits for this thread)
+            self._failure = error
+            self._ready.set()
+            return
+        self._ready.set()
+        self._loop.start()
+        self._loop.close()
+
+    def _make(self, loop: IOLoop) -> Server:
+        place = self.place
+        port = place.port or _free_port(place.address)
+        name = f"[{place.address}]" if ":" in place.address else place.address
+        self.hosts = {f"{name}:{port}"} | ({f"localhost:{port}", f"127.0.0.1:{port}"} if place.local else set())
+        anywhere = place.address in ("0.0.0.0", "::")  # noqa: S104  (only with a token in the address)
+        if anywhere:
+            self.hosts = set()
+            name = socket.gethostname()
+        prefix = f"/{self.prefix}" if self.prefix else ""
+        self.address = f"http://{name}:{port}{prefix}/"
+        page = functools.partial(make_page, source=self.source, key=self.key, run=self.run)
+        own: dict[str, Any] = {"site": self}
+        return Server(
+            {"/": Application(FunctionHandler(page))},
+            io_loop=loop,
+            address=place.address,
+            port=port,
+            prefix=self.prefix,
+            allow_websocket_origin=["*"] if anywhere else sorted(self.hosts),
+            extra_patterns=[
+                (r"/state", StateHandler, own),
+                (r"/strips", StripsHandler, own),
+                (r"/order", OrderHandler, own),
+                (r"/stop", StopHandler, own),
+                (r"/assets/(.*)", AssetHandler, {"path": str(ASSETS)}),
+            ],
+            unused_session_lifetime_milliseconds=UNUSED_SESSION,
+            check_unused_sessions_milliseconds=1_000,
+            stats_log_frequency_milliseconds=3_600_000,
+        )
+
+
+def _check(place: Place) -> None:
+    """Refuse a place that cannot be listened on, in one line."""
+    try:
+        family = socket.getaddrinfo(place.address, place.port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family[0], socket.SOCK_STREAM) as one:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            one.bind(family[4])
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"the page cannot be served at {place.address}, port {place.port}: {reason}; choose another port (0: any)"
+        ) from error
+
+
+def _free_port(address: str) -> int:
+    family = socket.getaddrinfo(address, 0, type=socket.SOCK_STREAM)[0]
+    with socket.socket(family[0], socket.SOCK_STREAM) as one:
+        one.bind(family[4])
+        return int(one.getsockname()[1])
+
+
+class _Handler(RequestHandler):
+    """A request of the page itself: from a host that we serve, and for orders with the key that the page holds."""
+
+    site: Site
+
+    def initialize(self, site: Site) -> None:
+        self.site = site
+
+    def prepare(self) -> None:
+        self.set_header("Cache-Control", "no-store")
+        # Another site must not reach the motor through the reader's browser, whatever name it gives this machine.
+        if self.site.hosts and self.request.host not in self.site.hosts:
+            raise HTTPError(403)
+        if self.request.method == "POST" and self.request.headers.get(KEY_HEADER) != self.site.key:
+            raise HTTPError(403)
+
+    def answer(self, document: dict[str, Any], status: int = 200) -> None:
+        self.set_status(status)
+        self.set_header("Content-Type", "application/json")
+        self.finish(json.dumps(document, allow_nan=False))
+
+    def attempt(self, action: Callable[[], str]) -> None:
+        try:
+            self.answer({"said": action()})
+        except InputError as error:
+            self.answer({"refused": " ".join(str(error).split())}, 409)
+
+
+class StateHandler(_Handler):
+    """What the page shows beside the figures."""
+
+    def get(self) -> None:
+        """Answer with all of it, or with the version alone where the page has it already."""
+        site = self.site
+        snapshot = site.source.board.snapshot
+        head = {"run": site.run, "version": snapshot.version}
+        if self.get_query_argument("have", "") == f"{site.run}:{snapshot.version}":
+            self.answer(head)
+        else:
+            self.answer({**head, **page_state(snapshot, site.source.signals)})
+
+
+class StripsHandler(_Handler):
+    """The streams, as far as the browser does not have them."""
+
+    def get(self) -> None:
+        """Answer a `Question` in binary form."""
+        try:
+            question = Question.read({name: self.get_query_argument(name) for name in self.request.query_arguments})
+        except InputError:
+            raise HTTPError(400) from None
+        self.set_header("Content-Type", "application/octet-stream")
+        self.finish(answer(self.site.source.signals, question))
+
+
+class OrderHandler(_Handler):
+    """Orders that change something."""
+
+    def post(self) -> None:
+        """Give an order to the source."""
+        try:
+            body = json.loads(self.request.body)
+            verb, what = str(body["verb"]), str(body.get("what", ""))
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise HTTPError(400) from None
+        if verb not in ORDERS:
+            raise HTTPError(400)
+        self.attempt(lambda: self.site.source.order(verb, what))
+
+
+class StopHandler(_Handler):
+    """The emergency stop: it goes past everything that may be under way."""
+
+    def post(self) -> None:
+        """Stop the motor."""
+        self.attempt(self.site.source.stop)
+
+
+class AssetHandler(StaticFileHandler):
+    """Style and script of the page."""
+
+    def set_extra_headers(self, path: str) -> None:
+        """Never an old script with a new server."""
+        self.set_header("Cache-Control", "no-cache")

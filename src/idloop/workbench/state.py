@@ -1,0 +1,249 @@
+"""The page's words and numbers beside its figures, as plain JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from idloop import drawing
+from idloop.report.figures.ladder import words
+from idloop.report.ladder import p_text
+from idloop.validate.words import percent, short
+
+if TYPE_CHECKING:
+    from idloop.diagnose import Candidate, Ladder, Step
+    from idloop.diagnose.characteristic import Characteristic
+    from idloop.validate.where import ErrorMap
+    from idloop.workbench.assessment import Assessment
+    from idloop.workbench.signals import Signals
+    from idloop.workbench.source import Missing, Snapshot
+
+MOST_STRETCHES = 5
+# Variables whose curve says what to look for; over time and frequency every error varies.
+TROUBLE = (
+    "missed_deadlines", "silences", "clock_jumps", "saturated", "dropped_by_queue", "unreadable", "restarts",
+    "skipped", "worker_failures",
+)  # fmt: skip
+TELLING = ("velocity", "position", "command", "direction", "since_reversal")
+
+
+def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
+    """Return everything that the page shows in words.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+    signals : Signals
+        For names and units.
+
+    Returns
+    -------
+    dict
+        JSON without NaN.
+    """
+    return {
+        "live": snapshot.live,
+        "title": snapshot.title,
+        "moves": snapshot.moves,
+        "stopped": snapshot.stopped,
+        "effects": [words(name) for name in snapshot.effects],
+        "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],
+        "input": {"name": signals.input_name, "unit": signals.input_unit},
+        "followed": signals.followed,
+        "fit": _fit(snapshot),
+        "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures),
+        "recordings": list(snapshot.recordings),
+        "shown": snapshot.shown,
+        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder),
+        "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
+        "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
+        "activity": None
+        if snapshot.activity is None
+        else {"text": snapshot.activity.text, "share": snapshot.activity.share},
+        "note": None if snapshot.note is None else {"text": snapshot.note.text, "level": snapshot.note.level},
+        "health": [
+            {
+                "name": one.name,
+                "level": one.level,
+                "message": one.message,
+                "trouble": trouble(one.values),
+                "values": dict(one.values),
+            }
+            for one in snapshot.health
+        ],
+        "assessment": None if snapshot.assessment is None else _assessment(snapshot.assessment),
+    }
+
+
+def trouble(values: Mapping[str, str]) -> list[str]:
+    """Say which counters of a check are not at zero: missed deadlines, drops, losses, limits."""
+    return [f"{name.replace('_', ' ')} {value}" for name, value in values.items() if _counts_trouble(name, value)]
+
+
+def _counts_trouble(name: str, value: str) -> bool:
+    return (name in TROUBLE or name.startswith("lost/")) and value not in ("", "0")
+
+
+def p_words(value: float | None) -> str:
+    """Say a family-wise p-value; empty where there is none."""
+    return "" if value is None or not math.isfinite(value) else p_text(value)
+
+
+def parameter_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Say every parameter with its 95 % interval: "width 0.121 ± 0.002 V"."""
+    said = []
+    for name, entry in parameters.items():
+        value, stderr, unit = entry.get("value"), entry.get("stderr"), entry.get("unit") or ""
+        if value is None:
+            continue
+        reach = f" ± {short(1.96 * stderr)}" if stderr is not None and math.isfinite(stderr) else ""
+        said.append(f"{name.replace('_', ' ')} {short(value)}{reach} {unit.strip('-')}".rstrip())
+    return said
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: _finite(value) for name, value in values.items()}
+
+
+def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
+    fit = snapshot.fit
+    if fit is None:
+        return None
+    return {
+        "unseen": _numbers(fit.unseen),
+        "seen": _numbers(fit.seen),
+        "seconds": fit.seconds,
+        "error": fit.error,
+        "effects": [words(name) for name in fit.effects],
+    }
+
+
+def _missing(found: Missing, pictures: Mapping[str, Characteristic]) -> dict[str, Any]:
+    return {
+        "verdict": found.verdict,
+        "line": found.line,
+        "error": found.error,
+        "tied": [words(name) for name in found.set],
+        "pair": [words(name) for name in found.pair],
+        "candidates": [
+            _candidate(one, place, found, pictures.get(one.name)) for place, one in enumerate(found.candidates)
+        ],
+        "untestable": [
+            {"name": words(name), "why": next((c.why for c in found.candidates if c.name == name), "")}
+            for name in found.untestable
+        ],
+        "findings": list(found.findings),
+        "unknown": "" if found.unknown is None else found.unknown.text,
+    }
+
+
+def _candidate(one: Candidate, place: int, found: Missing, picture: Characteristic | None) -> dict[str, Any]:
+    significant = one.name in found.set or one.name in found.pair
+    return {
+        "name": one.name,
+        "words": words(one.name),
+        "significant": significant,
+        "best": significant and place == 0,
+        "fitted": bool(one.parameters) or math.isfinite(one.gain),
+        "p": p_words(one.p_value),
+        "explains": one.explains,
+        "share": percent(one.explains),
+        "testable": one.testable,
+        "why": one.why,
+        "text": one.text,
+        "replaces": words(one.replaces) if one.replaces else "",
+        "parameters": parameter_words(one.parameters),
+        "picture": None if picture is None else _picture(picture),
+    }
+
+
+def _picture(one: Characteristic) -> dict[str, Any]:
+    """What is left of the data along a variable, and the fitted effect; a few points for a small picture."""
+    return {
+        "x": drawing.label(one.variable, one.unit),
+        "y": drawing.label(one.quantity, one.quantity_unit),
+        "curve": _points(one.curve_x, one.curve_y),
+        "data": _points(one.centre, one.mean),
+    }
+
+
+def _points(x: Any, y: Any) -> list[list[float]]:
+    return [[float(f"{a:.5g}"), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
+
+
+def _ladder(ladder: Ladder) -> dict[str, Any]:
+    return {
+        "steps": [_step(number, step) for number, step in enumerate(ladder.steps)],
+        "verdict": ladder.verdict,
+        "unseen": any(step.validation for step in ladder.steps),
+    }
+
+
+def _step(number: int, step: Step) -> dict[str, Any]:
+    judged = step.validation or step.train
+    added = step.added
+    return {
+        "number": number,
+        "words": "start" if added is None else f"+ {words(added.name)}",
+        "by": "" if added is None else step.chosen_by,
+        "p": p_words(step.p_value),
+        "ties": [words(name) for name in step.set if added is not None and name != added.name],
+        "fit": _numbers(judged.get("fit", {})),
+        "force": None if judged.get("force") is None else 100.0 * judged["force"],
+        "parameters": [] if added is None else parameter_words(added.parameters),
+    }
+
+
+def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "text": str(found.get("text", "")),
+        "duration": _finite(found.get("duration")),
+        "outcomes": [str(one.get("text", "")) for one in found.get("outcomes", ())],
+    }
+
+
+def _assessment(found: Assessment) -> dict[str, Any]:
+    return {
+        "record": found.record,
+        "effects": [words(name) for name in found.effects],
+        "fit": _numbers(found.fit),
+        "force": next((_finite(100.0 * m.relative) for m in found.where.maps if m.basis == "force"), None),
+        "maps": [_map(one) for one in found.where.maps],
+        "telling": _telling(found),
+    }
+
+
+def _map(one: ErrorMap) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "unit": one.unit,
+        "kind": one.kind,
+        "why": one.why,
+        "rms": f"{short(one.rms)} {one.unit}",
+        "relative": percent(one.relative) if math.isfinite(one.relative) else "",
+        "variables": [b.variable for b in one.breakdowns],
+        "left_out": dict(one.left_out),
+        "stands_out": {b.variable: b.worst.text for b in one.breakdowns if b.stands_out},
+        "stretches": [
+            {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
+            for s in one.stretches[:MOST_STRETCHES]
+        ],
+    }
+
+
+def _telling(found: Assessment) -> dict[str, str] | None:
+    """The error and the variable that it follows most: what a reader should see first."""
+    best: tuple[float, str, str] | None = None
+    maps = found.where.maps
+    # The force is free of the drift of a free run, which follows whatever moves slowly.
+    for one in [m for m in maps if m.basis == "force"] or maps:
+        for breakdown in one.breakdowns:
+            follows = breakdown.follows if breakdown.variable in TELLING else math.nan
+            if math.isfinite(follows) and (best is None or follows > best[0]):
+                best = follows, one.name, breakdown.variable
+    return None if best is None else {"error": best[1], "variable": best[2]}

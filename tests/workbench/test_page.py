@@ -1,0 +1,237 @@
+"""The page in a real browser, on a source that only pretends."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
+
+from fake import MISSING, FakeSource
+
+from idloop.workbench.server import Place, Site
+
+PEAK = "peak => strips.values('measured').includes(peak)"
+
+
+@pytest.fixture
+def source():
+    one = FakeSource()
+    one.feed(3000)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def site(source):
+    one = Site(source, Place())
+    yield one
+    one.close()
+
+
+def held(condition, seconds=10.0):
+    """Wait for something in this process."""
+    waited = threading.Event()
+    for _ in range(int(seconds / 0.02)):
+        if condition():
+            return
+        waited.wait(0.02)
+    raise AssertionError("condition not met in time")
+
+
+def test_it_shows_the_streams_as_they_come_and_no_peak_is_lost(site, source, visit):
+    visitor = visit(site.address)
+    first = visitor.page.evaluate("() => strips.pictures")
+    source.feed(5000, peak=7.5)
+    visitor.until("before => strips.pictures > before", first)
+    visitor.until(PEAK, 7.5)
+    points, buckets = visitor.page.evaluate("() => [strips.values('measured').length, (strips.width - 90) / 2]")
+    assert points <= 2 * 2 * (buckets + 20), "two outputs, two points a bucket"
+    assert visitor.page.inner_text("#state") == "live"
+    assert visitor.page.evaluate("() => strips.strips.map((one) => `${one.name} [${one.unit}]`)") == [
+        "motor.position [rad]", "residual [rad]", "motor.velocity [rad/s]", "residual [rad/s]", "motor.effort [V]",
+    ]  # fmt: skip
+
+
+def test_memory_of_the_page_is_bounded_however_long_it_follows(site, source, visit):
+    visitor = visit(site.address)
+    sizes = []
+    for part in range(1, 5):
+        source.feed(15_000, peak=10.0 + part)
+        visitor.until(f"() => strips.stop > {15 * part + 2.9}")
+        sizes.append(visitor.page.evaluate("() => strips.bytes"))
+    assert sizes[-1] <= sizes[0]
+    assert visitor.page.evaluate("() => strips.times('measured')[1]") > 62.9 - 10.5
+
+
+def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    assert "cannot tell which" in page.inner_text("#verdict")
+    assert page.locator(".tie .card").count() == 2
+    assert "cogging @ motor" in page.text_content("#cannot")
+    page.click("[data-effect='dead_zone@input']")
+    page.wait_for_selector("[data-step='1']")
+    assert source.orders == [("add", "dead_zone@input")]
+    assert "97.0 %" in page.inner_text("[data-step='1']")
+    assert "dead zone @ input" in page.inner_text("#model")
+    page.click("#undo")
+    page.wait_for_selector("[data-step='1']", state="detached")
+    assert source.orders[-1] == ("undo", "")
+    assert page.is_disabled("#undo")
+
+
+@pytest.mark.parametrize("how", ["button", "key"])
+def test_stop_is_one_click_or_one_key(site, source, visit, how):
+    visitor = visit(site.address)
+    page = visitor.page
+    assert "Esc" in page.inner_text("#stop")
+    if how == "button":
+        page.click("#stop")
+    else:
+        page.focus("#span")
+        page.keyboard.press("Escape")
+    page.wait_for_selector("#stopped:not([hidden])")
+    assert source.stops == 1
+    page.click("#reset")
+    page.wait_for_selector("#stopped", state="hidden")
+    assert source.orders == [("reset", "")]
+
+
+def test_an_experiment_shows_its_limits_and_asks_once(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    page.click("#experiment")
+    assert "at most 5 V" in page.inner_text("#confirm")
+    page.click("#confirm-no")
+    assert source.orders == []
+    page.click("#experiment")
+    page.click("#confirm-yes")
+    held(lambda: source.orders == [("experiment", "")])
+
+
+def test_escape_in_the_question_stops_and_does_not_run(site, source, visit):
+    visitor = visit(site.address)
+    visitor.page.click("#experiment")
+    visitor.page.keyboard.press("Escape")
+    visitor.page.wait_for_selector("#confirm", state="hidden")
+    held(lambda: source.stops == 1)
+    assert source.orders == []
+
+
+def test_two_browsers_see_one_state_and_look_as_they_like(site, source, visit):
+    one, other = visit(site.address), visit(site.address)
+    one.page.click("#theme")
+    one.page.wait_for_selector("body.dark")
+    one.page.click("[data-effect='coulomb_friction@motor']")
+    other.page.wait_for_selector("[data-step='1']")
+    assert "dark" not in other.page.get_attribute("body", "class")
+    other.page.reload()
+    other.ready()
+    other.page.wait_for_selector("[data-step='1']")
+    one.page.reload()
+    one.ready()
+    one.page.wait_for_selector("body.dark")
+
+
+def test_pause_holds_the_picture_and_follow_goes_on(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    page.click("#follow")
+    visitor.until("() => document.querySelector('#follow').textContent === 'Follow'")
+    before = page.evaluate("() => [strips.start, strips.stop]")
+    source.feed(4000, peak=9.0)
+    held(lambda: source.signals.span[1] > 6.9)
+    asked = page.evaluate("() => performance.getEntriesByType('resource').length")
+    visitor.until("asked => performance.getEntriesByType('resource').length > asked + 3", asked)
+    assert page.evaluate("() => [strips.start, strips.stop]") == before
+    assert not page.evaluate(PEAK, 9.0)
+    page.click("#follow")
+    visitor.until(PEAK, 9.0)
+
+
+def test_the_readers_zoom_pauses_links_all_axes_and_shows_more_detail(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    source.feed(9000)
+    visitor.until("() => strips.stop > 11.9")
+    box = page.locator("#strips canvas").bounding_box()
+    y = box["y"] + 60
+    page.mouse.move(box["x"] + 0.5 * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.55 * box["width"], y, steps=5)
+    page.mouse.up()
+    visitor.until("() => document.querySelector('#follow').textContent === 'Follow'")
+    # Half a second is shown: every sample of it, at 1 kHz.
+    visitor.until(
+        "() => { const t = strips.times('measured'); return t.length > 100 && Math.abs(t[11] - t[10] - 0.001) < 1e-6; }"
+    )
+    span = page.evaluate("() => strips.stop - strips.start")
+    assert 0.4 < span < 0.8
+    page.focus("#strips canvas")
+    page.keyboard.press("-")
+    visitor.until("span => Math.abs(strips.stop - strips.start - 2 * span) < 1e-6", span)
+    start = page.evaluate("() => strips.start")
+    page.keyboard.press("ArrowLeft")
+    visitor.until("at => strips.start < at[0] - at[1] / 3", [start, span])
+
+
+def test_a_lost_server_is_said_and_the_page_comes_back_by_itself(source, browser):
+    from visitor import Visitor
+
+    site = Site(source, Place())
+    visitor = Visitor(browser, site.address)
+    try:
+        port = int(site.address.rsplit(":", 1)[1].strip("/"))
+        site.close()
+        visitor.page.wait_for_selector("#lost:not([hidden])")
+        assert "Connection lost" in visitor.page.inner_text("#lost")
+        site = Site(source, Place(port=port))
+        visitor.page.wait_for_selector("#lost", state="hidden")
+        visitor.page.wait_for_selector(f"body[data-run='{site.run}'][data-ready]")
+        assert visitor.foreign == []
+    finally:
+        visitor.close()
+        site.close()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_words_stand_out_from_what_is_behind_them(site, visit, theme):
+    page = visit(site.address).page
+    if theme == "dark":
+        page.click("#theme")
+        page.wait_for_selector("body.dark")
+    colours = page.evaluate(
+        "() => { const s = getComputedStyle(document.body); return Object.fromEntries("
+        "['--page','--surface','--text','--muted','--found','--good','--warn','--bad','--accent','--on-accent','--stop',"
+        "'--on-stop','--tint','--found-tint'].map(n => [n.slice(2), s.getPropertyValue(n).trim()])); }"
+    )
+    pairs = [(ink, paper) for ink in ("text", "muted") for paper in ("page", "surface", "tint", "found-tint")]
+    pairs += [(ink, "surface") for ink in ("found", "good", "warn", "bad")]
+    pairs += [("found", "found-tint"), ("on-accent", "accent"), ("on-stop", "stop")]
+    weak = {pair: contrast(colours[pair[0]], colours[pair[1]]) for pair in pairs}
+    assert {pair: ratio for pair, ratio in weak.items() if ratio < 4.5} == {}
+
+
+def contrast(one, other):
+    """Ratio of luminances as WCAG 2 defines it."""
+
+    def luminance(colour):
+        parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_every_control_can_be_reached_by_the_keyboard(site, visit):
+    page = visit(site.address).page
+    page.evaluate("() => document.activeElement.blur()")
+    reached = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("() => document.activeElement.id || document.activeElement.dataset.effect || ''"))
+    wanted = {"stop", "theme", "follow", "span", "shown", "diagnose", "experiment", *MISSING.set}
+    assert wanted <= reached

@@ -1,0 +1,116 @@
+"""Who may see the page and who may give orders."""
+
+from __future__ import annotations
+
+import json
+import socket
+import urllib.error
+import urllib.request
+
+import pytest
+
+pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
+
+from fake import MISSING, FakeSource
+
+from idloop.errors import InputError
+from idloop.report.figures.ladder import words
+from idloop.workbench.server import KEY_HEADER, Place, Site
+
+
+@pytest.fixture
+def source():
+    one = FakeSource()
+    one.feed(100)
+    return one
+
+
+@pytest.fixture
+def site(source):
+    one = Site(source, Place())
+    yield one
+    one.close()
+
+
+def ask(address, body=None, **headers):
+    """Return status and answer."""
+    data = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(address, data, headers)
+    try:
+        with urllib.request.urlopen(request, timeout=10) as response:
+            return response.status, response.read().decode()
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read().decode()
+
+
+def test_the_state_is_told_once_for_each_version(site):
+    status, text = ask(f"{site.address}state")
+    state = json.loads(text)
+    assert status == 200
+    assert state["missing"]["tied"] == [words(name) for name in MISSING.set]
+    assert state["ladder"]["steps"][0]["fit"] == pytest.approx({"motor.position": 79.0, "motor.velocity": 58.0})
+    _, again = ask(f"{site.address}state?have={state['run']}:{state['version']}")
+    assert json.loads(again) == {"run": state["run"], "version": state["version"]}
+
+
+def test_strips_that_make_no_sense_are_refused(site):
+    assert ask(f"{site.address}strips?follow=-1")[0] == 400
+    assert ask(f"{site.address}strips?follow=5", Host="elsewhere.example")[0] == 403
+
+
+def test_an_order_needs_the_key_that_the_page_holds(site, source):
+    order = {"verb": "add", "what": "dead_zone@input"}
+    assert ask(f"{site.address}order", order)[0] == 403
+    assert ask(f"{site.address}stop", {}, **{KEY_HEADER: "guess"})[0] == 403
+    assert source.orders == []
+    assert source.stops == 0
+    assert ask(f"{site.address}order", order, **{KEY_HEADER: site.key})[0] == 200
+    assert source.orders == [("add", "dead_zone@input")]
+
+
+def test_a_foreign_name_for_this_machine_is_refused(site):
+    assert ask(f"{site.address}state", Host="elsewhere.example")[0] == 403
+
+
+@pytest.mark.parametrize("body", [{}, {"verb": "shutdown"}, [], "x", {"verb": None}])
+def test_an_order_that_is_none_is_refused(site, source, body):
+    assert ask(f"{site.address}order", body, **{KEY_HEADER: site.key})[0] == 400
+    assert source.orders == []
+
+
+def test_what_the_source_refuses_is_said_in_one_line(site):
+    status, text = ask(f"{site.address}order", {"verb": "undo"}, **{KEY_HEADER: site.key})
+    assert (status, json.loads(text)) == (409, {"refused": "there is no step to take back"})
+
+
+def test_outside_this_machine_the_address_holds_a_token_and_nothing_is_served_without_it(source):
+    site = Site(source, Place("0.0.0.0"))
+    try:
+        port, token = site.address.split(":")[2].strip("/").split("/")
+        assert len(token) >= 32
+        assert ask(f"http://127.0.0.1:{port}/{token}/state")[0] == 200
+        for path in ("", "state", "assets/page.js", "static/js/bokeh.min.js", "guess/state"):
+            assert ask(f"http://127.0.0.1:{port}/{path}")[0] == 404, path
+    finally:
+        site.close()
+
+
+def test_a_port_in_use_is_one_line(source):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(InputError, match="in use; choose another port"):
+            Site(source, Place(port=taken.getsockname()[1]))
+
+
+def test_an_address_of_another_machine_is_one_line(source):
+    with pytest.raises(InputError, match=r"203\.0\.113\.7"):
+        Site(source, Place("203.0.113.7"))
+
+
+@pytest.mark.parametrize(
+    ("address", "local"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False), ("x", False)]
+)  # fmt: skip
+def test_which_addresses_only_this_machine_reaches(address, local):
+    assert Place(address).local is local
