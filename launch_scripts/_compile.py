@@ -11,8 +11,10 @@ import importlib
 import numpy as np
 
 from idloop.control import build_controller
+from idloop.diagnose import diagnose
 from idloop.estimate.recursive import RecursiveEstimator
 from idloop.physics import Engine, Plant, load_model
+from idloop.records import Record
 
 # What the verbs and nodes import when they start working; Python keeps its byte code beside each file.
 LIBRARIES = (
@@ -43,6 +45,20 @@ def compile_all() -> None:
     plant.step(1.0, 0.01)
     build_controller(model.controller).step(0.0, 0.0, {"motor.position": 0.0})
     RecursiveEstimator(model, sample_time=0.01).update_block(time, command, output)
+    diagnose_once()
+
+
+def diagnose_once() -> None:
+    """Weigh the whole catalogue on a few seconds of data, for whose compilation the first live diagnosis would wait."""
+    model = load_model("dc_motor")
+    random = np.random.default_rng(0)
+    time = np.arange(300, dtype=np.float64) * 0.01
+    command = np.repeat(random.normal(size=15), 20)
+    output = Engine(model.with_effects(["dead_zone@input(width=0.3)"])).simulate(None, time, command, time)
+    noise = random.normal(size=output.shape) * [0.002, 0.01]
+    units = tuple(signal.unit for signal in model.outputs)
+    names = model.input.name, model.input.unit, model.output_names, units
+    diagnose(model, [Record("a few seconds", time, command, time, output + noise, *names)])
 
 
 if __name__ == "__main__":
