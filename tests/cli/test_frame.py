@@ -27,7 +27,7 @@ def idloop_process(*arguments: str, code: str | None = None, **variables: str) -
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=200,
         env={**os.environ, **variables},
     )
 

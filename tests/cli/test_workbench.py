@@ -51,10 +51,10 @@ def test_it_says_where_the_page_is_and_ends_cleanly(bag, number):
             assert text, process.stderr.read()
             document = json.loads(text)
             assert document["schema"] == "idloop/workbench/1"
-            with urllib.request.urlopen(document["address"], timeout=20) as page:
+            with urllib.request.urlopen(document["address"], timeout=200) as page:
                 assert "What is missing" in page.read().decode()
             process.send_signal(number)
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate(timeout=200)
         finally:
             process.kill()
     assert process.returncode == 0

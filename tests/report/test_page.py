@@ -144,7 +144,7 @@ def opened(browser, file):
             "request", lambda asked: bad.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None
         )
         page.goto(file.as_uri())
-        page.wait_for_selector("html[data-ready]", timeout=60_000)
+        page.wait_for_selector("html[data-ready]", timeout=200_000)
         return page
 
     yield opening
@@ -187,7 +187,7 @@ def test_a_phone_shows_it_without_sideways_scrolling(opened, items):
 def test_light_and_dark_are_switched_and_paper_gets_pictures(opened, items):
     page = opened(viewport=DESK)
     page.click("#theme")
-    page.wait_for_selector('html[data-ready][data-theme="dark"]', timeout=60_000)
+    page.wait_for_selector('html[data-ready][data-theme="dark"]', timeout=200_000)
     assert drawn(page) == len(items)
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     page.emulate_media(media="print")

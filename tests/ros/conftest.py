@@ -18,7 +18,7 @@ with warnings.catch_warnings(), contextlib.suppress(ImportError):
     for message in (DiagnosticArray, JointState):
         rclpy.serialization.serialize_message(message())  # loads the type support
 
-WAIT = 20.0
+WAIT = 200.0  # ends what hangs; a busy machine takes its time
 
 
 class Bench:

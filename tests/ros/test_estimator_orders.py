@@ -70,7 +70,7 @@ class EstimatorBench:
         got = self.bench.got[f"estimator/{topic}"]
         old = getattr(desk, name)
         answer = order()
-        self.bench.until(lambda: not desk.busy and getattr(desk, name) is not old, wait=120.0)
+        self.bench.until(lambda: not desk.busy and getattr(desk, name) is not old)
         self.bench.until(lambda: got and read(decode_diagnostics(got[-1])[1]) == getattr(desk, name))
         return answer, getattr(desk, name)
 
@@ -138,7 +138,7 @@ def test_setting_the_effects_refits_with_exactly_these(bench):
     assert [step.added.name for step in ladder.steps[1:]] == ["coulomb_friction@motor"]
     assert ladder.steps[1].chosen_by == "user"
     assert one.effects() == ["coulomb_friction@motor"]
-    one.bench.until(lambda: one.bench.got["estimator/fit"], wait=60.0)
+    one.bench.until(lambda: one.bench.got["estimator/fit"])
 
     both = ["coulomb_friction@motor", "dead_zone@input"]
     _, ladder = one.after("ladder", lambda: one.bench.set("effects", both))
@@ -177,7 +177,7 @@ def test_a_diagnosis_delays_no_sample(bench):
 def test_a_residual_that_is_not_white_is_diagnosed_unasked(bench):
     one = EstimatorBench(bench, fit_period=1.0)
     one.drive()
-    one.bench.until(lambda: one.bench.got["estimator/missing_effects"], wait=120.0)
+    one.bench.until(lambda: one.bench.got["estimator/missing_effects"])
     _, statuses = decode_diagnostics(one.bench.got["estimator/missing_effects"][0])
     assert missing_from_statuses(statuses).set == ("dead_zone@input",)
 

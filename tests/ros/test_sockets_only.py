@@ -42,7 +42,7 @@ def environment(monkeypatch):
 @pytest.mark.parametrize("where", ["LOCALHOST", "SUBNET"])
 def test_no_shared_memory_is_opened(ros_environment, environment, where):
     environment.setenv(RANGE, where)
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, timeout=200)
     assert not re.findall(r"/dev/shm/fast\S+", done.stdout)
     assert "WARN" not in done.stderr
 

@@ -15,7 +15,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from idloop_nodes.diagnosis_jobs import DIAGNOSE, UNDO, DiagnosisJob
 from idloop_nodes.worker import Worker
 
-WAIT = 60.0
+WAIT = 200.0
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ def ask(address, body=None, **headers):
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(address, data, headers)
     try:
-        with urllib.request.urlopen(request, timeout=10) as response:
+        with urllib.request.urlopen(request, timeout=200) as response:
             return response.status, response.read().decode()
     except urllib.error.HTTPError as error:
         with error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-WAIT = 20_000  # milliseconds
+WAIT = 200_000  # milliseconds
 
 
 class Visitor:
