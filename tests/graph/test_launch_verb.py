@@ -25,6 +25,13 @@ def test_arguments_are_listed_with_their_values():
     assert rows["mode"] == "lockstep"
 
 
+def test_an_argument_that_must_be_given_is_listed_as_such():
+    rows = json.loads(CliRunner().invoke(command, ["replay", "--show-args", "--json"]).output)["arguments"]
+    assert {row["name"] for row in rows if row["value"] is None} == {"play"}
+    assert "(must be given)" in CliRunner().invoke(command, ["replay", "--show-args"]).output
+    assert "play must be given" in str(CliRunner().invoke(command, ["replay"]).exception)
+
+
 @pytest.mark.parametrize("arguments", [["torsoin"], ["torsion", "duration=5"], ["torsion", "dura:=5"]])
 def test_wrong_use_is_an_input_error(arguments):
     done = CliRunner().invoke(command, arguments)

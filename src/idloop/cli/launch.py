@@ -31,9 +31,13 @@ def parse_arguments(words: Sequence[str]) -> dict[str, str]:
     return values
 
 
-def describe(graph: Graph) -> list[tuple[str, str, str]]:
-    """Return name, value and description of every argument."""
-    return [(one.name, graph.values.get(one.name, ""), one.description) for one in graph.arguments]
+def describe(graph: Graph) -> list[tuple[str, str | None, str]]:
+    """Return name, value (None: it must be given) and description of every argument."""
+    values = graph.values
+    return [
+        (one.name, None if one.default is None and not values[one.name] else values[one.name], one.description)
+        for one in graph.arguments
+    ]
 
 
 @click.command("launch", short_help="Start a node graph without ros2 launch.")
@@ -56,13 +60,15 @@ def command(graph: str | None, arguments: tuple[str, ...], show_args: bool, doma
         else:
             click.echo("\n".join(names))
         return
-    description = load_graph(graph, parse_arguments(arguments))
+    description = load_graph(graph, parse_arguments(arguments), to_run=not show_args)
     if show_args:
+        rows = describe(description)
         if as_json:
-            rows = [{"name": name, "value": value, "description": text} for name, value, text in describe(description)]
-            _common.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": rows})
+            told = [{"name": name, "value": value, "description": text} for name, value, text in rows]
+            _common.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": told})
         else:
-            _common.print_table(("argument", "value", "description"), describe(description))
+            shown = [(name, "(must be given)" if value is None else value, text) for name, value, text in rows]
+            _common.print_table(("argument", "value", "description"), shown)
         return
     ended = run_graph(description, say=lambda label, line: _common.log(f"[{label}] {line}"), domain_id=domain)
     if as_json:

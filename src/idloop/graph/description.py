@@ -81,6 +81,7 @@ class _Reader:
         self.arguments: list[Argument] = []
         self.values: dict[str, str] = {}
         self.nodes: list[NodeEntry] = []
+        self.missing: list[Argument] = []
 
     def fail(self, text: str) -> InputError:
         return InputError(f"{self.path}: {text}")
@@ -115,7 +116,8 @@ class _Reader:
         elif one.default is not None:
             self.values[name] = one.default
         else:
-            raise self.fail(f"argument {name} must be given: {name}:=VALUE ({one.description})")
+            self.values[name] = ""
+            self.missing.append(one)
 
     def let(self, content: dict[str, Any]) -> None:
         self.values[self.required(content, "let", "name")] = self.substitute(content.get("value", ""))
@@ -216,7 +218,7 @@ class _Reader:
         raise self.fail(f"substitution $({kind} ...) is not understood here (var, env, find-pkg-share, dirname)")
 
 
-def load_graph(name: str, values: Mapping[str, str] | None = None) -> Graph:
+def load_graph(name: str, values: Mapping[str, str] | None = None, *, to_run: bool = True) -> Graph:
     """Read a launch file.
 
     Parameters
@@ -225,6 +227,8 @@ def load_graph(name: str, values: Mapping[str, str] | None = None) -> Graph:
         Name of one of our graphs, or path of a launch file.
     values : mapping of str to str, optional
         Values of its arguments.
+    to_run : bool
+        Whether every argument without a default must be given; otherwise it is empty.
 
     Returns
     -------
@@ -245,4 +249,7 @@ def load_graph(name: str, values: Mapping[str, str] | None = None) -> Graph:
         raise InputError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
     reader = _Reader(path, values or {})
     reader.read(document)
+    if to_run and reader.missing:
+        one = reader.missing[0]
+        raise reader.fail(f"argument {one.name} must be given: {one.name}:=VALUE ({one.description})")
     return Graph(path, path.name.split(".")[0], tuple(reader.arguments), reader.values, tuple(reader.nodes))
