@@ -16,7 +16,6 @@ def complete() -> Callable[[Reproduction], None]:
     """Check a row from end to end."""
 
     def check(found: Reproduction) -> None:
-        import matplotlib.pyplot as plt
 
         from idloop.cli._common import to_json
 
@@ -33,7 +32,6 @@ def complete() -> Callable[[Reproduction], None]:
         labels = [ax.get_xlabel() + ax.get_ylabel() for ax in figure.axes]
         assert any("[" in text for text in labels)
         figure.canvas.draw()
-        plt.close("all")
 
     return check
 

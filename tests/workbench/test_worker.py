@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 
 import pytest
 
@@ -43,6 +44,34 @@ def test_a_lost_process_is_said_and_started_anew(worker):
     with pytest.raises(IdloopError, match="ended in the middle"):
         worker.call(_die)
     assert worker.call(_where, "again") != os.getpid()
+
+
+@pytest.mark.parametrize("at", ["sent", "begun"])
+def test_it_can_be_closed_in_the_middle_and_then_stays_closed(at):
+    worker, begun, ended = Worker(), threading.Event(), []
+
+    def call():
+        with pytest.raises(IdloopError, match="was ended in the middle") as caught:
+            worker.call(_stay, report=lambda share, text: begun.set())
+        ended.append(caught)
+
+    caller = threading.Thread(target=call)
+    caller.start()
+    if at == "begun":
+        assert begun.wait(200.0)
+    else:
+        while worker._process is None:
+            begun.wait(0.001)
+    worker.close()
+    caller.join(200.0)
+    assert ended
+    with pytest.raises(IdloopError, match="has been ended"):
+        worker.call(_where, "late")
+
+
+def _stay(report):
+    report(0.0, "")
+    threading.Event().wait()
 
 
 def _where(text, report):

@@ -24,13 +24,15 @@ Report = Callable[[float, str], None]
 class Worker:
     """One child process, started with the first piece of work and anew after it was lost.
 
-    Functions and their arguments travel as pickles. One thread calls; any may close, also in the middle.
+    Functions and their arguments travel as pickles. Any thread may close it for good, also in the middle of a piece.
     """
 
     def __init__(self) -> None:
-        self._changing = threading.RLock()
+        self._calling = threading.Lock()  # who holds it alone uses the pipe
+        self._changing = threading.Lock()
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._closed = False
 
     def call(self, function: Callable[..., Any], *arguments: Any, report: Report = lambda share, text: None) -> Any:
         """Run ``function(*arguments, report)`` in the child and return what it returns.
@@ -38,49 +40,60 @@ class Worker:
         Raises
         ------
         InputError, IdloopError
-            As the function did, or because the child was lost.
+            As the function did, or because the child was lost or closed.
         """
-        pipe = self._ready()
-        try:
-            pipe.send((function, arguments))
-            while True:
-                kind, content = pipe.recv()
-                if kind == "report":
-                    report(*content)
-                elif kind == "result":
-                    return content
-                elif kind == "bad input":
-                    raise InputError(content)
-                else:
-                    raise IdloopError(content)
-        except (EOFError, OSError) as error:
-            self.close()
-            raise IdloopError("the process that computes was ended in the middle of it") from error
+        with self._calling:
+            pipe = self._ready()
+            try:
+                pipe.send((function, arguments))
+                while True:
+                    kind, content = pipe.recv()
+                    if kind == "report":
+                        report(*content)
+                    elif kind == "result":
+                        return content
+                    elif kind == "bad input":
+                        raise InputError(content)
+                    else:
+                        raise IdloopError(content)
+            except (EOFError, OSError) as error:
+                self._lose()
+                raise IdloopError("the process that computes was ended in the middle of it") from error
 
     def _ready(self) -> Connection:
+        if self._pipe is not None and self._process is not None and self._process.is_alive():
+            return self._pipe
+        self._lose()
         with self._changing:
-            if self._pipe is not None and self._process is not None and self._process.is_alive():
-                return self._pipe
-            self.close()
+            if self._closed:
+                raise IdloopError("the process that computes has been ended")
             # A fresh interpreter: a copy of this one would hold its sockets and half of its threads.
             context = multiprocessing.get_context("spawn")
-            ours, theirs = context.Pipe()
-            process = context.Process(target=serve, args=(theirs,), name="idloop workbench", daemon=True)
-            process.start()
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=serve, args=(theirs,), name="idloop workbench", daemon=True)
+            self._process.start()
             theirs.close()
-            self._pipe, self._process = ours, process
-            return ours
+            return self._pipe
 
-    def close(self) -> None:
-        """End the child, whatever it does."""
+    def _lose(self) -> None:
+        """Leave nothing of a child behind; only for whoever holds the right to call."""
         with self._changing:
             process, pipe = self._process, self._pipe
             self._process = self._pipe = None
-            if process is not None and process.is_alive():
-                process.kill()
-                process.join(timeout=5.0)
-            if pipe is not None:
-                pipe.close()
+        if process is not None:
+            process.kill()
+            process.join(timeout=5.0)
+        if pipe is not None:
+            pipe.close()
+
+    def close(self) -> None:
+        """End the child, whatever it does, and start none any more."""
+        with self._changing:
+            self._closed = True
+            if self._process is not None:
+                self._process.kill()  # whoever waits for it now finds its end of the pipe closed
+        with self._calling:
+            self._lose()
 
 
 def serve(pipe: Connection) -> None:

@@ -176,7 +176,6 @@ def test_a_table_over_amplitude_and_frequency() -> None:
 
 
 def test_results_draw_themselves_and_fit_json() -> None:
-    import matplotlib.pyplot as plt
 
     found = limit_cycles(CUBE, Saturation(1.0), unit="V")
     run = simulate_loop(CUBE, Saturation(1.0), found.cycles[0], periods=20, steps=100)
@@ -184,7 +183,6 @@ def test_results_draw_themselves_and_fit_json() -> None:
         json.dumps(result.to_dict(), allow_nan=False)
         axes = result.plot()
         assert axes.get_xlabel() or result is found.cycles[0]
-    plt.close("all")
 
 
 @pytest.mark.parametrize(

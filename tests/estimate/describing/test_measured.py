@@ -212,7 +212,6 @@ def test_a_measured_table_predicts_the_limit_cycle(stepped: Stepped) -> None:
 
 
 def test_what_was_measured_draws_itself(stepped: Stepped) -> None:
-    import matplotlib.pyplot as plt
 
     record = stepped(load_model("dc_motor"), 0.4, (0.3, 0.7), seed=1)[1]
     found = measure_describing_function(record, None, "motor.velocity")
@@ -220,7 +219,6 @@ def test_what_was_measured_draws_itself(stepped: Stepped) -> None:
     assert size.get_ylabel() == "|N| [rad/s/V]"
     assert distortion.get_xlabel() == "frequency [Hz]"
     assert found.plot_locus().get_xlabel() == "real part [V/rad/s]"
-    plt.close("all")
 
 
 BAD = synthetic(np.zeros((600, 2)))
