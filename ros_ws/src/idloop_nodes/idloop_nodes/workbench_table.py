@@ -40,5 +40,12 @@ def workbench_table(peers: P, start_timeout: P, sample_time: P, model: P) -> Tab
         ),
         P("estimator_node", "str", "estimator", "Node that diagnoses, adds and takes back.", read_only=True),
         P("controller_node", "str", "controller", "Node that is told to stop.", read_only=True),
+        P(
+            "bridge_node",
+            "str",
+            "",
+            "Bridge to a robot's motor, which is told to stop first; empty for none.",
+            read_only=True,
+        ),
         P("excitation_node", "str", "excitation", "Node that runs experiments; stopped as well.", read_only=True),
     )

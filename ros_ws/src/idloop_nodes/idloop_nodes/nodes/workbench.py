@@ -9,7 +9,7 @@ from typing import Any
 from idloop.errors import InputError
 from idloop.physics import load_model
 from idloop.workbench.server import Place, Site
-from idloop.workbench.source import ERROR, OK, WARN, Activity, Note
+from idloop.workbench.source import WARN, Activity, Note
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import (
     CdrError,
@@ -30,9 +30,9 @@ from idloop_nodes.tables import WORKBENCH
 from idloop_nodes.workbench_calls import Calls
 from idloop_nodes.workbench_reading import activity_of, fit_of, health_of, ladder_of, limits_of, missing_of
 from idloop_nodes.workbench_source import STOP, LiveSource
+from idloop_nodes.workbench_stop import MotorStop
 
 SILENT = 3.5  # seconds without a word after which a node counts as silent
-STOP_PATIENCE = 5.0  # seconds after which a stop that nobody has confirmed is said to be none
 LIMITS_PERIOD = 5.0  # seconds between two questions after the excitation's limits
 ASKED = {
     "diagnose": "diagnose",
@@ -72,9 +72,10 @@ class WorkbenchNode(StreamNode):
         self._heard: dict[str, tuple[float, Status]] = {}
         self._health_due = self._limits_due = 0.0
         self._calls = Calls(self)
-        estimator, controller, excitation = (values[f"{one}_node"] for one in ("estimator", "controller", "excitation"))
+        estimator, excitation = values["estimator_node"], values["excitation_node"]
+        guards = [one for one in (values["bridge_node"], values["controller_node"]) if one]
+        self._motor = MotorStop(self._calls, self._board, guards, self._start_again)
         self._calls.expect(
-            *(f"{controller}/{name}" for name in ("emergency_stop", "reset")),
             *(f"{excitation}/{name}" for name in ("stop", "start")),
             *(f"{estimator}/{name}" for name in ("add_best_effect", *ASKED.values())),
         )
@@ -151,11 +152,11 @@ class WorkbenchNode(StreamNode):
     def _carry_out(self, verb: str, what: str) -> None:
         values = self.parameters
         if verb == STOP:
-            self._calls.trigger(f"{values['controller_node']}/emergency_stop", self._stopped, STOP_PATIENCE)
+            self._motor.stop()
             self._calls.trigger(f"{values['excitation_node']}/stop", lambda done, text: None)
             return
         if verb == "reset":
-            self._calls.trigger(f"{values['controller_node']}/reset", self._released)
+            self._motor.reset()
             return
         if verb in LONG:
             self._board.change(activity=Activity(f"{verb} {what}".strip().replace("_", " ")), note=None)
@@ -176,18 +177,8 @@ class WorkbenchNode(StreamNode):
         if not done:
             self._board.change(note=Note(text, WARN), activity=None)
 
-    def _stopped(self, done: bool, text: str) -> None:
-        if done:
-            self._board.change(stopped=True, note=Note(f"the motor is stopped: {text}", WARN))
-        else:
-            self._board.change(note=Note(f"THE MOTOR WAS NOT STOPPED: {text} Use the switch of the drive.", ERROR))
-
-    def _released(self, done: bool, text: str) -> None:
-        if done:
-            self._board.change(stopped=False, note=Note(text, OK))
-            self._calls.trigger(f"{self.parameters['excitation_node']}/start", lambda ok, said: None)
-        else:
-            self._board.change(note=Note(text, WARN))
+    def _start_again(self) -> None:
+        self._calls.trigger(f"{self.parameters['excitation_node']}/start", lambda done, text: None)
 
     # results
 
@@ -240,8 +231,8 @@ class WorkbenchNode(StreamNode):
             self._heard[one.name] = now, one
             if one.name == f"{values['estimator_node']}: diagnosis":
                 self._board.change(activity=activity_of(one))
-            elif one.name == f"{values['controller_node']}: safety":
-                self._board.change(stopped="emergency" in one.message)
+            else:
+                self._motor.hear(one.name, one.message)
 
     # end and health
 
