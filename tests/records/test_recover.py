@@ -15,10 +15,14 @@ from idloop.records.write import make_stream
 STAMPS = np.arange(1, 20_001, dtype=np.int64) * 10_000_000
 
 
-@pytest.fixture
-def bag(tmp_path: Path) -> Path:
+@pytest.fixture(params=["mcap", "sqlite3"])
+def bag(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
     stream = make_stream("joint_states", STAMPS, {"motor": {"position": np.sin(np.arange(20_000.0))}})
-    return write_bag(tmp_path / "whole", [stream])
+    return write_bag(tmp_path / "whole", [stream], storage=request.param)
+
+
+def file_of(bag: Path) -> Path:
+    return next(one for one in bag.iterdir() if one.suffix in (".mcap", ".db3"))
 
 
 def test_a_whole_bag_is_copied_whole(bag: Path, tmp_path: Path) -> None:
@@ -33,20 +37,22 @@ def test_a_whole_bag_is_copied_whole(bag: Path, tmp_path: Path) -> None:
 @given(part=st.floats(0.6, 0.95))
 def test_what_is_saved_of_a_cut_bag_is_its_beginning(bag: Path, tmp_path_factory, part: float) -> None:
     folder = tmp_path_factory.mktemp("cut")
-    data = next(bag.glob("*.mcap")).read_bytes()
-    (folder / "cut.mcap").write_bytes(data[: int(part * len(data))])
-    result = recover_bag(folder / "cut.mcap", folder / "saved")
-    assert result.cut == (folder / "cut.mcap",)
+    whole = file_of(bag)
+    cut = folder / f"cut{whole.suffix}"
+    cut.write_bytes(whole.read_bytes()[: int(part * whole.stat().st_size)])
+    result = recover_bag(cut, folder / "saved")
+    assert result.cut == (cut,)
     saved = read_streams(folder / "saved")["/joint_states"]
     assert 0 < result.messages < 20_000
     np.testing.assert_array_equal(saved.stamp_ns, STAMPS[: result.messages])
 
 
 def test_nothing_readable_is_said_and_leaves_nothing(bag: Path, tmp_path: Path) -> None:
-    data = next(bag.glob("*.mcap")).read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(data[:2000])
+    whole = file_of(bag)
+    cut = tmp_path / f"cut{whole.suffix}"
+    cut.write_bytes(whole.read_bytes()[:2000])
     with pytest.raises(IdloopError, match="no message"):
-        recover_bag(tmp_path / "cut.mcap", tmp_path / "saved")
+        recover_bag(cut, tmp_path / "saved")
     assert not (tmp_path / "saved").exists()
 
 
@@ -55,6 +61,6 @@ def test_an_existing_bag_is_never_written_over(bag: Path) -> None:
         recover_bag(bag, bag)
 
 
-def test_a_folder_without_mcap_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="holds no"):
+def test_a_folder_without_a_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no recording"):
         recover_bag(tmp_path, tmp_path / "new")

@@ -14,7 +14,7 @@ from idloop.cli._common import BAG, json_option, print_json, print_table
 @click.argument("target", type=click.Path(path_type=Path), metavar="[NEW_BAG]", required=False)
 @json_option
 def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
-    """Copy every readable message of the mcap recording BAG into NEW_BAG (default: BAG_recovered).
+    """Copy every readable message of the recording BAG (mcap or sqlite3) into NEW_BAG (default: BAG_recovered).
 
     For recordings whose recorder was killed or whose disk was full. BAG stays as it is.
     """

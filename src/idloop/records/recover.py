@@ -8,6 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from idloop.errors import IdloopError, InputError
+from idloop.records.recover_mcap import mcap_messages
+from idloop.records.recover_sqlite import sqlite_messages
+from idloop.records.recovered_channel import RecoveredChannel, RecoveredMessage
+
+_READERS = {".mcap": mcap_messages, ".db3": sqlite_messages}
 
 
 @dataclass(frozen=True)
@@ -36,54 +41,36 @@ class Recovered:
 def _files(bag: Path) -> list[Path]:
     if not bag.exists():
         raise InputError(f"{bag}: no such bag: check the path")
-    files = [bag] if bag.is_file() else sorted(bag.glob("*.mcap"))
-    if not files:
-        raise InputError(f"{bag}: holds no .mcap file: only mcap recordings can be recovered")
+    files = [bag] if bag.is_file() else sorted(one for one in bag.iterdir() if one.suffix in _READERS)
+    if not files or files[0].suffix not in _READERS:
+        raise InputError(f"{bag}: no recording: give a folder with .mcap or .db3 files, or such a file")
     return files
 
 
-def _records(file: Path) -> Iterator[Any]:
-    """Yield the records of one file up to its end or its cut; the last one is None at a cut."""
-    from mcap.records import Footer
-    from mcap.stream_reader import StreamReader
-
-    whole = False
-    with file.open("rb") as stream:
-        try:
-            for record in StreamReader(stream).records:
-                whole = whole or isinstance(record, Footer)
-                yield record
-        except Exception:  # noqa: BLE001 - the cut may fall anywhere, so any parsing error marks the end
-            whole = False
-    if not whole:
-        yield None
-
-
 def recover_bag(bag: Path, target: Path) -> Recovered:
-    """Copy every readable message of an mcap recording into a new bag; the old one stays as it is.
+    """Copy every readable message of a recording into a new mcap bag; the old one stays as it is.
 
     Parameters
     ----------
     bag : Path
-        Folder or ``.mcap`` file, whole or cut off.
+        Folder, ``.mcap`` or ``.db3`` file, whole or cut off.
     target : Path
         Folder to create.
 
     Raises
     ------
     InputError
-        No such bag, not an mcap recording, or `target` exists.
+        No such bag, no recording, or `target` exists.
     IdloopError
         No message can be read.
     """
-    from mcap.records import Channel, Message, Schema
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     files = _files(bag)
     if target.exists():
         raise InputError(f"{target}: exists already and is not overwritten: name another folder")
-    if all(not any(isinstance(record, Message) for record in _records(file)) for file in files):
+    if all(next(_messages(file), None) is None for file in files):
         raise IdloopError(f"{bag}: no message in it can be read")
 
     store = get_typestore(Stores.LATEST)
@@ -93,29 +80,36 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
     first, last = 2**63 - 1, 0
     with Writer(target, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for file in files:
-            schemas: dict[int, Any] = {}
-            channels: dict[int, Any] = {}
-            for record in _records(file):
-                if record is None:
+            for message in _messages(file):
+                if message is None:
                     cut.append(file)
-                elif isinstance(record, Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, Channel):
-                    schema = schemas[record.schema_id]
-                    key = (record.topic, schema.name)
-                    if key not in connections:
-                        known = store.hash_rihs01(schema.name) if schema.name in store.types else "RIHS01_" + 64 * "0"
-                        connections[key] = writer.add_connection(
-                            record.topic,
-                            schema.name,
-                            msgdef=schema.data.decode(),
-                            rihs01=record.metadata.get("topic_type_hash", known),
-                            serialization_format=record.message_encoding,
-                        )
-                    channels[record.id] = connections[key]
-                elif isinstance(record, Message):
-                    connection = channels[record.channel_id]
-                    writer.write(connection, record.log_time, record.data)
-                    topics[connection.topic] = topics.get(connection.topic, 0) + 1
-                    first, last = min(first, record.log_time), max(last, record.log_time)
+                    continue
+                channel = message.channel
+                key = (channel.topic, channel.message_type)
+                if key not in connections:
+                    connections[key] = _connect(writer, store, channel)
+                writer.write(connections[key], message.stamp_ns, message.data)
+                topics[channel.topic] = topics.get(channel.topic, 0) + 1
+                first, last = min(first, message.stamp_ns), max(last, message.stamp_ns)
     return Recovered(target, sum(topics.values()), (last - first) * 1e-9, dict(sorted(topics.items())), tuple(cut))
+
+
+def _messages(file: Path) -> Iterator[RecoveredMessage | None]:
+    return _READERS[file.suffix](file)
+
+
+def _connect(writer: Any, store: Any, channel: RecoveredChannel) -> Any:
+    """Add a topic to the new bag; a type that neither the recording nor ROS describes is kept by its name."""
+    known = channel.message_type in store.types
+    definition, type_hash = channel.definition, channel.type_hash
+    if known and not definition:
+        definition, _ = store.generate_msgdef(channel.message_type, ros_version=2)
+    if not type_hash:
+        type_hash = store.hash_rihs01(channel.message_type) if known else "RIHS01_" + 64 * "0"
+    return writer.add_connection(
+        channel.topic,
+        channel.message_type,
+        msgdef=definition,
+        rihs01=type_hash,
+        serialization_format=channel.serialization,
+    )
