@@ -2,7 +2,17 @@
 
 from setuptools import find_packages, setup
 
-EXECUTABLES = ("excitation", "controller", "bridge", "plant", "recorder", "estimator", "replay", "workbench")
+EXECUTABLES = (
+    "excitation",
+    "controller",
+    "bridge",
+    "plant",
+    "mujoco_plant",
+    "recorder",
+    "estimator",
+    "replay",
+    "workbench",
+)
 
 setup(
     name="idloop_nodes",

@@ -8,9 +8,9 @@ import numpy as np
 
 from idloop.diagnose.refit import Refit, residual_or_infinite
 from idloop.estimate import fit as fit_model
-from idloop.estimate.covariance import sandwich, white_covariance, widest
 from idloop.estimate.force import ForceCriterion
 from idloop.estimate.levenberg import difference_jacobian
+from idloop.estimate.spread import problem_covariance
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -46,8 +46,7 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
         scale,
     )
     jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
-    scores = problem.scores(point, residual, jacobian)
-    covariance = widest([sandwich(jacobian.T @ jacobian, scores), white_covariance(jacobian)])
+    covariance = problem_covariance(problem, point, residual, jacobian)
     spread = np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))
     names = fit.model.free
     values = {name: float(v) for name, v in zip(names, point, strict=False)}

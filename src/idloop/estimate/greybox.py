@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.choose import after_fit, before_fit, between
-from idloop.estimate.covariance import jackknife, sandwich, white_covariance, widest
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.dataset import Data, output_noise, prepare
 from idloop.estimate.force import Balance, ForceCriterion, balance_of
@@ -21,6 +20,7 @@ from idloop.estimate.problem import Problem
 from idloop.estimate.result import FitResult, RecordResidual
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.solve import Solution, instrument, solve, typical_size
+from idloop.estimate.spread import problem_covariance
 from idloop.estimate.uncertainty import bounded, findings, ties
 
 if TYPE_CHECKING:
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-# Stretches of the data that the jackknife leaves out one by one.
-_STRETCHES = 40
 # Share of noise in the acceleration beyond which a force balance is not even a start.
 _HOPELESS_NOISE = 0.3
 
@@ -236,14 +234,7 @@ def _conclude(
             jacobian, _ = difference_jacobian(
                 problem.residual, point, residual, solution.lower, solution.upper, solution.step, solution.scale
             )
-        scores = problem.scores(point, residual, jacobian)
-        candidates = [
-            sandwich(jacobian.T @ jacobian, scores),
-            white_covariance(jacobian),
-            jackknife(jacobian, residual, problem.stretches(point, _STRETCHES)),
-        ]
-        # Each of the three is too small somewhere in short records, none is too large by much.
-        covariance = widest(candidates)
+        covariance = problem_covariance(problem, point, residual, jacobian)
     covariance = covariance[:k, :k].copy()
     covariance[~seen, :] = np.nan
     covariance[:, ~seen] = np.nan

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from idloop.physics.effect_text import parse_effect
     from idloop.physics.engine import Engine
     from idloop.physics.hooks import hook
+    from idloop.physics.machine import Machine
     from idloop.physics.model import Model
     from idloop.physics.model_file import load_model, preset_names
     from idloop.physics.parameter import Parameter
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Effect",
     "Engine",
+    "Machine",
     "Model",
     "Parameter",
     "ParameterSpec",
@@ -37,6 +39,7 @@ _WHERE = {
     "Model": "model",
     "Parameter": "parameter",
     "ParameterSpec": "effect",
+    "Machine": "machine",
     "Plant": "plant",
     "Simulation": "simulation",
     "catalogue": "effect",

@@ -24,6 +24,8 @@ ABOUT = {
     "soon](bridge.md).",
     "plant": "Simulates the machine. In lock-step it steps when the command arrives and waits for slow listeners; "
     "in real time it measures at absolute deadlines.",
+    "mujoco_plant": "Takes the place of the plant (node name `plant`) with a joint of any MJCF file, moved by MuJoCo "
+    "(`pip install mujoco`): a machine that nobody here wrote, behind the same topics.",
     "recorder": "Writes every message as it came into a rosbag2 directory (mcap, 16 KiB chunks) and counts every loss.",
     "estimator": "Predicts every sample, fits a sliding window in a worker process, judges the fit on the samples "
     "after the window. Diagnoses in the same worker process when told to, after an experiment, and by itself when "
@@ -61,6 +63,7 @@ EXAMPLE = {
     "controller": "-p model:=torsion",
     "bridge": "-r __ns:=/axis -p robot_joints:=\"['elbow']\" -p joints:=\"['motor']\" -p limit.command:=2.0",
     "plant": "-p model:=torsion -p duration:=10.0 -p effects:=\"['coulomb_friction@motor(level=0.01)']\"",
+    "mujoco_plant": "-p mjcf:=robot.xml -p model:=axis -p joints:=\"['elbow']\" -p actuator:=elbow_motor",
     "recorder": "-p bag:=bags/first",
     "estimator": "-p model:=torsion -p window:=10.0",
     "replay": "-p bag:=bags/first -p rate:=1.0",

@@ -27,6 +27,11 @@ def plant() -> None:
     sys.exit(run("plant"))
 
 
+def mujoco_plant() -> None:
+    """Run the plant that MuJoCo moves."""
+    sys.exit(run("mujoco_plant"))
+
+
 def recorder() -> None:
     """Run the recorder."""
     sys.exit(run("recorder"))

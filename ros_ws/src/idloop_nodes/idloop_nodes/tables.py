@@ -54,14 +54,30 @@ DRAIN_TIMEOUT = P(
 )
 COMMON: Table = (MODE, SAMPLE_TIME, PEERS, START_TIMEOUT)
 
-PLANT: Table = (
-    *COMMON,
-    P(MODEL.name, "str", MODEL.default, MODEL.description, read_only=True),
-    P(EFFECTS.name, "strs", (), "Hidden effects: " + EFFECTS.description, read_only=True),
+_MACHINE: Table = (
     P("duration", "float", 0.0, "Length of the run; 0 runs until stopped.", unit="s", minimum=0.0, read_only=True),
     P("start_time", "float", 1.0, "Stamp of the first sample (lock-step).", unit="s", minimum=0.0, read_only=True),
     P("seed", "int", 0, "Seed of noise and disturbance.", minimum=0, maximum=2**53, read_only=True),
     P("noise", "bool", True, "Measurement noise on or off.", read_only=True),
+    P("clock_rate", "float", 100.0, "Simulated rate of /clock (lock-step).", unit="Hz", minimum=1.0, read_only=True),
+    P(
+        "real_time_factor",
+        "float",
+        0.0,
+        "Lock-step: simulated seconds in a second of the wall clock, at most; 0 as many as the machine allows.",
+        minimum=0.0,
+        read_only=True,
+    ),
+    P("command_timeout", "float", 0.2, "Real time: command falls to zero after this silence.", unit="s", minimum=0.0),
+    LISTENERS,
+    WINDOW,
+    DRAIN_TIMEOUT,
+)
+
+PLANT: Table = (
+    *COMMON,
+    P(MODEL.name, "str", MODEL.default, MODEL.description, read_only=True),
+    P(EFFECTS.name, "strs", (), "Hidden effects: " + EFFECTS.description, read_only=True),
     P(
         "disturbance_std",
         "float",
@@ -79,19 +95,23 @@ PLANT: Table = (
         minimum=1e-3,
         read_only=True,
     ),
-    P("clock_rate", "float", 100.0, "Simulated rate of /clock (lock-step).", unit="Hz", minimum=1.0, read_only=True),
+    *_MACHINE,
+)
+
+MUJOCO_PLANT: Table = (
+    *COMMON,
+    P("model", "str", "axis", "Model whose outputs are measured, with its units and noise.", read_only=True),
+    P("mjcf", "str", "", "MuJoCo model (MJCF file) of the machine.", read_only=True),
     P(
-        "real_time_factor",
-        "float",
-        0.0,
-        "Lock-step: simulated seconds in a second of the wall clock, at most; 0 as many as the machine allows.",
-        minimum=0.0,
+        "joints",
+        "strs",
+        (),
+        "Joint of the MJCF file for each joint that the model measures; empty: of the same name. "
+        "An MJCF sensor with the name of an output, such as motor.position, goes before its joint.",
         read_only=True,
     ),
-    P("command_timeout", "float", 0.2, "Real time: command falls to zero after this silence.", unit="s", minimum=0.0),
-    LISTENERS,
-    WINDOW,
-    DRAIN_TIMEOUT,
+    P("actuator", "str", "", "Actuator of the MJCF file that takes the command; empty: the only one.", read_only=True),
+    *_MACHINE,
 )
 
 CONTROLLER: Table = (
@@ -261,6 +281,7 @@ def tables() -> dict[str, Table]:
         "controller": CONTROLLER,
         "bridge": BRIDGE,
         "plant": PLANT,
+        "mujoco_plant": MUJOCO_PLANT,
         "recorder": RECORDER,
         "estimator": ESTIMATOR,
         "replay": REPLAY,

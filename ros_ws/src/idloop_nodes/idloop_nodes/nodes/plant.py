@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 from idloop.errors import IdloopError
-from idloop.physics import Plant, load_model
+from idloop.physics import Machine, Plant, load_model
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
 from idloop_nodes.deadlines import Deadlines, become_urgent
 from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
 from idloop_nodes.pace import Pace
+from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, BackPressure
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.tables import PLANT
@@ -19,22 +21,34 @@ from idloop_nodes.tables import PLANT
 SECOND = 1_000_000_000
 
 
+def simulated(values: NodeParameters) -> Plant:
+    """Build the machine of the parameters `model` and `effects`."""
+    return Plant(
+        load_model(values["model"]).with_effects(values["effects"]),
+        seed=values["seed"],
+        noise=values["noise"],
+        disturbance_std=values["disturbance_std"],
+        disturbance_time_constant=values["disturbance_time_constant"],
+    )
+
+
 class PlantNode(StreamNode):
-    """Steps `idloop.physics.Plant`: when the command arrives (lock-step) or by the clock (real time)."""
+    """Steps a machine: when the command arrives (lock-step) or by the clock (real time).
+
+    Parameters
+    ----------
+    table : sequence of NodeParameter
+    build : callable
+        Makes the machine of the parameters.
+    """
 
     poll_period = 0.005
 
-    def __init__(self) -> None:
-        super().__init__("plant", PLANT)
+    def __init__(self, table: Table = PLANT, build: Callable[[NodeParameters], Machine] = simulated) -> None:
+        super().__init__("plant", table)
         values = self.parameters
-        model = load_model(values["model"]).with_effects(values["effects"])
-        self._plant = Plant(
-            model,
-            seed=values["seed"],
-            noise=values["noise"],
-            disturbance_std=values["disturbance_std"],
-            disturbance_time_constant=values["disturbance_time_constant"],
-        )
+        self._plant = build(values)
+        model = self._plant.model
         self._period: float = values["sample_time"]
         self._period_ns: int = round(self._period * SECOND)
         self._samples = round(values["duration"] / self._period) or None

@@ -1,0 +1,43 @@
+"""How far the estimate of a problem may be off, from its residuals at the solution."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimate.covariance import jackknife, sandwich, white_covariance, widest
+
+if TYPE_CHECKING:
+    from idloop.estimate.problem import Problem
+
+Array = NDArray[np.float64]
+
+_STRETCHES = 40  # of the data, that the jackknife leaves out one by one
+
+
+def problem_covariance(problem: Problem, point: Array, residual: Array, jacobian: Array) -> Array:
+    """Covariance of the point at which a problem was solved.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the weights of the solution.
+    point : array, shape (m,)
+    residual : array, shape (n,)
+        In units of its standard deviation.
+    jacobian : array, shape (n, m)
+
+    Returns
+    -------
+    array, shape (m, m)
+    """
+    # Each of the three is too small somewhere in short records, none is too large by much.
+    return widest(
+        [
+            sandwich(jacobian.T @ jacobian, problem.scores(point, residual, jacobian)),
+            white_covariance(jacobian),
+            jackknife(jacobian, residual, problem.stretches(point, _STRETCHES)),
+        ]
+    )

@@ -1,0 +1,36 @@
+"""What a plant node needs of a machine, whoever simulates it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from idloop.physics.model import Model
+
+
+class Machine(Protocol):
+    """A machine that is stepped: commands in, measurements out. Times in seconds from its start."""
+
+    model: Model
+
+    @property
+    def time(self) -> float:
+        """Time now."""
+
+    def reset(self) -> None:
+        """Return to the start."""
+
+    def measure(self) -> NDArray[np.float64]:
+        """Read the model's outputs now (p,)."""
+
+    def schedule(self, stamp: float, command: float) -> None:
+        """Let a command take effect at an instant, or now when that is past."""
+
+    def advance(self, until: float) -> None:
+        """Run to an instant."""
+
+    def step(self, command: float, until: float) -> None:
+        """Apply a command from now on and run to an instant."""
