@@ -40,3 +40,11 @@ def test_gap_between_records_is_not_bridged() -> None:
     a, b = np.zeros((50, 1)), np.ones((50, 1))
     whitener = fit_whitener([a, b], 1)
     assert np.ptp(whitener.apply(b)) == 0.0
+
+
+@pytest.mark.parametrize("order", [1, 4, 32])
+def test_the_order_is_kept_where_nothing_is_left_to_say(order):
+    e = np.zeros((200, 1))
+    w = fit_whitener([e], order)
+    assert w.order == order
+    assert len(w.apply(e)) == 200 - order

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 # Where a rival misses this much, taking it for a stronger disturbance can pay.
 _PLAIN = 10.0
+# Errors of a size at which their squares no longer add up.
+_RUNS_AWAY = 1e100
 # Lags of a noise model of its own, by which a rival may explain what it misses.
 _MOST_LAGS = 8
 
@@ -101,7 +103,7 @@ class Rival:
         Missed
         """
         raw = self._with_slopes(record, start)
-        if not np.all(np.isfinite(raw[:: self.view.period])):
+        if not np.all(np.abs(raw[:: self.view.period]) < _RUNS_AWAY):
             return Missed(np.inf, np.inf, self.theta)  # runs away where the truth does not: plainly told apart
         best, at = self._linear(raw, 0.0), 0.0
         for decades in self.view.stronger:

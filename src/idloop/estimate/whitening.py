@@ -95,7 +95,7 @@ def autocovariances(records: list[Array], order: int) -> Array:
     return np.asarray(covariance / sum(len(e) for e in records))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _levinson(covariance: Any, innovation: Any) -> Any:
     """Yule-Walker solutions of all orders in turn, each from the one before.
 
@@ -181,10 +181,14 @@ def fit_whitener(records: list[Array], order: int) -> Whitener:
     Returns
     -------
     Whitener
-        A stable autoregression (the biased autocovariances see to that).
+        A stable autoregression (the biased autocovariances see to that), of the order asked for: where nothing is
+        left that more lags could say, theirs are zero.
     """
     covariance = autocovariances(records, order)
-    return Whitener(np.ascontiguousarray(_levinson(covariance, np.empty_like(covariance))))
+    coefficients = np.zeros((order, *covariance.shape[1:]))
+    found = _levinson(covariance, np.empty_like(covariance))
+    coefficients[: len(found)] = found
+    return Whitener(coefficients)
 
 
 def choose_order(records: list[Array], limit: int | None = None) -> int:
