@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 from idloop.errors import IdloopError, InputError
 from idloop.records.recover_mcap import mcap_messages
 from idloop.records.recover_sqlite import sqlite_messages
-from idloop.records.recovered_channel import RecoveredChannel, RecoveredMessage
+from idloop.records.recovered_channel import RecoveredChannel
 
 _READERS = {".mcap": mcap_messages, ".db3": sqlite_messages}
 
@@ -70,20 +70,21 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
     files = _files(bag)
     if target.exists():
         raise InputError(f"{target}: exists already and is not overwritten: name another folder")
-    if all(next(_messages(file), None) is None for file in files):
-        raise IdloopError(f"{bag}: no message in it can be read")
 
     store = get_typestore(Stores.LATEST)
     topics: dict[str, int] = {}
     cut: list[Path] = []
     connections: dict[tuple[str, str], Any] = {}
     first, last = 2**63 - 1, 0
-    with Writer(target, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    with ExitStack() as stack:
+        writer = None
         for file in files:
-            for message in _messages(file):
+            for message in _READERS[file.suffix](file):
                 if message is None:
                     cut.append(file)
                     continue
+                if writer is None:  # only now: nothing to save leaves nothing behind
+                    writer = stack.enter_context(Writer(target, version=9, storage_plugin=StoragePlugin.MCAP))
                 channel = message.channel
                 key = (channel.topic, channel.message_type)
                 if key not in connections:
@@ -91,11 +92,9 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
                 writer.write(connections[key], message.stamp_ns, message.data)
                 topics[channel.topic] = topics.get(channel.topic, 0) + 1
                 first, last = min(first, message.stamp_ns), max(last, message.stamp_ns)
+    if writer is None:
+        raise IdloopError(f"{bag}: no message in it can be read")
     return Recovered(target, sum(topics.values()), (last - first) * 1e-9, dict(sorted(topics.items())), tuple(cut))
-
-
-def _messages(file: Path) -> Iterator[RecoveredMessage | None]:
-    return _READERS[file.suffix](file)
 
 
 def _connect(writer: Any, store: Any, channel: RecoveredChannel) -> Any:
