@@ -63,7 +63,7 @@ def test_a_model_that_is_no_joint_is_left_out_of_the_formats_of_joints(tmp_path,
     path.write_text(text, encoding="utf-8")
     assert main.run(["export", str(path), "--json"]) == 0
     out, err = capsys.readouterr()
-    assert [file["format"] for file in json.loads(out)["files"]] == ["control", "ros2_control", "json"]
+    assert [file["format"] for file in json.loads(out)["files"]] == ["control", "ros2_control", "compensator", "json"]
     assert "urdf: left out" in err
     assert main.run(["export", str(path), "--format", "urdf"]) == 2
 

@@ -29,6 +29,7 @@ Formats:
   mujoco        MJCF of the axis, ready to load
   control       A, B, C, D of the linear part for python-control, as JSON
   ros2_control  parameters of a controller with the model's gains
+  compensator   a model file with what the controller node can cancel
   json          every number with its unit and its standard error
 \b
 Examples:

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any
 from idloop.control.check import check_controller
 
 if TYPE_CHECKING:
+    from idloop.control.compensation import Compensation
     from idloop.control.controller import Controller
 
 
-def build_controller(spec: Mapping[str, Any] | None, where: str = "controller") -> Controller:
+def build_controller(
+    spec: Mapping[str, Any] | None, where: str = "controller", compensation: Compensation | None = None
+) -> Controller:
     """Build a controller.
 
     Parameters
@@ -21,6 +24,8 @@ def build_controller(spec: Mapping[str, Any] | None, where: str = "controller") 
         (``CONTROLLERS[type].parameters``), nested or dotted. None stands for ``{type: none}``.
     where : str
         Place named at the start of an error line.
+    compensation : Compensation, optional
+        Effects of a fitted model that it is to cancel beside its law.
 
     Returns
     -------
@@ -29,11 +34,20 @@ def build_controller(spec: Mapping[str, Any] | None, where: str = "controller") 
     Raises
     ------
     InputError
-        The section does not describe a controller.
+        The section does not describe a controller, or what is to be cancelled cannot be.
     """
     values = check_controller(spec, where)
     # The compiled step needs numba, which takes a second to import: not before it is used.
     from idloop.control.controller import Controller
     from idloop.control.packing import pack
 
-    return Controller(values, pack(values, where))
+    kernel = pack(values, where)
+    if compensation is None:
+        return Controller(values, kernel)
+    from idloop.control.compensation import plan_compensation
+    from idloop.control.compensation_packing import add_compensation
+    from idloop.control.compensation_settings import choose_settings
+
+    plan = plan_compensation(compensation, values)
+    settings = choose_settings(compensation, plan, values)
+    return Controller(values, add_compensation(kernel, compensation.model, plan, settings, values), plan, settings)

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.control import step
+from idloop.control.compensation import Plan
+from idloop.control.compensation_settings import Settings
 from idloop.control.packing import Kernel
 from idloop.errors import InputError
 
@@ -32,6 +34,10 @@ class Controller:
         Result of ``check_controller``.
     kernel : Kernel
         The same controller as flat arrays.
+    plan : Plan, optional
+        What its compensator cancels, and what not.
+    settings : Settings, optional
+        Limit, widths and times of the compensator.
 
     Attributes
     ----------
@@ -47,15 +53,21 @@ class Controller:
         Largest absolute command, infinite where there is none.
     kernel : Kernel
         For compiled closed loops; shares nothing that changes with this object.
+    plan, settings : Plan, Settings or None
+        Of its compensator.
     """
 
-    def __init__(self, values: Mapping[str, Any], kernel: Kernel) -> None:
+    def __init__(
+        self, values: Mapping[str, Any], kernel: Kernel, plan: Plan | None = None, settings: Settings | None = None
+    ) -> None:
         self.kind: str = values["type"]
         self.parameters = {name: value for name, value in values.items() if name != "type"}
         self.inputs = kernel.inputs
         self.sample_time: float = values["sample_time"]
         self.limit: float = math.inf if values["limit"] is None else values["limit"]
         self.kernel = kernel
+        self.plan = plan
+        self.settings = settings
         self._state = kernel.state.copy()
         self._y = np.zeros(len(kernel.inputs))
         self._next_time = -math.inf
@@ -68,6 +80,11 @@ class Controller:
     def saturated(self) -> bool:
         """True when the last command was cut at the limit."""
         return bool(self._state[step.SATURATED])
+
+    @property
+    def added(self) -> float:
+        """What the compensator has put on the last command, before the limit."""
+        return float(self._state[step.ADDED])
 
     @property
     def fault(self) -> str | None:

@@ -8,6 +8,8 @@ belongs to the kind. `idloop.control.packing` fills them.
 
 A command is formed as ``u = clip((law + feedforward - offset) / gain, -limit, limit)``: the
 linearisation block (Linköping thesis, eq. 4.1) stands in front of the plant, the limit behind it.
+A compensator (`idloop.control.compensation`) stands between the two: it adds what the known effects
+take along the reference, and puts the sum through the inverses of what the drive does to a command.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from idloop.physics.kernel import call
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +37,8 @@ LIMIT = 1
 FEEDBACK_GAIN = 2
 LINEARISATION_GAIN = 3
 LINEARISATION_OFFSET = 4
-PARAMETER_TAIL = 5
+COMPENSATION = 5  # where the compensator's parameters begin; 0: there is none
+PARAMETER_TAIL = 6
 
 # Head of the state.
 FAULT = 0
@@ -41,7 +46,53 @@ SATURATED = 1
 STARTED = 2
 TRACKING = 3
 TRACKED_COMMAND = 4
-STATE_TAIL = 5
+ADDED = 5  # what the compensator has put on the last command
+STATE_TAIL = 6
+
+# Parameters of a compensator, from where `COMPENSATION` says; then a row for each inverse and each force, then the
+# parameters of their equations.
+MEMORY = 0  # where its state begins
+MOST = 1  # that it adds to a command
+COMMAND_WIDTH = 2
+VELOCITY_WIDTH = 3
+PER_REFERENCE = 4  # motion of the bodies for one unit of the reference
+GIVES_VELOCITY = 5  # the reference is a velocity
+DRIVE_GAIN = 6
+GAP = 7
+GAP_SHIFTS = 8  # the reference goes over the gap with the drive, not the drive alone
+GAP_INERTIA = 9
+GAP_VISCOUS = 10
+CROSSING_TIME = 11
+INVERSES = 12
+FORCES = 13
+COMPENSATOR_HEAD = 14
+# Columns of a row. Addresses of machine code are whole numbers that a float holds exactly.
+UNDO = 0  # or the address of a force or friction
+FORWARD = 1  # or of the update of a force's memory; 0: none
+ROW_PARAMETER = 2
+ROW_STATE = 3
+ROW_INERTIA = 4
+BEFORE_GAP = 5
+IS_FRICTION = 6
+ROW = 7
+
+# State of a compensator, then that of its equations.
+REFERENCE = 0
+DIFFERENCE = 1
+POSITION = 2  # of the bodies behind the gap, and their velocity
+VELOCITY = 3
+EXTREME = 4
+SIDE = 5
+CROSSING_FROM = 6
+CROSSING_TO = 7
+CROSSING_CLOCK = 8
+AHEAD = 9  # of the bodies before the gap, its velocity, and the force that it takes
+AHEAD_RATE = 10
+AHEAD_FORCE = 11
+COMPENSATOR_STATE = 12
+
+# Part of a gap by which the reference has to come back before it counts as turned round.
+TURNED = 0.05
 
 # Values of the fault flag.
 NO_FAULT = 0.0
@@ -67,9 +118,160 @@ FOLLOWS_VELOCITY = 2.0
 
 
 @njit(cache=True)
+def smooth_sign(value: float, width: float) -> float:
+    """Sign that goes from -1 to +1 over ``width`` to either side, without a corner at its ends.
+
+    3/2 x - 1/2 x³ with x = value / width, and exactly -1 or +1 outside: what is cancelled there is cancelled whole.
+    """
+    if value >= width:
+        return 1.0 if value > 0.0 else 0.0
+    if value <= -width:
+        return -1.0
+    x = value / width
+    return x * (1.5 - 0.5 * x * x)
+
+
+@njit(cache=True)
+def _force_along_reference(parameters: FloatArray, state: FloatArray, arriving: float) -> float:
+    """Force of the drive that known effects take along the reference; ``arriving`` is what it gives without."""
+    c = int(parameters[COMPENSATION])
+    s = int(parameters[c + MEMORY])
+    force: float = state[s + AHEAD_FORCE]
+    row = c + COMPENSATOR_HEAD + ROW * int(parameters[c + INVERSES])
+    for _ in range(int(parameters[c + FORCES])):
+        before = parameters[row + BEFORE_GAP]
+        velocity = state[s + VELOCITY] + before * state[s + AHEAD_RATE]
+        address, at = int(parameters[row + UNDO]), int(parameters[row + ROW_STATE])
+        numbers = int(parameters[row + ROW_PARAMETER])
+        if parameters[row + IS_FRICTION] != 0.0:
+            side = smooth_sign(velocity, parameters[c + VELOCITY_WIDTH])
+            if side != 0.0:
+                direction = 1.0 if side > 0.0 else -1.0
+                level = call(
+                    address, direction, abs(velocity), abs(arriving + force), 0.0, state, at, parameters, numbers
+                )
+                force += side * max(level, 0.0)
+        else:
+            position = state[s + POSITION] + before * state[s + AHEAD]
+            force -= call(
+                address, position, velocity, parameters[row + ROW_INERTIA], 0.0, state, at, parameters, numbers
+            )
+        row += ROW
+    return force
+
+
+@njit(cache=True)
+def _compensated(parameters: FloatArray, state: FloatArray, wanted: float) -> float:
+    """Command with which the drive acts as ``wanted`` would without the effects, within the compensator's limit."""
+    c = int(parameters[COMPENSATION])
+    s = int(parameters[c + MEMORY])
+    gain = parameters[c + DRIVE_GAIN]
+    value = wanted + _force_along_reference(parameters, state, gain * wanted) / gain
+    row = c + COMPENSATOR_HEAD
+    for _ in range(int(parameters[c + INVERSES])):
+        side = smooth_sign(value, parameters[c + COMMAND_WIDTH])
+        value = call(
+            int(parameters[row + UNDO]), value, state[s + VELOCITY], side, 0.0,
+            state, int(parameters[row + ROW_STATE]), parameters, int(parameters[row + ROW_PARAMETER]),
+        )  # fmt: skip
+        row += ROW
+    added: float = min(max(value - wanted, -parameters[c + MOST]), parameters[c + MOST])
+    # What is no number goes through, so that the fault is seen.
+    state[ADDED] = added if math.isfinite(value) else value
+    return wanted + state[ADDED]
+
+
+@njit(cache=True)
+def _uncompensated(parameters: FloatArray, state: FloatArray, command: float) -> float:
+    """What has to be wanted for this command, but for the smoothness of the inverses and the limit."""
+    c = int(parameters[COMPENSATION])
+    s = int(parameters[c + MEMORY])
+    gain = parameters[c + DRIVE_GAIN]
+    value = command
+    row = c + COMPENSATOR_HEAD + ROW * int(parameters[c + INVERSES])
+    for _ in range(int(parameters[c + INVERSES])):
+        row -= ROW
+        value = call(
+            int(parameters[row + FORWARD]), value, state[s + VELOCITY], command, 0.0,
+            state, int(parameters[row + ROW_STATE]), parameters, int(parameters[row + ROW_PARAMETER]),
+        )  # fmt: skip
+    return value - _force_along_reference(parameters, state, gain * value) / gain
+
+
+@njit(cache=True)
+def _follow_reference(parameters: FloatArray, state: FloatArray, position: float, velocity: float) -> None:
+    """Motion of the bodies along the reference, and where they are in the gap."""
+    c = int(parameters[COMPENSATION])
+    s = int(parameters[c + MEMORY])
+    sample_time, scale = parameters[SAMPLE_TIME], parameters[c + PER_REFERENCE]
+    started = state[STARTED] != 0.0
+    if parameters[c + GIVES_VELOCITY] != 0.0:
+        state[s + VELOCITY] = scale * velocity
+    else:
+        # A reference need not say its velocity. Of two differences the smaller: a step is no motion.
+        here = scale * position
+        difference = (here - state[s + REFERENCE]) / sample_time if started else 0.0
+        before = state[s + DIFFERENCE]
+        smaller = difference if abs(difference) < abs(before) else before
+        state[s + VELOCITY] = smaller if difference * before > 0.0 else 0.0
+        state[s + REFERENCE], state[s + DIFFERENCE], state[s + POSITION] = here, difference, here
+        if parameters[c + GAP] > 0.0:
+            _cross_gap(parameters, state, here, started)
+    row = c + COMPENSATOR_HEAD + ROW * int(parameters[c + INVERSES])
+    for _ in range(int(parameters[c + FORCES])):
+        if parameters[row + FORWARD] != 0.0:
+            ahead = parameters[row + BEFORE_GAP]
+            call(
+                int(parameters[row + FORWARD]), state[s + POSITION] + ahead * state[s + AHEAD],
+                state[s + VELOCITY] + ahead * state[s + AHEAD_RATE], parameters[row + ROW_INERTIA],
+                sample_time if started else 0.0,
+                state, int(parameters[row + ROW_STATE]), parameters, int(parameters[row + ROW_PARAMETER]),
+            )  # fmt: skip
+        row += ROW
+
+
+@njit(cache=True)
+def _cross_gap(parameters: FloatArray, state: FloatArray, here: float, started: bool) -> None:
+    """Lead of the bodies before a gap: from one of its sides to the other after the reference has turned round.
+
+    The way over the gap is a quintic, so that it begins and ends without a jolt.
+    """
+    c = int(parameters[COMPENSATION])
+    s = int(parameters[c + MEMORY])
+    gap, time = parameters[c + GAP], parameters[c + CROSSING_TIME]
+    if not started:
+        state[s + EXTREME] = here
+        state[s + CROSSING_CLOCK] = time
+    side = state[s + SIDE]
+    back = here - state[s + EXTREME]
+    if abs(back) > TURNED * gap and back * side <= 0.0:
+        side = 1.0 if back > 0.0 else -1.0
+        state[s + SIDE] = side
+    if back * side > 0.0:
+        state[s + EXTREME] = here
+    if state[s + CROSSING_CLOCK] < time:
+        state[s + CROSSING_CLOCK] += parameters[SAMPLE_TIME]
+    elif state[s + CROSSING_TO] != 0.5 * side:
+        state[s + CROSSING_FROM], state[s + CROSSING_TO] = state[s + CROSSING_TO], 0.5 * side
+        state[s + CROSSING_CLOCK] = parameters[SAMPLE_TIME]
+    start, end = gap * state[s + CROSSING_FROM], gap * state[s + CROSSING_TO]
+    x = min(state[s + CROSSING_CLOCK] / time, 1.0)
+    way = end - start
+    state[s + AHEAD] = start + way * x * x * x * (10.0 + x * (6.0 * x - 15.0))
+    state[s + AHEAD_RATE] = way * 30.0 * x * x * (1.0 - x) * (1.0 - x) / time
+    curve = way * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (time * time)
+    # A controller that reads behind the gap does not see the drive cross it: only a force takes it there.
+    alone = 1.0 - parameters[c + GAP_SHIFTS]
+    force = parameters[c + GAP_INERTIA] * curve + parameters[c + GAP_VISCOUS] * state[s + AHEAD_RATE]
+    state[s + AHEAD_FORCE] = alone * force
+
+
+@njit(cache=True)
 def _finish(parameters: FloatArray, state: FloatArray, law: float) -> float:
     """Linearise and limit; sets the saturation and fault flags."""
     raw = (law - parameters[LINEARISATION_OFFSET]) / parameters[LINEARISATION_GAIN]
+    if parameters[COMPENSATION] != 0.0:
+        raw = _compensated(parameters, state, raw)
     if not math.isfinite(raw):
         state[FAULT] = BAD_COMMAND
         return 0.0
@@ -80,10 +282,20 @@ def _finish(parameters: FloatArray, state: FloatArray, law: float) -> float:
 
 
 @njit(cache=True)
-def _before_linearisation(parameters: FloatArray, command: float) -> float:
-    """The law that gives this command."""
-    law: float = command * parameters[LINEARISATION_GAIN] + parameters[LINEARISATION_OFFSET]
+def _before_linearisation(parameters: FloatArray, state: FloatArray, command: float) -> float:
+    """The law that gives this command, with what the compensator has just added."""
+    law: float = (command - state[ADDED]) * parameters[LINEARISATION_GAIN] + parameters[LINEARISATION_OFFSET]
     return law
+
+
+@njit(cache=True)
+def _tracked_law(parameters: FloatArray, state: FloatArray) -> float:
+    """The law that gives the command to take over from."""
+    command = state[TRACKED_COMMAND]
+    state[ADDED] = 0.0
+    if parameters[COMPENSATION] != 0.0:
+        state[ADDED] = command - _uncompensated(parameters, state, command)
+    return _before_linearisation(parameters, state, command)
 
 
 @njit(cache=True)
@@ -100,7 +312,7 @@ def _integrate(
     """Next value of an integrator that is kept from winding up while the command is limited."""
     if state[SATURATED] == 0.0 or anti_windup == WINDUP_FREE:
         return integral + increment
-    excess = _before_linearisation(parameters, command) - law
+    excess = _before_linearisation(parameters, state, command) - law
     if anti_windup == BACK_CALCULATION:
         correction: float = parameters[SAMPLE_TIME] / tracking_time * excess
         return integral + increment + correction
@@ -162,7 +374,7 @@ def pid_step(
     without_integral = kp * error - kd * derivative + velocity_gain * reference_velocity + feedforward
     integral = state[STATE_TAIL]
     if state[TRACKING] != 0.0 and ki != 0.0:
-        integral = _before_linearisation(parameters, state[TRACKED_COMMAND]) - without_integral
+        integral = _tracked_law(parameters, state) - without_integral
     law = without_integral + integral
     command = _finish(parameters, state, law)
     state[STATE_TAIL] = _integrate(
@@ -235,8 +447,7 @@ def cascade_step(
     error = min(max(wanted, -velocity_limit), velocity_limit) - velocity
     integral = state[STATE_TAIL]
     if state[TRACKING] != 0.0 and ki != 0.0:
-        tracked = _before_linearisation(parameters, state[TRACKED_COMMAND])
-        integral = tracked - kv * error - feedforward
+        integral = _tracked_law(parameters, state) - kv * error - feedforward
     law = kv * error + integral + feedforward
     command = _finish(parameters, state, law)
     state[STATE_TAIL] = _integrate(
@@ -337,6 +548,13 @@ def controller_step(
     if not math.isfinite(feedforward):
         state[FAULT] = BAD_FEEDFORWARD
         return 0.0
+    if parameters[COMPENSATION] != 0.0:
+        c = int(parameters[COMPENSATION])
+        s = int(parameters[c + MEMORY])
+        _follow_reference(parameters, state, reference_position, reference_velocity)
+        if parameters[c + GAP_SHIFTS] != 0.0:
+            reference_position += state[s + AHEAD] / parameters[c + PER_REFERENCE]
+            reference_velocity += state[s + AHEAD_RATE] / parameters[c + PER_REFERENCE]
     if kind == PID:
         command = pid_step(parameters, state, reference_position, reference_velocity, y, feedforward)
     elif kind == LEAD:

@@ -18,6 +18,7 @@ FORMATS = {
     "mujoco": "idloop.export.mujoco",
     "control": "idloop.export.state_space",
     "ros2_control": "idloop.export.ros2_control",
+    "compensator": "idloop.export.compensator",
     "json": "idloop.export.plain_json",
 }
 

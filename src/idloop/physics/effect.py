@@ -15,7 +15,12 @@ place          a                           b                          c
 ``friction``   direction (+1 or -1)        speed (0: breakaway)       torque that arrives
 ``coupling``   torque so far               twist                      stiffness
 ``reading``    reading so far              position                   velocity
+``undo``       command that must come out  velocity of body 0         its side, -1 to +1
 =============  ==========================  =========================  ======================
+
+``undo`` is the inverse of ``command``, for a compensator. Its third argument is the sign of the first one, but goes
+smoothly from -1 to +1 near zero: an inverse that jumps takes its jump from it. A ``force`` or ``friction`` needs no
+such inverse: a compensator asks the drive for what the equation takes along the reference.
 
 An effect with memory also has ``settle``: called with the same arguments after each step, it
 writes the state that the next step starts from.
@@ -164,6 +169,12 @@ class Effect:
         How it is written; as a function of what it depends on when left out.
     valid : callable
         Whether values together make sense, beyond each parameter's own bounds.
+    undo : Hook, optional
+        Inverse of ``command``, for a compensator.
+    lost_motion : str
+        Parameter that is the way lost at a reversal, which a compensator takes up.
+    not_cancelled : str
+        Why a compensator leaves the effect alone, in words; empty where it does not.
     """
 
     name: str
@@ -194,6 +205,9 @@ class Effect:
     needs_angle: bool = False
     equation: EffectEquation | None = None
     valid: Callable[[Mapping[str, float]], bool] = field(default=_always)
+    undo: Hook | None = None
+    lost_motion: str = ""
+    not_cancelled: str = ""
 
     @property
     def lags(self) -> bool:

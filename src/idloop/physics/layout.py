@@ -12,7 +12,7 @@ from idloop.physics import kernel
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
 from idloop.physics.hooks import Hook
 from idloop.physics.kernel import Axis
-from idloop.physics.model import ActiveEffect, Model
+from idloop.physics.model import ActiveEffect, Model, values_of
 
 # The fastest mode turns by at most this angle in one integration step: the error of a
 # Runge-Kutta step of this size is about 1e-5 of the motion per radian.
@@ -147,7 +147,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
 
     for active in sorted(model.effects, key=lambda active: active.effect.order):
         effect = active.effect
-        own = _values_of(active, values)
+        own = values_of(active, values)
         if effect.splits:
             continue
         if effect.delay:
@@ -212,15 +212,6 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
     )
     delay = float(np.max(output_delay, initial=0.0))
     return Layout(axis, n, tuple(chain.body_of), next_state + 1, delay)
-
-
-def _values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, float]:
-    """Parameters of one effect by their own names; an optional one follows the one it defaults to."""
-    own: dict[str, float] = {}
-    for spec in active.effect.parameters:
-        name = f"{active.name}.{spec.name}"
-        own[spec.name] = values[name] if name in values else own[spec.optional]
-    return own
 
 
 def _equations(active: ActiveEffect) -> list[tuple[str, Hook]]:

@@ -71,6 +71,15 @@ class ActiveEffect:
         return f"{self.effect.name}@{self.at}"
 
 
+def values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters of one effect by their own names; an optional one follows the one it defaults to."""
+    own: dict[str, float] = {}
+    for spec in active.effect.parameters:
+        name = f"{active.name}.{spec.name}"
+        own[spec.name] = values[name] if name in values else own[spec.optional]
+    return own
+
+
 @dataclass(frozen=True)
 class Model:
     """An axis: a chain of bodies with a drive, its effects and its signals.

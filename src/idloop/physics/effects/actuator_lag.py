@@ -43,4 +43,5 @@ EFFECT = Effect(
     rate=lambda values, inertia, stiffness: 1.0 / max(values["time_constant"], 1e-3),
     looks_like=("input_delay",),
     trials=lambda s: alternatives("time_constant", time_constants(s)),
+    not_cancelled="its inverse amplifies the noise of the loop; the controller has to allow for it",
 )

@@ -61,6 +61,7 @@ EFFECT = (
             {"gap": r"\delta"},
         ),
         parameters=(GAP,),
+        lost_motion="gap",
         coupling=coupling,
         # The damping acts as suddenly as the sides touch, at no step's end: short steps.
         rate=lambda values, inertia, stiffness: 3.0 * (stiffness / inertia) ** 0.5 if values["gap"] > 0.0 else 0.0,
@@ -78,6 +79,7 @@ EFFECT = (
             {"gap": r"\delta"},
         ),
         parameters=(GAP,),
+        lost_motion="gap",
         reading=reading,
         settle=settle,
         states=2,

@@ -31,4 +31,5 @@ EFFECT = Effect(
         for frequency in resonances(s)
         for split in (0.5,)
     ],
+    not_cancelled="the spring is part of the linear motion, which is left to the controller",
 )

@@ -17,6 +17,12 @@ def command(value: float, velocity: float, sent: float, elapsed: float, state: A
     return 0.0
 
 
+@hook
+def undo(value: float, velocity: float, side: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """U = v + width sign v, the sign smooth: a jump at zero would turn noise into chatter."""
+    return value + (parameters[0] if side > 0.0 else parameters[1]) * side
+
+
 EFFECT = Effect(
     name="dead_zone",
     site=INPUT,
@@ -31,6 +37,7 @@ EFFECT = Effect(
         ParameterSpec("width_negative", "{input}", min=0.0, optional="width"),
     ),
     command=command,
+    undo=undo,
     order=50,
     looks_like=("coulomb_friction",),
     trials=lambda s: alternatives("width", [r * s.command for r in (0.02, 0.05, 0.12, 0.3, 0.6)]),

@@ -13,6 +13,12 @@ def command(value: float, velocity: float, sent: float, elapsed: float, state: A
     return value + parameters[0] * abs(value)
 
 
+@hook
+def undo(value: float, velocity: float, side: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """U = v / (1 + ratio sign v)."""
+    return value / (1.0 + parameters[0]) if value > 0.0 else value / (1.0 - parameters[0])
+
+
 EFFECT = Effect(
     name="gain_asymmetry",
     site=INPUT,
@@ -24,6 +30,7 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("ratio", "-", min=-0.95, max=0.95),),
     command=command,
+    undo=undo,
     order=30,
     looks_like=("asymmetric_friction",),
     trials=lambda s: alternatives("ratio", [0.05]),

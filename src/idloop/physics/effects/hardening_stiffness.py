@@ -27,4 +27,5 @@ EFFECT = Effect(
     order=40,
     looks_like=("compliance",),
     trials=lambda s: alternatives("cubic", [r * s.stiffness / s.twist**2 for r in (0.001, 0.01, 0.1)]),
+    not_cancelled="it acts between the bodies, where there is no drive",
 )

@@ -17,4 +17,5 @@ EFFECT = Effect(
     order=10,
     looks_like=("actuator_lag", "sensor_delay", "compliance"),
     trials=lambda s: alternatives("delay", time_constants(s)),
+    not_cancelled="its inverse would have to act before the command is known",
 )

@@ -13,6 +13,12 @@ def command(value: float, velocity: float, sent: float, elapsed: float, state: A
     return value + parameters[0]
 
 
+@hook
+def undo(value: float, velocity: float, side: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """U = v - offset."""
+    return value - parameters[0]
+
+
 EFFECT = Effect(
     name="input_offset",
     site=INPUT,
@@ -24,6 +30,7 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("offset", "{input}"),),
     command=command,
+    undo=undo,
     order=40,
     looks_like=("load_torque", "imbalance", "asymmetric_friction"),
     slow=True,

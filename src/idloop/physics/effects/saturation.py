@@ -27,4 +27,5 @@ EFFECT = Effect(
     order=20,
     looks_like=("speed_limit_voltage",),
     trials=lambda s: alternatives("limit", [r * s.command_most for r in (0.97, 0.9, 0.8, 0.65, 0.5, 0.35)]),
+    not_cancelled="no command brings back what the limit cuts off",
 )

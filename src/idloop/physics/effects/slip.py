@@ -43,4 +43,5 @@ EFFECT = Effect(
     order=60,
     looks_like=("saturation",),
     trials=lambda s: alternatives("limit", [r * s.torque_most for r in (0.97, 0.85, 0.7, 0.5, 0.3)]),
+    not_cancelled="what has slipped stays turned, whatever the drive does",
 )

@@ -38,4 +38,5 @@ EFFECT = Effect(
         for back in (0.3, 0.7, 1.2)
     ],
     contains={"saturation": {"limit": "supply"}},
+    not_cancelled="no command brings back what the supply cuts off",
 )

@@ -1,0 +1,144 @@
+"""Limit, widths and times of a compensator: those given, and sound ones for what was left open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from idloop.control.compensation import FORCE, INVERSE, SHIFT, TAKE_UP, Compensation, Plan, bodies_before
+from idloop.errors import InputError
+from idloop.physics.effect import COUPLING
+from idloop.physics.model import Model
+from idloop.signals.smooth import PEAK_ACCELERATION, PEAK_VELOCITY
+
+# Share of the controller's limit that compensation may take when nothing else is said.
+SHARE = 0.5
+# Periods in which dry friction would bring the machine to the speed below which it is cancelled in part.
+PERIODS_TO_WIDTH = 5.0
+# Part of a jump's height over which it is smoothed.
+JUMP_SMOOTHED = 0.5
+# Periods in which a gap is crossed, at least; and the share of the limit that the push may take.
+PERIODS_TO_CROSS, PUSH_SHARE = 20.0, 0.5
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Every number of a compensator.
+
+    Attributes
+    ----------
+    limit : float
+        Most that it adds to the command, in its unit; infinite where there is no limit.
+    velocity_width : float
+        Speed below which dry friction is cancelled in part, in the unit of the bodies.
+    command_width : float
+        Size of a command below which the jump of an inverse is applied in part, in its unit.
+    crossing_time : float
+        Time in which a gap is crossed [s]; 0 where there is none, as for the widths.
+    """
+
+    limit: float
+    velocity_width: float
+    command_width: float
+    crossing_time: float
+
+
+def choose_settings(compensation: Compensation, plan: Plan, values: Mapping[str, Any]) -> Settings:
+    """Choose what a compensation leaves open.
+
+    Parameters
+    ----------
+    compensation : Compensation
+    plan : Plan
+        Of it.
+    values : mapping
+        Controller, from ``check_controller``.
+
+    Returns
+    -------
+    Settings
+
+    Raises
+    ------
+    InputError
+        The limit is larger than the controller's.
+    """
+    model = compensation.model
+    most = math.inf if values["limit"] is None else float(values["limit"])
+    limit = compensation.limit
+    if limit is not None and limit > most:
+        raise InputError(f"compensation: limit {limit:g} is above the controller's limit {most:g}: lower it")
+    if limit is None:
+        limit = SHARE * most
+    gain = abs(model.values["drive.gain"])
+    period = float(values["sample_time"])
+    inertia, _ = moved(model, model.bodies)
+    # Friction that grows with the load is largest at the controller's limit.
+    dry = friction_sum(plan, gain * most if math.isfinite(most) else 0.0)
+    lost, before = lost_way(plan, model)
+    crossing = PERIODS_TO_CROSS * period if lost > 0.0 else 0.0
+    if lost > 0.0 and math.isfinite(limit):
+        crossing = max(crossing, _slow_enough(lost, *moved(model, before), PUSH_SHARE * limit * gain))
+    return Settings(
+        limit,
+        compensation.velocity_width or PERIODS_TO_WIDTH * period * dry / inertia,
+        compensation.command_width or JUMP_SMOOTHED * largest_jump(plan),
+        compensation.crossing_time or crossing,
+    )
+
+
+def _slow_enough(way: float, inertia: float, viscous: float, force: float) -> float:
+    """Time in which bodies go a way on a quintic with at most this force [s]."""
+    # Both terms at their largest, which they are not at once.
+    bend, speed = inertia * way * PEAK_ACCELERATION, viscous * way * PEAK_VELOCITY
+    return (speed + math.sqrt(speed * speed + 4.0 * bend * force)) / (2.0 * force)
+
+
+def lost_way(plan: Plan, model: Model) -> tuple[float, tuple[str, ...]]:
+    """Way that is lost at a reversal, and the bodies that are moved over it."""
+    lost, before = 0.0, model.bodies
+    for one in plan.of(TAKE_UP, SHIFT):
+        lost += one.values[one.active.effect.lost_motion]
+        if one.active.effect.site == COUPLING:
+            before = min(before, bodies_before(model, one.active.at), key=len)
+    return lost, before
+
+
+def friction_sum(plan: Plan, arriving: float) -> float:
+    """Breakaway level of all dry friction that is cancelled, in the unit of the drive's force.
+
+    Parameters
+    ----------
+    plan : Plan
+    arriving : float
+        Torque that arrives, for friction that grows with it.
+    """
+    total = 0.0
+    for one in plan.of(FORCE):
+        friction = one.active.effect.friction
+        if friction is not None:
+            numbers = [one.values[spec.name] for spec in one.active.effect.parameters]
+            total += max(friction(side, 0.0, arriving, 0.0, [], numbers) for side in (1.0, -1.0))
+    return total
+
+
+def largest_jump(plan: Plan) -> float:
+    """Half of the largest jump that an inverse has at zero, in the unit of the command."""
+    found = 0.0
+    for one in plan.of(INVERSE):
+        numbers = [one.values[spec.name] for spec in one.active.effect.parameters]
+        undo = one.active.effect.undo
+        if undo is not None:
+            found = max(found, *(abs(undo(0.0, 0.0, s, 0.0, [], numbers) - undo(0.0, 0.0, 0.0, 0.0, [], numbers))
+                                 for s in (1.0, -1.0)))  # fmt: skip
+    return found
+
+
+def moved(model: Model, bodies: Sequence[str]) -> tuple[float, float]:
+    """Inertia and viscous friction of bodies that move together."""
+    return (
+        sum(model.values[f"{body}.inertia"] for body in bodies),
+        sum(model.values[f"{body}.viscous_friction"] for body in bodies),
+    )

@@ -1,0 +1,149 @@
+"""How well a machine follows its reference under a controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.control.compensation import followed_output
+
+if TYPE_CHECKING:
+    from idloop.control.controller import Controller
+    from idloop.physics.machine import Machine
+    from idloop.physics.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """One run of a closed loop, a row for each sample.
+
+    Attributes
+    ----------
+    time : ndarray (n,)
+        From the first sample on [s].
+    output : ndarray (n, p)
+        Measurements.
+    wanted : ndarray (n, p)
+        What they would be if every body stood where the reference says; NaN for outputs of another kind.
+    command : ndarray (n,)
+        Command after each measurement.
+    names, units : tuple of str
+        Of the outputs.
+    """
+
+    time: Array
+    output: Array
+    wanted: Array
+    command: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+    @property
+    def error(self) -> Array:
+        """Wanted less measured (n, p)."""
+        return self.wanted - self.output
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """Outputs that have something to follow."""
+        return tuple(name for name, column in zip(self.names, self.wanted.T, strict=True) if np.isfinite(column[0]))
+
+    def error_of(self, name: str, settle: float = 0.0) -> TrackingError:
+        """Sizes of the error of an output.
+
+        Parameters
+        ----------
+        name : str
+        settle : float
+            Time at the beginning that does not count [s].
+        """
+        late = self.time >= self.time[0] + settle
+        error = self.error[late, self.names.index(name)]
+        return TrackingError(float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))), float(np.mean(error)))
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """Root of the mean square, largest size, and mean of a tracking error, in the unit of the output."""
+
+    rms: float
+    largest: float
+    mean: float
+
+
+def wanted_outputs(model: Model, values: Mapping[str, Any], reference: Array) -> Array:
+    """Outputs of a machine whose bodies all follow the reference.
+
+    Parameters
+    ----------
+    model : Model
+    values : mapping
+        Controller, from ``check_controller``.
+    reference : ndarray (n, 2)
+        Position and velocity, in the controller's unit.
+
+    Returns
+    -------
+    ndarray (n, p)
+        NaN for outputs of another kind than the one that is controlled.
+    """
+    wanted = np.full((len(reference), len(model.outputs)), np.nan)
+    followed = followed_output(model, values)
+    if followed is None:
+        return wanted
+    column = reference[:, 1 if followed.field == "velocity" else 0] / (values["feedback_gain"] * followed.scale)
+    for j, output in enumerate(model.outputs):
+        if output.field == followed.field:
+            wanted[:, j] = output.scale * column
+    return wanted
+
+
+def track(
+    machine: Machine,
+    controller: Controller,
+    reference: Array,
+    progress: Callable[[float], object] | None = None,
+) -> Tracking:
+    """Run a machine under a controller, as the nodes do in lock-step.
+
+    Parameters
+    ----------
+    machine : Machine
+        At its start.
+    controller : Controller
+        Steps at each measurement; reset before the first.
+    reference : ndarray (n, 2)
+        Position and velocity, one row for each period of the controller.
+    progress : callable, optional
+        Is told the share of the work that is done.
+
+    Returns
+    -------
+    Tracking
+    """
+    model, period = machine.model, controller.sample_time
+    columns = [model.output_names.index(name) for name in controller.inputs]
+    output = np.empty((len(reference), len(model.outputs)))
+    command = np.empty(len(reference))
+    controller.reset()
+    for k, (position, velocity) in enumerate(reference.tolist()):
+        output[k] = machine.measure()
+        command[k] = controller.step(position, velocity, output[k, columns])
+        machine.step(float(command[k]), (k + 1) * period)
+        if progress is not None and k % 1000 == 0:
+            progress(k / len(reference))
+    values = {"type": controller.kind, **controller.parameters}
+    return Tracking(
+        np.arange(len(reference), dtype=np.float64) * period,
+        output,
+        wanted_outputs(model, values, reference),
+        command,
+        model.output_names,
+        tuple(one.unit for one in model.outputs),
+    )

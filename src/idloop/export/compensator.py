@@ -1,0 +1,72 @@
+"""A compensator as a model file: what the controller node reads, with only the effects that it cancels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from idloop.control.check import check_controller
+from idloop.control.compensation import Compensation, plan_compensation
+from idloop.control.compensation_settings import choose_settings
+from idloop.errors import InputError
+from idloop.export.exported import Exported, file_name
+from idloop.export.left_out import comment_lines
+from idloop.physics.model import Model
+
+NOTES = (
+    "Controller node: parameters model and compensation, both the path of this file.",
+    "idloop compensate shows what it gains.",
+)
+
+
+def export(model: Model) -> Exported:
+    """Write what the model's own controller cancels.
+
+    Parameters
+    ----------
+    model : Model
+        The machine as a fit has found it.
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    InputError
+        The model names no controller.
+    """
+    if model.controller is None:
+        raise InputError(f"model {model.name} names no controller that could cancel anything: add one to its file")
+    return export_compensation(Compensation(model))
+
+
+def export_compensation(compensation: Compensation) -> Exported:
+    """Write a compensation whose model names the controller.
+
+    Parameters
+    ----------
+    compensation : Compensation
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    InputError
+        What is to be cancelled cannot be.
+    """
+    model = compensation.model
+    values = check_controller(model.controller)
+    plan = plan_compensation(compensation, values)
+    settings = choose_settings(compensation, plan, values)
+    kept = model
+    for name in plan.left:
+        kept = kept.without_effect(name)
+    numbers = [f"compensation_{key}: {value:.6g}" for key, value in vars(settings).items() if 0.0 < value < math.inf]
+    left_out = tuple(f"{name}: {reason}" for name, reason in plan.left.items())
+    notes = (*NOTES, "Without other parameters the node works with:", *numbers)
+    head = comment_lines(model, "Compensator", notes, left_out)
+    text = "".join(f"# {line}\n" for line in head) + replace(kept, folder=None).to_yaml()
+    return Exported("compensator", file_name(model.name, ".compensator.yaml"), text, left_out)
