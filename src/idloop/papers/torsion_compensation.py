@@ -165,9 +165,9 @@ def currents(levels: Array, *, compensated: bool) -> Array:
         # Friction would hide what the current is.
         if not name.startswith("input_offset"):
             machine = machine.without_effect(name)
-    section = thesis.controller("pd", compensated=compensated)
-    block = section["linearisation"]
-    alone = build_controller({"type": "none", "sample_time": thesis.MEASURED_EVERY, "linearisation": block})
+    section = {key: thesis.controller()[key] for key in ("sample_time", "linearisation")}
+    compensation = thesis.offset_compensation(machine) if compensated else None
+    alone = build_controller({"type": "none", **section}, compensation=compensation)
     engine = Engine(machine)
     found = []
     # Short against every resonance: the motor alone accelerates.

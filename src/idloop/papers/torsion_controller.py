@@ -209,8 +209,8 @@ def reproduce(seed: int, progress: Progress, length: float = LENGTH) -> TorsionC
         PID: thesis.controller("pid", limit=thesis.LIMIT),
         PD: thesis.controller("pd", limit=thesis.LIMIT),
         NO_DERIVATIVE: {**thesis.controller("pid", limit=thesis.LIMIT), "kd": 0.0},
-        PID_BARE: thesis.controller("pid", compensated=False, limit=thesis.LIMIT),
-        PD_BARE: thesis.controller("pd", compensated=False, limit=thesis.LIMIT),
+        PID_BARE: thesis.controller("pid", limit=thesis.LIMIT),
+        PD_BARE: thesis.controller("pd", limit=thesis.LIMIT),
     }
     prbs = thesis.reference(thesis.CHOSEN, seed + 1, min(length, 20.0))
     steps: dict[str, StepOfLoop] = {}
@@ -218,6 +218,6 @@ def reproduce(seed: int, progress: Progress, length: float = LENGTH) -> TorsionC
     for index, (name, section) in enumerate(sections.items()):
         progress(0.2 + 0.8 * index / len(sections), name)
         for kept, path in ((steps, step), (driven, prbs)):
-            record = thesis.in_loop(machine, section, path)
+            record = thesis.in_loop(machine, section, path, compensated=name not in (PID_BARE, PD_BARE))
             kept[name] = StepOfLoop(name, record.time, np.degrees(record.output[:, 0]), record.input)
     return TorsionControllers(law_error, steps, driven)

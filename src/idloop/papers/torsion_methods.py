@@ -146,8 +146,9 @@ def laboratory(setting: thesis.Setting, seed: int, length: float = thesis.LENGTH
 
     The compensated law is the motor's current, limited; without compensation the current has the offset as well.
     """
-    section = thesis.controller(setting.controller, compensated=setting.compensated, limit=thesis.LIMIT)
-    record = thesis.in_loop(thesis.machine(), section, thesis.reference(setting, seed, length))
+    section = thesis.controller(setting.controller, limit=thesis.LIMIT)
+    wanted = thesis.reference(setting, seed, length)
+    record = thesis.in_loop(thesis.machine(), section, wanted, compensated=setting.compensated)
     offset = thesis.CURRENT_OFFSET if setting.compensated else 0.0
     return replace(record, input=thesis.CURRENT_GAIN * record.input + offset, input_unit="A")
 

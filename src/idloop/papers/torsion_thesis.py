@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     import control
+    from idloop.control.compensation import Compensation
     from idloop.estimate.sampled import SampledData
     from idloop.physics import Model
     from idloop.records import Record
@@ -134,9 +135,7 @@ def machine() -> Model:
     )  # fmt: skip
 
 
-def controller(
-    kind: str = "pid", *, current: bool = True, compensated: bool = True, limit: float | None = None
-) -> dict[str, Any]:
+def controller(kind: str = "pid", *, current: bool = True, limit: float | None = None) -> dict[str, Any]:
     """Section of the controller at the motor's angle (eq. 4.2).
 
     Parameters
@@ -144,9 +143,8 @@ def controller(
     kind : str
         "pid", or "pd" without the integral.
     current : bool
-        Its law is a motor current, put through the inverse of figure 2.3; else it is the plant's own input.
-    compensated : bool
-        That inverse is eq. 4.1; else its gain alone, so that the loop is the same but for the offset.
+        Its law is a motor current, turned into the control signal by the gain of figure 2.3; else it is the plant's own
+        input.
     limit : float, optional
         Of the control signal.
     """
@@ -161,7 +159,7 @@ def controller(
     if kind == "pid":
         section["ki"] = KI
     if current:
-        section["linearisation"] = {"gain": CURRENT_GAIN, "offset": CURRENT_OFFSET if compensated else 0.0}
+        section["linearisation"] = {"gain": CURRENT_GAIN}
     if limit is not None:
         section["limit"] = limit
     return section
@@ -228,7 +226,16 @@ def reference(setting: Setting, seed: int, length: float = LENGTH) -> Array:
     return excitation(setting.signal, np.radians(level * setting.amplitude), BAND * setting.band, seed, length)
 
 
-def in_loop(model: Model, section: Mapping[str, Any], wanted: Array, noise: Array | None = None) -> Record:
+def offset_compensation(model: Model) -> Compensation:
+    """Eq. 4.1 without its gain: the offset alone is cancelled."""
+    from idloop.control.compensation import Compensation
+
+    return Compensation(model, ("input_offset",))
+
+
+def in_loop(
+    model: Model, section: Mapping[str, Any], wanted: Array, noise: Array | None = None, *, compensated: bool = False
+) -> Record:
     """Simulate a closed loop from rest.
 
     Parameters
@@ -240,6 +247,8 @@ def in_loop(model: Model, section: Mapping[str, Any], wanted: Array, noise: Arra
         Reference every millisecond [rad].
     noise : ndarray, shape (n, 4), optional
         Added to the sensors' readings, which the controller sees [rad].
+    compensated : bool
+        Whether eq. 4.1 stands before the plant.
 
     Returns
     -------
@@ -252,7 +261,8 @@ def in_loop(model: Model, section: Mapping[str, Any], wanted: Array, noise: Arra
 
     count = len(wanted)
     time: Array = np.arange(count, dtype=np.float64) * MEASURED_EVERY
-    engine, kernel = Engine(model), build_controller(dict(section)).kernel
+    compensation = offset_compensation(model) if compensated else None
+    engine, kernel = Engine(model), build_controller(dict(section), compensation=compensation).kernel
     rest = np.zeros(len(model.bodies))
     path = np.column_stack([wanted, np.zeros(count)])
     output, command = simulate_closed_loop(
