@@ -214,7 +214,7 @@ def test_load_dependent_friction_counts_what_the_drive_gives(sign):
     law = build_controller(PD)
     for k in range(10):
         command = law.step(sign * 0.01 * k, 0.0, [sign * 0.01 * k])
-    assert one.added == pytest.approx(0.5 + sign * 0.2 * abs(command + 0.5))
+    assert one.added == pytest.approx((command + 0.5) / (1.0 - sign * 0.2 * np.sign(command + 0.5)) - command, rel=1e-4)
 
 
 @pytest.mark.parametrize("reads", ["motor", "load1"])

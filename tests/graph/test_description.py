@@ -108,7 +108,8 @@ def test_files_that_are_not_understood_are_one_line(tmp_path, text, said):
 
 
 def test_an_unknown_graph_lists_those_there_are():
-    with pytest.raises(InputError, match="available: dc_motor, hidden, mujoco, replay, robot, torsion") as caught:
+    names = "dc_motor, hidden, mujoco, replay, robot, torsion, track"
+    with pytest.raises(InputError, match=f"available: {names}") as caught:
         load_graph("torsoin")
     assert "did you mean 'torsion'" in str(caught.value)
 

@@ -14,7 +14,7 @@ from idloop.errors import InputError
 
 def test_without_a_graph_those_there_are_are_listed():
     done = CliRunner().invoke(command, [])
-    assert done.output.split() == ["dc_motor", "hidden", "mujoco", "replay", "robot", "torsion"]
+    assert done.output.split() == ["dc_motor", "hidden", "mujoco", "replay", "robot", "torsion", "track"]
     assert json.loads(CliRunner().invoke(command, ["--json"]).output)["graphs"] == done.output.split()
 
 

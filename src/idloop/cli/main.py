@@ -41,6 +41,8 @@ VERBS: dict[str, Verb] = {
     "workbench": Verb("idloop.cli.workbench", "Look, find what is missing and add it, in a browser."),
     "suggest": Verb("idloop.cli.suggest", "Choose the next experiment, within limits."),
     "report": Verb("idloop.cli.report", "Write a ladder as one HTML page that can be mailed."),
+    "compensate": Verb("idloop.cli.compensate", "Cancel in the controller what was found, and measure the gain."),
+    "monitor": Verb("idloop.cli.monitor", "Watch wear: alarm when friction, play or another effect grows."),
     "export": Verb("idloop.cli.export", "Write a model for URDF, MuJoCo, python-control or ros2_control."),
     "replay": Verb("idloop.cli.replay", "Play a recording into a live estimator."),
     "papers": Verb("idloop.cli.papers", "Redo a row of the source papers and put ours beside theirs."),

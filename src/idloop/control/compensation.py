@@ -42,9 +42,9 @@ class Compensation:
         Most that compensation adds to the command, in its unit; None: half of the controller's limit.
     velocity_width : float or None
         Speed of the reference below which dry friction is cancelled in part, in proportion: its force must not jump
-        when the motion turns round. None: the speed that it gives the whole machine in five periods.
+        when the motion turns round. None: the speed that it gives the whole machine in two periods.
     command_width : float or None
-        Size of a command below which a jump of an inverse is applied in part; None: half of the jump's height.
+        Size of a command below which a jump of an inverse is applied in part; None: a quarter of the jump's height.
     crossing_time : float or None
         Time in which a gap is crossed [s]; None: 20 periods, longer where the limit asks for it.
     """

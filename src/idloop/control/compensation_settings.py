@@ -16,9 +16,11 @@ from idloop.signals.smooth import PEAK_ACCELERATION, PEAK_VELOCITY
 # Share of the controller's limit that compensation may take when nothing else is said.
 SHARE = 0.5
 # Periods in which dry friction would bring the machine to the speed below which it is cancelled in part.
-PERIODS_TO_WIDTH = 5.0
+PERIODS_TO_WIDTH = 2.0
+# Share of the controller's limit that loads a contact whose friction grows with the load.
+LOADED_SHARE = 0.1
 # Part of a jump's height over which it is smoothed.
-JUMP_SMOOTHED = 0.5
+JUMP_SMOOTHED = 0.25
 # Periods in which a gap is crossed, at least; and the share of the limit that the push may take.
 PERIODS_TO_CROSS, PUSH_SHARE = 20.0, 0.5
 
@@ -75,8 +77,7 @@ def choose_settings(compensation: Compensation, plan: Plan, values: Mapping[str,
     gain = abs(model.values["drive.gain"])
     period = float(values["sample_time"])
     inertia, _ = moved(model, model.bodies)
-    # Friction that grows with the load is largest at the controller's limit.
-    dry = friction_sum(plan, gain * most if math.isfinite(most) else 0.0)
+    dry = friction_sum(plan, LOADED_SHARE * gain * most if math.isfinite(most) else 0.0)
     lost, before = lost_way(plan, model)
     crossing = PERIODS_TO_CROSS * period if lost > 0.0 else 0.0
     if lost > 0.0 and math.isfinite(limit):

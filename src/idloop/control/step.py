@@ -91,6 +91,8 @@ AHEAD_RATE = 10
 AHEAD_FORCE = 11
 COMPENSATOR_STATE = 12
 
+# How often friction that depends on the load may add to the load: ratios up to a half to within a hundredth.
+LOADINGS = 8
 # Part of a gap by which the reference has to come back before it counts as turned round.
 TURNED = 0.05
 
@@ -147,10 +149,16 @@ def _force_along_reference(parameters: FloatArray, state: FloatArray, arriving: 
             side = smooth_sign(velocity, parameters[c + VELOCITY_WIDTH])
             if side != 0.0:
                 direction = 1.0 if side > 0.0 else -1.0
-                level = call(
-                    address, direction, abs(velocity), abs(arriving + force), 0.0, state, at, parameters, numbers
-                )
-                force += side * max(level, 0.0)
+                level, last = 0.0, -1.0
+                # Friction of a loaded contact loads it further: its own share goes round until it stays.
+                for _ in range(LOADINGS):
+                    if level == last:
+                        break
+                    last = level
+                    torque = abs(arriving + force + side * last)
+                    found = call(address, direction, abs(velocity), torque, 0.0, state, at, parameters, numbers)
+                    level = max(found, 0.0)
+                force += side * level
         else:
             position = state[s + POSITION] + before * state[s + AHEAD]
             force -= call(

@@ -114,6 +114,12 @@ MUJOCO_PLANT: Table = (
     *_MACHINE,
 )
 
+
+def _compensation(name: str, text: str, unit: str = "") -> P:
+    """A number of the compensator, chosen by itself where it is not set."""
+    return P(f"compensation_{name}", "float", None, text, unit=unit, minimum=0.0, exclusive=True, read_only=True)
+
+
 CONTROLLER: Table = (
     *COMMON,
     AUTOSTART,
@@ -125,6 +131,32 @@ CONTROLLER: Table = (
         "Controller as YAML flow text, for instance {type: pid, kp: 8.4, ...}; empty takes the model's.",
         read_only=True,
     ),
+    P(
+        "compensation",
+        "str",
+        "",
+        "Model of the machine, as a fit or `idloop compensate --output` has written it, whose effects are cancelled "
+        "beside the controller's law; empty: none.",
+        read_only=True,
+    ),
+    P(
+        "compensation_effects",
+        "strs",
+        (),
+        "Effects of it that are cancelled: name or name@site; none: all that can be.",
+        read_only=True,
+    ),
+    _compensation("limit", "Most that compensation adds to the command; not set: half of the controller's limit."),
+    _compensation(
+        "velocity_width",
+        "Speed of the reference below which dry friction is cancelled in part; not set: what it gives the machine in "
+        "two periods.",
+    ),
+    _compensation(
+        "command_width",
+        "Command below which a dead zone is crossed in part; not set: a quarter of its width.",
+    ),
+    _compensation("crossing_time", "Time in which a gap is crossed; not set: from 20 periods on.", unit="s"),
     P("use_reference", "bool", True, "Wait for and follow `reference`.", read_only=True),
     P("use_excitation", "bool", False, "Wait for and add `excitation`.", read_only=True),
     P("watchdog", "float", 0.05, "Real time: zero command after this silence.", unit="s", minimum=1e-3),

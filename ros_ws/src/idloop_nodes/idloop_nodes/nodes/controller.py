@@ -8,6 +8,7 @@ import time
 from typing import Any
 
 from idloop.control import build_controller
+from idloop.control.compensation import Compensation
 from idloop.errors import InputError
 from idloop.physics import Model, load_model
 from idloop_nodes.base import ManagedNode, PolledStream
@@ -37,7 +38,8 @@ class ControllerNode(ManagedNode):
         values = self.parameters
         model = load_model(values["model"])
         self._period_ns = round(values["sample_time"] * SECOND)
-        self._controller = build_controller(self._specification(model))
+        self._controller = build_controller(self._specification(model), compensation=self._compensation())
+        self._say_compensation()
         known = {f"{joint}.{field}": (joint, field) for joint, field in output_columns(model)}
         missing = [name for name in self._controller.inputs if name not in known]
         if missing:
@@ -92,6 +94,27 @@ class ControllerNode(ManagedNode):
             if not isinstance(section, dict):
                 raise InputError(f"controller: {text!r} is no mapping such as {{type: pid, kp: 1.0}}")
         return {"sample_time": self.parameters["sample_time"], **section}
+
+    def _compensation(self) -> Compensation | None:
+        values = self.parameters
+        if not values["compensation"]:
+            return None
+        numbers = {
+            name: values[f"compensation_{name}"]
+            for name in ("limit", "velocity_width", "command_width", "crossing_time")
+        }
+        return Compensation(load_model(values["compensation"]), tuple(values["compensation_effects"]), **numbers)
+
+    def _cancelled(self) -> str:
+        plan = self._controller.plan
+        return ", ".join(one.active.name for one in plan.cancelled) if plan is not None else ""
+
+    def _say_compensation(self) -> None:
+        plan = self._controller.plan
+        if plan is not None:
+            self.get_logger().info(f"cancels {self._cancelled() or 'nothing'}")
+            for name, reason in plan.left.items():
+                self.get_logger().info(f"does not cancel {name}: {reason}")
 
     def _input(
         self, topic: str, held: HeldStream, fields: tuple[str, ...], used: bool
@@ -255,6 +278,7 @@ class ControllerNode(ManagedNode):
             "real_time_priority": str(self._urgent).lower(),
             "clock_jumps": str(self._jumps),
             "unreadable": str(self._unreadable),
+            "cancels": self._cancelled(),
         }
         bad = self._deadlines.missed + self._silences + self._jumps + self._unreadable
         level = Level.WARN if bad else Level.OK

@@ -1,0 +1,54 @@
+"""Figure: a reference followed without and with compensation: motion, error and command, below each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from idloop import drawing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from idloop.control.tracking import Tracking
+
+
+def plot_tracking(without: Tracking, compensated: Tracking, output: str, input_name: str, input_unit: str) -> Figure:
+    """Draw the figure.
+
+    Parameters
+    ----------
+    without, compensated : Tracking
+    output : str
+        The output to show.
+    input_name, input_unit : str
+        Of the command.
+
+    Returns
+    -------
+    matplotlib Figure
+        For `idloop.drawing.save`.
+    """
+    column = without.names.index(output)
+    unit = without.units[column]
+    runs = (("without compensation", without, 1), ("with compensation", compensated, 0))
+    with drawing.styled():
+        figure, grid = drawing.new_figure(3, heights=(1.8, 1.8, 1.6))
+        motion, error, command = grid[:, 0]
+        drawing.line(motion, without.time, without.wanted[:, column], color=drawing.COMMAND, label="reference")
+        for words, run, look in runs:
+            style = drawing.model_look(look)
+            drawing.line(motion, run.time, run.output[:, column], label=words, **style)
+            size = run.error_of(output).rms
+            drawing.line(error, run.time, run.error[:, column], label=f"{words}: rms {size:.3g} {unit}", **style)
+            drawing.steps(command, run.time, run.command, **style)
+        error.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
+        largest = float(np.max(np.abs(without.error[:, column]))) or 1.0
+        error.set_ylim(-1.25 * largest, 1.6 * largest)
+        motion.set_ylabel(drawing.label(output, unit))
+        error.set_ylabel(drawing.label("error", unit))
+        command.set(xlabel=drawing.label("time", "s"), ylabel=drawing.label(input_name, input_unit))
+        motion.legend(loc="upper right", ncols=3)
+        error.legend(loc="upper right", ncols=2)
+    return figure
