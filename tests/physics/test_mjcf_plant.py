@@ -127,11 +127,15 @@ def test_a_file_that_is_not_there_and_a_command_that_is_none_are_refused(tmp_pat
         plant_of(tmp_path).step(math.nan, STEP)
 
 
-def test_a_simulation_that_blows_up_is_said(tmp_path):
+def test_a_simulation_that_blows_up_is_said_and_leaves_no_file(tmp_path, monkeypatch):
     plant = plant_of(tmp_path, more='stiffness="1e9"', step=0.01)
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
     plant.schedule(0.0, 1.0)
     with pytest.raises(InputError, match="unstable"):
         plant.advance(10.0)
+    assert not list(here.iterdir())
 
 
 MODEL = """

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import FAN, LONG_MEMORY, Refit, refit, refit_or_none
-from idloop.diagnose.screen import Screened, Trace, workers
+from idloop.diagnose.screen import Screened, Trace
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.unevenness import unevenness
 from idloop.errors import IdloopError
@@ -174,15 +174,12 @@ def search(
         The choices with their refits, in order of falling gain, without those that cannot be simulated.
     """
 
-    # An error state does not travel into the threads of a pool.
-    @np.errstate(all="ignore")
     def one(choice: _Choice) -> Confirmed | None:
         try:
             return begin(choice)
         except (IdloopError, np.linalg.LinAlgError):
             return None
 
-    @np.errstate(all="ignore")
     def finish(begun: tuple[_Choice, Confirmed]) -> tuple[_Choice, Confirmed]:
         choice, first = begun
         fit = refit_or_none(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS, calm=True)
@@ -191,22 +188,21 @@ def search(
         return choice, first.refitted(fit, parent)
 
     found: list[tuple[_Choice, Confirmed]] = []
-    with ThreadPoolExecutor(workers()) as pool:
-        for i, (choice, confirmed) in enumerate(zip(chosen, pool.map(one, chosen), strict=True)):
-            if confirmed is not None:
-                found.append((choice, confirmed))
-            report((i + 1) / len(chosen), choice)
-        found.sort(key=_falling_gain)
-        if found:
-            most = found[0][1].gain
-            bar = min(WORTH_FINISHING * most, most - CLEARLY_WORSE)
-            front: list[tuple[_Choice, Confirmed]] = []
-            rest: list[tuple[_Choice, Confirmed]] = []
-            for begun in found:
-                worth = begun[1].gain >= bar and (matters is None or matters(begun[1]))
-                (front if worth else rest).append(begun)
-            found = sorted([*pool.map(finish, front), *rest], key=_falling_gain)
-    return found
+    for i, (choice, confirmed) in enumerate(zip(chosen, in_parallel(one, chosen), strict=True)):
+        if confirmed is not None:
+            found.append((choice, confirmed))
+        report((i + 1) / len(chosen), choice)
+    if not found:
+        return found
+    found.sort(key=_falling_gain)
+    most = found[0][1].gain
+    bar = min(WORTH_FINISHING * most, most - CLEARLY_WORSE)
+    front: list[tuple[_Choice, Confirmed]] = []
+    rest: list[tuple[_Choice, Confirmed]] = []
+    for begun in found:
+        worth = begun[1].gain >= bar and (matters is None or matters(begun[1]))
+        (front if worth else rest).append(begun)
+    return sorted([*in_parallel(finish, front), *rest], key=_falling_gain)
 
 
 def _falling_gain(found: tuple[_Choice, Confirmed]) -> float:
@@ -285,7 +281,6 @@ def confirm_behind_noise(
     except (IdloopError, np.linalg.LinAlgError):
         return []
 
-    @np.errstate(all="ignore")
     def rough(one: Screened) -> Refit | None:
         models = [one.proposal.model(trace.trials[0]) for trace in one.traces]
         if not models:
@@ -298,12 +293,11 @@ def confirm_behind_noise(
             return None
 
     found: list[tuple[Screened, Refit]] = []
-    with ThreadPoolExecutor(workers()) as pool:
-        for i, (one, fit) in enumerate(zip(screened, pool.map(rough, screened), strict=True)):
-            if fit is not None and fit.log_likelihood > bare.log_likelihood:
-                found.append((one, fit))
-            if report is not None:
-                report(0.5 * (i + 1) / len(screened), one.proposal.name)
+    for i, (one, fit) in enumerate(zip(screened, in_parallel(rough, screened), strict=True)):
+        if fit is not None and fit.log_likelihood > bare.log_likelihood:
+            found.append((one, fit))
+        if report is not None:
+            report(0.5 * (i + 1) / len(screened), one.proposal.name)
     found.sort(key=lambda pair: -pair[1].log_likelihood)
 
     def begin(pair: tuple[Screened, Refit]) -> Confirmed:

@@ -25,6 +25,7 @@ from idloop.diagnose.pairs import (
     single_share,
     tied_members,
 )
+from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screen, Screened
@@ -437,8 +438,13 @@ def _same_footing(
                 parent, lifted = again, True
                 confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
     if lifted:
-        worth = [c.statistic > max(threshold, 2.0 * c.gain) for c in confirmed]
-        confirmed = [_beside(setting, parent, c) if again else c for c, again in zip(confirmed, worth, strict=True)]
+        lifted_parent = parent
+        confirmed = list(
+            in_parallel(
+                lambda c: _beside(setting, lifted_parent, c) if c.statistic > max(threshold, 2.0 * c.gain) else c,
+                confirmed,
+            )
+        )
     return parent, confirmed
 
 
@@ -456,7 +462,9 @@ def _beside_the_best_noise(setting: Setting, parent: Refit, confirmed: list[Conf
     forgets = isinstance(own, InnovationCriterion) and own.memory < LONG_MEMORY <= parent.criterion.memory
     if not best.proposal.effect.slow or not forgets:
         return confirmed
-    return [c if c.proposal.effect.slow else _beside(setting, parent, c, best.fit) for c in confirmed]
+    return list(
+        in_parallel(lambda c: c if c.proposal.effect.slow else _beside(setting, parent, c, best.fit), confirmed)
+    )
 
 
 def _beside(setting: Setting, parent: Refit, confirmed: Confirmed, noise: Refit | None = None) -> Confirmed:

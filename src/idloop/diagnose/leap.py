@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,9 +21,10 @@ from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.confirm import MORE_ROUNDS, USUAL_REFITS, Confirmed, starts
 from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, explained, holds
 from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import Refit, refit_or_none
-from idloop.diagnose.screen import Screen, Screened, workers
+from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
 from idloop.physics.model import Model
@@ -189,16 +189,13 @@ def _ends(
     After a first round only the best few are carried on, where there is a number of those.
     """
 
-    # An error state does not travel into the threads of a pool.
-    @np.errstate(all="ignore")
     def search(values: Mapping[str, float], begun: Refit | None = None) -> Refit | None:
         theta = np.array([values.get(name, model.values[name]) for name in model.free])
         rounds = 1 if begun is None else MORE_ROUNDS
         return refit_or_none(setting, model, [theta], begun or beside, rounds=rounds) or begun
 
-    with ThreadPoolExecutor(workers()) as pool:
-        begun = _best_first(pool.map(search, choices))[:most]
-        return _best_first(pool.map(lambda fit: search(fit.model.values, fit), begun))
+    begun = _best_first(in_parallel(search, choices))[:most]
+    return _best_first(in_parallel(lambda fit: search(fit.model.values, fit), begun))
 
 
 def _best_first(fits: Iterable[Refit | None]) -> list[Refit]:

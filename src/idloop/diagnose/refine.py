@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.lattice import quantised
 from idloop.diagnose.leap import leap
+from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
@@ -194,7 +196,7 @@ class _Climb:
             if step.added is None or step.added.name not in parent.model.effect_names or step.chosen_by == "user":
                 continue
             smaller = parent.model.without_effect(step.added.name)
-            tries = [refit_or_none(setting, smaller, None, beside) for beside in (parent, None)]
+            tries = in_parallel(partial(refit_or_none, setting, smaller, None), (parent, None))
             without = max((fit for fit in tries if fit is not None), key=lambda fit: fit.log_likelihood, default=None)
             if without is None or parent.log_likelihood - without.log_likelihood >= _NEEDLESS:
                 continue

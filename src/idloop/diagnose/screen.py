@@ -8,14 +8,13 @@ errors (Rao's score test; Ljung, System Identification, 2nd ed., section 16.4).
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import Refit, residual_or_infinite
 from idloop.diagnose.scales import Sizes
@@ -196,13 +195,12 @@ class Screen:
         return trace, share
 
     def all(self, proposals: Sequence[Proposal], report: Callable[[float, str], None] | None = None) -> list[Screened]:
-        """Screen many proposals, two cores at a time."""
+        """Screen many proposals on all cores."""
         found = []
-        with ThreadPoolExecutor(workers()) as pool:
-            for i, screened in enumerate(pool.map(self, proposals)):
-                found.append(screened)
-                if report is not None:
-                    report((i + 1) / len(proposals), screened.proposal.name)
+        for i, screened in enumerate(in_parallel(self, proposals)):
+            found.append(screened)
+            if report is not None:
+                report((i + 1) / len(proposals), screened.proposal.name)
         return found
 
     def moved(self, proposal: Proposal, trial: Trial) -> Array | None:
@@ -300,9 +298,3 @@ def _weakest(proposal: Proposal, scales: Scales) -> list[list[Trial]]:
         if rival is None or abs(trials[0].get(strength, 0.0)) < abs(rival[0].get(strength, 0.0)):
             found[shape] = trials
     return list(found.values())
-
-
-def workers() -> int:
-    """Threads that work on refits at once: one for each core that this process may use."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(min(cores, 8), 1)

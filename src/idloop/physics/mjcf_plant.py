@@ -60,6 +60,8 @@ class MjcfPlant:
         except ImportError as error:
             raise InputError("MuJoCo is not installed: pip install mujoco") from error
         self._mujoco: Any = mujoco
+        # What goes wrong is raised here; MuJoCo would write a log file wherever the process happens to stand.
+        mujoco.set_mju_user_warning(lambda text: None)
         self.model = model
         self._file = file
         if not file.is_file():
