@@ -1,0 +1,190 @@
+"""How long a CUSUM runs until it alarms, falsely or rightly, and the threshold for a wanted rate.
+
+Page's test adds up log-likelihood ratios of a growth against none and starts again whenever the sum falls below 0
+(Page, Biometrika 41, 1954; Basseville and Nikiforov, Detection of Abrupt Changes, 1993, ch. 5). Its average run
+length is that of a Brownian motion with the drift and variance of the ratios, the overshoot over the threshold
+taken into account (Siegmund, Sequential Analysis, 1985, ch. 2).
+
+Offset and variance of the ratios come from a healthy reference of finite length. A threshold that took them for
+exact would promise too much, most of all where the promise is a rare event: the rate is averaged over what they
+may be (Jones, Champ and Rigdon, J. Quality Technology 36, 2004, on the CUSUM with estimated parameters).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from idloop.errors import IdloopError
+
+Array = NDArray[np.float64]
+
+# Mean excess of a Gaussian walk over a boundary, in standard deviations of a step, at both boundaries of the test.
+_OVERSHOOT = 2.0 * 0.5826
+_LEAST_THRESHOLD = 3.0
+# A block adds no more than the threshold over this: one knock against the machine is no wear.
+FEWEST_BLOCKS = 2.5
+_NODES = 41
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a healthy reference says about one watch.
+
+    Attributes
+    ----------
+    ratio : float
+        Mean log-likelihood ratio that a telling block takes from a healthy machine's sum, positive: half the squared
+        growth times the block's information.
+    telling : float
+        Share of the blocks that tell anything, in (0, 1].
+    blocks : float
+        Telling blocks of the reference.
+    """
+
+    ratio: float
+    telling: float
+    blocks: float
+
+    @property
+    def offset_stderr(self) -> float:
+        """Standard error of the reference's own offset, in units of the watched growth."""
+        return float(1.0 / np.sqrt(2.0 * self.ratio * self.blocks))
+
+
+def run_length(threshold: ArrayLike, drift: ArrayLike, variance: ArrayLike) -> Array:
+    """Average number of blocks until a CUSUM that starts at 0 crosses the threshold.
+
+    Parameters
+    ----------
+    threshold : array_like
+        Positive.
+    drift : array_like
+        Mean of a block's ratio; negative for a healthy machine.
+    variance : array_like
+        Its variance, positive.
+
+    Returns
+    -------
+    array
+        Of the common shape; infinite where a number would overflow.
+    """
+    step = np.sqrt(np.asarray(variance, dtype=float))
+    barrier = np.asarray(threshold, dtype=float) / step + _OVERSHOOT
+    slope = np.asarray(drift, dtype=float) / step
+    slope = np.where(np.abs(slope) < 1e-9, 1e-9, slope)
+    x = -2.0 * slope * barrier
+    # (e^x - x - 1) / (2 slope²); its series where the difference would be rounding only.
+    small = np.abs(x) < 1e-4
+    with np.errstate(over="ignore"):
+        value = np.where(small, 0.5 * x**2 * (1.0 + x / 3.0), np.expm1(x) - x)
+    return np.asarray(np.maximum(value / (2.0 * slope**2), 1.0))
+
+
+def false_alarm_rate(threshold: float, evidence: Evidence) -> float:
+    """False alarms per block, averaged over what the reference leaves open.
+
+    Parameters
+    ----------
+    threshold : float
+    evidence : Evidence
+
+    Returns
+    -------
+    float
+    """
+    from scipy.stats import chi2
+
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+    shares = (np.arange(_NODES) + 0.5) / _NODES
+    # Long-run variance against its estimate: the estimate is chi-square with about so many degrees of freedom.
+    freedom = max(evidence.blocks - 1.0, 1.0)
+    wider = freedom / chi2.ppf(shares, freedom)
+    offset = nodes[:, None] * evidence.offset_stderr * np.sqrt(wider)
+    drift = -evidence.ratio * (1.0 - 2.0 * offset)
+    rate = 1.0 / run_length(threshold, drift, 2.0 * evidence.ratio * wider)
+    return float(evidence.telling * (weights / np.sum(weights)) @ np.mean(rate, axis=1))
+
+
+def find_threshold(blocks: float, evidence: Evidence) -> float:
+    """Threshold at which one false alarm comes in so many blocks, on average over machines and references.
+
+    Parameters
+    ----------
+    blocks : float
+        Blocks of running between two false alarms.
+    evidence : Evidence
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    IdloopError
+        The reference is too short: no threshold can promise it.
+    """
+    # However plainly a block speaks: below the least threshold a slight error of the model would alarm.
+    low, high = _LEAST_THRESHOLD, _most(blocks)
+    if false_alarm_rate(high, evidence) > 1.0 / blocks:
+        raise IdloopError("the reference is too short to promise so few false alarms")
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        if false_alarm_rate(middle, evidence) > 1.0 / blocks:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def needed_reference(blocks: float, evidence: Evidence) -> float:
+    """How many times as long the reference would have to be for the promise to be kept at a sensible threshold.
+
+    Parameters
+    ----------
+    blocks : float
+        Blocks of running between two false alarms.
+    evidence : Evidence
+
+    Returns
+    -------
+    float
+        1 where it is long enough.
+    """
+    factor = 1.0
+    while factor < 1e6:
+        longer = Evidence(evidence.ratio, evidence.telling, evidence.blocks * factor)
+        if false_alarm_rate(_most(blocks), longer) <= 1.0 / blocks:
+            return factor
+        factor *= 1.25
+    return factor
+
+
+def _most(blocks: float) -> float:
+    """Twice the threshold that suits a reference without end: beyond it the delay is worse than a longer reference."""
+    return 2.0 * float(np.log(max(blocks, 1.0))) + 2.0 * _LEAST_THRESHOLD
+
+
+def detection_delay(threshold: float, evidence: Evidence, growth: float = 1.0) -> float:
+    """Average number of blocks, idle ones included, from a sudden growth to its alarm.
+
+    Parameters
+    ----------
+    threshold : float
+    evidence : Evidence
+        Of the data in which it is to be noticed.
+    growth : float
+        In units of the watched growth.
+
+    Returns
+    -------
+    float
+        Infinite for a growth of half the watched one or less, which the test takes for none.
+    """
+    drift = evidence.ratio * (2.0 * growth - 1.0)
+    if drift <= 0.0:
+        return float("inf")
+    blocks = max(float(run_length(threshold, drift, 2.0 * evidence.ratio)), np.ceil(FEWEST_BLOCKS))
+    return float(blocks) / evidence.telling

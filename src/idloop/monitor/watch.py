@@ -1,0 +1,174 @@
+"""What is watched: a parameter of the model and the growth that should not go unnoticed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from idloop.errors import InputError
+from idloop.physics.effect import BODY, COUPLING
+from idloop.spelling import did_you_mean_or_known, listed
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+
+# Growth that a watch looks for where none is stated, as a share of the parameter's value.
+USUAL_GROWTH = 0.2
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A parameter and the change that is to be noticed.
+
+    Attributes
+    ----------
+    parameter : str
+        Name in the model, such as ``coulomb_friction@motor.level``.
+    value : float
+        Its value in the model [unit].
+    growth : float
+        Change that is to be noticed [unit], not 0; negative where wear makes it fall, as a stiffness.
+    unit : str
+        Unit of the parameter.
+    """
+
+    parameter: str
+    value: float
+    growth: float
+    unit: str
+
+
+def parse_watch(model: Model, text: str) -> Watch:
+    """Watch of a model from text.
+
+    Parameters
+    ----------
+    model : Model
+    text : str
+        ``EFFECT@SITE`` (its only or first parameter), ``EFFECT@SITE.PARAMETER`` or ``BODY.viscous_friction``; then,
+        if wanted, ``=20%`` or ``=0.02``, the growth as a share of the value or in the parameter's unit.
+
+    Returns
+    -------
+    Watch
+
+    Raises
+    ------
+    InputError
+        The model has no such parameter, the growth is no number or 0, or it leads out of the parameter's bounds.
+    """
+    name, equals, amount = (part.strip() for part in text.partition("="))
+    parameter = model.parameter(_full_name(model, name))
+    growth = _growth(text, amount if equals else f"{100 * USUAL_GROWTH:g}%", parameter.value)
+    if growth == 0.0:
+        raise InputError(
+            f"watch {text}: {parameter.name} is {parameter.value:g} {parameter.unit} in the model; say the growth in "
+            f"{parameter.unit}, as in {parameter.name}=0.01"
+        )
+    if not parameter.min <= parameter.value + growth <= parameter.max:
+        raise InputError(
+            f"watch {text}: {parameter.name} would be {parameter.value + growth:g}, outside {parameter.min:g} .. "
+            f"{parameter.max:g} {parameter.unit}"
+        )
+    return Watch(parameter.name, parameter.value, growth, parameter.unit)
+
+
+def choose_watches(model: Model, texts: Sequence[str]) -> tuple[Watch, ...]:
+    """Watches from text; without any, dry friction and the couplings' effects that the model has.
+
+    Parameters
+    ----------
+    model : Model
+    texts : sequence of str
+        As `parse_watch` reads them.
+
+    Returns
+    -------
+    tuple of Watch
+
+    Raises
+    ------
+    InputError
+        As `parse_watch`; a parameter is named twice, or there is nothing to watch.
+    """
+    found = [parse_watch(model, text) for text in texts or _worn(model)]
+    names = [watch.parameter for watch in found]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"watch {twice[0]}: named twice")
+    if not found:
+        raise InputError(
+            f"model {model.name} has no friction and no play to watch: add an effect to the model, or name a "
+            f"parameter, one of {listed(model.values)}"
+        )
+    return tuple(found)
+
+
+def may_vary(model: Model, watches: Sequence[Watch], more: Iterable[str] = ()) -> tuple[str, ...]:
+    """Parameters that may change without being wear: viscous friction, which follows the temperature, and others.
+
+    Parameters
+    ----------
+    model : Model
+    watches : sequence of Watch
+        They are not among the answer.
+    more : iterable of str
+        Further parameters of the model.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    InputError
+        The model has no such parameter.
+    """
+    viscous = [p.name for p in model.parameters if _is_viscous(p.name) and p.value > 0.0]
+    watched = {watch.parameter for watch in watches}
+    further = [model.parameter(name).name for name in more]
+    return tuple(dict.fromkeys(name for name in (*viscous, *further) if name not in watched))
+
+
+def _is_viscous(name: str) -> bool:
+    return name.endswith(".viscous_friction") or name.startswith("viscous_friction@")
+
+
+def _full_name(model: Model, name: str) -> str:
+    """Name of a parameter; an effect alone stands for its first one."""
+    for active in model.effects:
+        if active.name == name:
+            return f"{name}.{active.effect.parameters[0].name}"
+    if name not in model.values:
+        known = [p.name for p in model.parameters]
+        effect = name.partition(".")[0]
+        if "@" in effect and effect not in model.effect_names:
+            raise InputError(
+                f"watch {name}: model {model.name} has no effect {effect}"
+                f"{did_you_mean_or_known(effect, model.effect_names)}; add it with --effect '{effect}(...)'"
+            )
+        raise InputError(f"watch {name}: model {model.name} has no such parameter{did_you_mean_or_known(name, known)}")
+    return name
+
+
+def _growth(text: str, amount: str, value: float) -> float:
+    try:
+        growth = float(amount.removesuffix("%"))
+    except ValueError:
+        raise InputError(f"watch {text}: the growth {amount!r} is no number; write 20% or 0.02") from None
+    if not np.isfinite(growth):
+        raise InputError(f"watch {text}: the growth must be finite")
+    return abs(value) * growth / 100.0 if amount.endswith("%") else growth
+
+
+def _worn(model: Model) -> list[str]:
+    """First parameters of dry frictions and of what sits in couplings, where the model has them."""
+    return [
+        active.name
+        for active in model.effects
+        if (active.effect.site == BODY and active.effect.friction is not None) or active.effect.site == COUPLING
+        if model.values[f"{active.name}.{active.effect.parameters[0].name}"] != 0.0
+    ]
