@@ -247,7 +247,7 @@ def test_noise_on_a_resting_reference_does_not_cross_the_gap():
     model = load_model("torsion").with_effects(["backlash@motor-load1(gap=0.02)"])
     spec = {"type": "p", "output": "load1.position", "kp": 1.0, "limit": 2.0, "sample_time": 0.001}
     one = build_controller(spec, compensation=Compensation(model))
-    noise = 0.0004 * np.random.default_rng(0).uniform(-1.0, 1.0, 500)
+    noise = 0.00008 * np.random.default_rng(0).uniform(-1.0, 1.0, 500)
     assert np.all(along(one, noise) == 0.0)
 
 

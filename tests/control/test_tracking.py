@@ -92,3 +92,17 @@ def test_a_run_begins_anew_with_the_controller():
     assert np.array_equal(first.output, again.output)
     assert np.array_equal(first.command, again.command)
     assert first.followed == ("axis.position",)
+
+
+def test_a_push_across_a_play_brings_the_reading_back_at_once():
+    machine = load_model("axis").with_effects(
+        ["backlash@position[axis](gap=0.05)", "coulomb_friction@axis(level=0.05)"]
+    )
+    section = {"type": "pid", "output": "axis.position", "kp": 4.0, "ki": 4.0, "kd": 0.2, "derivative_filter": 0.01,
+               "velocity_feedforward": 0.2, "limit": 5.0, "sample_time": 0.001}  # fmt: skip
+    largest = {}
+    for effects in (("coulomb_friction",), ()):
+        known = build_controller(section, compensation=Compensation(machine, effects))
+        run = track(Plant(machine, noise=False), known, moves(0.3, cycles=2.0))
+        largest[effects] = run.error_of("axis.position", 1.0).largest
+    assert largest[()] < 0.5 * largest[("coulomb_friction",)]

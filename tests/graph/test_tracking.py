@@ -44,6 +44,7 @@ def test_four_nodes_follow_a_signal_with_what_is_to_be_cancelled(tmp_path):
     signal = parameters(graph, "excitation")
     wanted = {"signal": "smooth", "smooth.points": [1.0, -1.0], "amplitude": 0.5, "duration": 4.0, "joint": "axis"}
     assert wanted.items() <= signal.items()
+    assert "smooth.dwell" not in signal, "the simulation has the signal's own default"
     law = parameters(graph, "controller")
     assert yaml.safe_load(law["controller"]) == LAW
     assert law["sample_time"] == 0.002

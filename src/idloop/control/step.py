@@ -94,7 +94,7 @@ COMPENSATOR_STATE = 12
 # How often friction that depends on the load may add to the load: ratios up to a half to within a hundredth.
 LOADINGS = 8
 # Part of a gap by which the reference has to come back before it counts as turned round.
-TURNED = 0.05
+TURNED = 0.01
 
 # Values of the fault flag.
 NO_FAULT = 0.0

@@ -137,6 +137,9 @@ def _write_config(signal: Mapping[str, Any], compensation: Compensation | None, 
     config = yaml.safe_load(load_graph(GRAPH).nodes[0].parameter_files[0].read_text(encoding="utf-8"))
     name = signal["name"]
     excitation = config["excitation"]["ros__parameters"]
+    # What is not given has the signal's own default, not the one that the graph has without us.
+    for key in [one for one in excitation if "." in one]:
+        del excitation[key]
     excitation["signal"] = name
     for key, value in signal.items():
         if key not in ("name", "duration", "sample_time"):

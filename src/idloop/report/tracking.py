@@ -5,13 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop import drawing
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from idloop.control.tracking import Tracking
+
+
+Array = NDArray[np.float64]
+
+# Of what is dense, and of lines that only help the eye.
+_THIN = 0.6
 
 
 def plot_tracking(without: Tracking, compensated: Tracking, output: str, input_name: str, input_unit: str) -> Figure:
@@ -42,13 +50,20 @@ def plot_tracking(without: Tracking, compensated: Tracking, output: str, input_n
             drawing.line(motion, run.time, run.output[:, column], label=words, **style)
             size = run.error_of(output).rms
             drawing.line(error, run.time, run.error[:, column], label=f"{words}: rms {size:.3g} {unit}", **style)
-            drawing.steps(command, run.time, run.command, **style)
-        error.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
-        largest = float(np.max(np.abs(without.error[:, column]))) or 1.0
-        error.set_ylim(-1.25 * largest, 1.6 * largest)
+            drawing.steps(command, run.time, run.command, **{**style, "linewidth": _THIN})
+        error.axhline(0.0, color=drawing.MEASURED, linewidth=_THIN)
+        for axes, shown in ((motion, without.wanted), (error, without.error)):
+            _make_room(axes, shown[:, column])
         motion.set_ylabel(drawing.label(output, unit))
         error.set_ylabel(drawing.label("error", unit))
         command.set(xlabel=drawing.label("time", "s"), ylabel=drawing.label(input_name, input_unit))
         motion.legend(loc="upper right", ncols=3)
         error.legend(loc="upper right", ncols=2)
     return figure
+
+
+def _make_room(axes: Axes, shown: Array) -> None:
+    """Leave a strip above the lines for the legend."""
+    low, high = float(np.min(shown)), float(np.max(shown))
+    reach = (high - low) or 1.0
+    axes.set_ylim(low - 0.1 * reach, high + 0.35 * reach)
