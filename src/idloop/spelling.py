@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_LONGEST = 80  # characters of a name that are shown
+
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ``" (did you mean 'x'?)"`` for the nearest known name, or an empty text."""
@@ -21,6 +23,11 @@ def did_you_mean_or_known(name: str, known: Iterable[str]) -> str:
 
 def listed(names: Iterable[str], limit: int = 12) -> str:
     """Return names joined by commas, the tail counted instead of printed."""
-    every = list(names)
+    every = [_printable(name) for name in names]
     shown = ", ".join(every[:limit])
     return shown + (f", ... ({len(every)} in all)" if len(every) > limit else "") if every else "none"
+
+
+def _printable(name: str) -> str:
+    """A name from a damaged file may be anything: no line breaks, no escape sequences, no end."""
+    return name if name.isprintable() and len(name) <= _LONGEST else repr(name[:_LONGEST])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -94,3 +95,13 @@ def test_values_without_names_are_numbered(joint_state, typestore):
     _, names, (position, _, _) = decode_joint_states([payload], lambda: typestore)
     assert names == ("0", "1")
     assert position.tolist() == [[3.0, 4.0]]
+
+
+def test_a_name_that_claims_to_be_longer_than_its_message_takes_no_memory():
+    row = encode_rows(("axis",), np.array([10**9]), (np.zeros((1, 1)), None, None))[0].tobytes()
+    at = row.index(b"axis") - 4
+    claims = row[:at] + b"\xff\xff\xff\xff" + row[at + 4 :]
+    tracemalloc.start()
+    assert read_layout(claims) is None
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()

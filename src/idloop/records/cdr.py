@@ -74,6 +74,8 @@ def read_layout(payload: bytes) -> Layout | None:
             at = _align(at, 4)
             length = length_at(at)
             at += 4
+            if length > len(payload) - at:
+                return None
             names.append(payload[at : at + max(length - 1, 0)].decode())
             fixed.extend(range(at, at + length))
             at += length

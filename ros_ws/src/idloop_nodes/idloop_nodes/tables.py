@@ -154,7 +154,8 @@ CONTROLLER: Table = (
     ),
     _compensation(
         "command_width",
-        "Command below which a dead zone is crossed in part; not set: a quarter of its width.",
+        "Command below which a dead zone is crossed in part; not set: a quarter of its width, more where sensors are "
+        "noisy.",
     ),
     _compensation("crossing_time", "Time in which a gap is crossed; not set: from 20 periods on.", unit="s"),
     P("use_reference", "bool", True, "Wait for and follow `reference`.", read_only=True),
