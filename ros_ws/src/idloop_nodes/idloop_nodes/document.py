@@ -31,7 +31,9 @@ ABOUT = {
     "after the window. Diagnoses in the same worker process when told to, after an experiment, and by itself when "
     "the free-run residual of successive fits stops being white; in lock-step simulated time waits for it. With "
     "`recursion` a black-box model of each output follows every sample beside the prediction: measurements that are "
-    "NaN, and samples that never came, are predicted and teach nothing; a bag gives the same in `idloop identify`.",
+    "NaN, and samples that never came, are predicted and teach nothing; a bag gives the same in `idloop identify`. "
+    "With `monitor` it watches wear: an alarm is an error on `/diagnostics` and on `estimator/wear`, at the rate of "
+    "false ones that is asked for. [How it decides](monitoring.md).",
     "replay": "Plays a recording into the live graph, byte for byte.",
     "workbench": "Serves a browser page on this machine: measured and model, where the model fails, what is missing, "
     "the ladder, the health of the graph, and a button that stops the motor. Passes orders on to the services of the "

@@ -244,6 +244,45 @@ ESTIMATOR: Table = (
     P("catalogue", "strs", (), "Effects that are looked for: name or name@site; none: the whole catalogue."),
     P("seed", "int", 0, "Seed of the bootstrap; equal seeds give equal answers.", minimum=0, maximum=2**53),
     P("excitation_node", "str", "excitation", "Node that runs the suggested experiment.", read_only=True),
+    P(
+        "monitor",
+        "strs",
+        (),
+        "What is watched for wear: effect@site, with .parameter and =growth (=20%, =0.01) if wanted; "
+        "usual: dry friction and what sits in couplings; none: nothing is watched.",
+        read_only=True,
+    ),
+    P(
+        "monitor_reference",
+        "strs",
+        (),
+        "Recordings of the healthy machine; none: this run is healthy at its start.",
+        read_only=True,
+    ),
+    P(
+        "monitor_learn",
+        "float",
+        600.0,
+        "How long this run is taken for healthy, without monitor_reference.",
+        unit="s",
+        minimum=10.0,
+        read_only=True,
+    ),
+    P("monitor_period", "float", 10.0, "Time between two looks for wear.", unit="s", minimum=1.0),
+    P(
+        "monitor_false_alarms",
+        "str",
+        "per 1000 h",
+        "One false alarm of all that is watched in so much time of running (s, min, h, days, weeks, years).",
+        read_only=True,
+    ),
+    P(
+        "monitor_vary",
+        "strs",
+        (),
+        "Parameters that may change without being wear, beside viscous friction.",
+        read_only=True,
+    ),
 )
 
 REPLAY: Table = (

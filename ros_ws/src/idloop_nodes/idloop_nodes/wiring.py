@@ -27,6 +27,7 @@ TOPICS: dict[str, tuple[str, str]] = {
     "estimator/coefficients": (DIAGNOSTICS, "of the recursive black-box model, with standard errors (latched)"),
     "estimator/missing_effects": (DIAGNOSTICS, "newest diagnosis: verdict, and one status for each effect (latched)"),
     "estimator/ladder": (DIAGNOSTICS, "effects added so far, with the error at each step (latched)"),
+    "estimator/wear": (DIAGNOSTICS, "what has grown since the machine was healthy, if watched (latched)"),
     "progress": (HEADER, "how far each node has come: flow control and start barrier"),
     "/clock": (CLOCK, "simulated time (lock-step only)"),
     "/diagnostics": (DIAGNOSTICS, "health, once a second"),

@@ -43,6 +43,7 @@ from idloop_nodes.codec.results import (
     parameters_from_statuses,
     parameters_to_statuses,
 )
+from idloop_nodes.codec.wear import WatchSummary, WearSummary, wear_from_statuses, wear_to_statuses
 
 __all__ = [
     "CdrError",
@@ -61,6 +62,8 @@ __all__ = [
     "Status",
     "StepSummary",
     "UnknownSummary",
+    "WatchSummary",
+    "WearSummary",
     "decode_diagnostics",
     "decode_float",
     "decode_floats",
@@ -84,4 +87,6 @@ __all__ = [
     "peek_stamp",
     "recursion_from_statuses",
     "recursion_to_statuses",
+    "wear_from_statuses",
+    "wear_to_statuses",
 ]

@@ -29,6 +29,8 @@ from idloop_nodes.fit_jobs import FitAnswer
 from idloop_nodes.fit_schedule import FitSchedule
 from idloop_nodes.held_stream import HeldStream
 from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
+from idloop_nodes.monitor_jobs import MonitorAnswer
+from idloop_nodes.monitoring import Monitoring
 from idloop_nodes.parameters import Values
 from idloop_nodes.prediction import Prediction, Sample
 from idloop_nodes.progress import DONE
@@ -96,6 +98,17 @@ class EstimatorNode(StreamNode):
             self.publisher("estimator/missing_effects"),
             self.publisher("estimator/ladder"),
         )
+        self._monitoring = Monitoring(
+            self.get_name(),
+            lambda text: self.get_logger().info(text),
+            lambda text: self.get_logger().warning(text),
+            values,
+            self._book,
+            self._worker,
+            self._number,
+            self._model,
+            self.publisher("estimator/wear"),
+        )
         self._last: int | None = None
         self._told = -1
         self._done = False
@@ -134,6 +147,7 @@ class EstimatorNode(StreamNode):
         if "model" in names:
             self._diagnosing.restart()
             self._diagnosing.last = self._last
+            self._monitoring.begin(self._model)
         self._diagnosing.another_model(self._model)
         self._fits.fit_now(self._model, self._last)
         if self._last is not None:
@@ -205,6 +219,7 @@ class EstimatorNode(StreamNode):
         self._book.clear()
         self._fits.restart()
         self._diagnosing.restart()
+        self._monitoring.restart()
         self._last = None
         self._prediction.begin(self._model)
         self._recursion.begin()
@@ -249,6 +264,7 @@ class EstimatorNode(StreamNode):
             if healthy and follower.failure:
                 self.get_logger().error(follower.failure)
         self._fits.follow(self._model, self._last)
+        self._monitoring.follow(self._last)
         self._diagnosing.follow(self.progress)
         self._forget(self._last)
 
@@ -256,8 +272,8 @@ class EstimatorNode(StreamNode):
         window, validation = self._fits.spans
         longest = max(window, round(self.parameters["diagnose_window"] * SECOND)) + validation
         oldest = last - max(longest, round(self.parameters["fit_period"] * SECOND)) - 2 * SECOND
-        needed = self._diagnosing.oldest
-        self._book.forget(oldest if needed is None else min(oldest, needed))
+        needed = [one for one in (self._diagnosing.oldest, self._monitoring.oldest) if one is not None]
+        self._book.forget(min([oldest, *needed]))
 
     # services and results
 
@@ -276,7 +292,10 @@ class EstimatorNode(StreamNode):
 
         return answer
 
-    def _take_answer(self, answer: FitAnswer | DiagnosisAnswer) -> None:
+    def _take_answer(self, answer: FitAnswer | DiagnosisAnswer | MonitorAnswer) -> None:
+        if isinstance(answer, MonitorAnswer):
+            self._monitoring.take(answer)
+            return
         if isinstance(answer, DiagnosisAnswer):
             self._diagnosing.take(answer, self._adopt)
             return
@@ -307,7 +326,9 @@ class EstimatorNode(StreamNode):
         end = self.progress.end
         if end is None or self._done or last < end:
             return
-        if not self._worker.busy and not self._diagnosing.desk.busy:
+        if not self._monitoring.busy:
+            self._monitoring.finish(last)
+        if not self._worker.busy and not self._diagnosing.desk.busy and not self._monitoring.busy:
             self._done = True
             self._recursion.tell(last)
             self.tell_progress(last, DONE)
@@ -339,6 +360,7 @@ class EstimatorNode(StreamNode):
             Status("prediction", failure or f"{rate:.0f} samples/s", Level.ERROR if failure else Level.OK, values),
             Status("fits", text, level, fits),
             *self._recursion.health(),
+            *self._monitoring.health(),
             self._diagnosing.health(),
         ]
 

@@ -1,0 +1,207 @@
+"""What is known of wear, as diagnostic statuses and back, without loss: one for the monitor, one for each watch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from idloop_nodes.codec.cdr import CdrError
+from idloop_nodes.codec.diagnostics import Level, Status
+from idloop_nodes.codec.numbers import number_or_none, text_or_empty
+
+LEARNING, ALARM, QUIET, CANNOT_TELL = "learning", "alarm", "quiet", "cannot_tell"
+
+
+@dataclass(frozen=True)
+class WatchSummary:
+    """One parameter that is watched.
+
+    Attributes
+    ----------
+    parameter, unit : str
+    value : float
+        Of the healthy machine [unit].
+    watched : float
+        Growth that is to be noticed [unit].
+    state : str
+        ``alarm``, ``quiet`` or ``cannot_tell``.
+    able : bool
+        Whether the reference allows an alarm at all.
+    why : str
+        Why it cannot tell; empty otherwise.
+    growth, low, high : float or None
+        Growth that the newest samples show, with its 95 % interval [unit]; None before any of them told anything.
+    evidence, threshold : float
+        Sum of log-likelihood ratios, and where it alarms.
+    blocks, telling : int
+        Blocks seen, and those that told anything.
+    delay : float
+        Expected time from the watched growth to its alarm in motions as seen [s]; infinite where there is none.
+    alarms : int
+        Raised so far.
+    first, newest, onset : int
+        Stamps of the first and the newest alarm, and of the likeliest onset before the newest [ns]; 0 without alarms.
+    """
+
+    parameter: str
+    unit: str
+    value: float
+    watched: float
+    state: str
+    able: bool = True
+    why: str = ""
+    growth: float | None = None
+    low: float | None = None
+    high: float | None = None
+    evidence: float = 0.0
+    threshold: float = float("inf")
+    blocks: int = 0
+    telling: int = 0
+    delay: float = float("inf")
+    alarms: int = 0
+    first: int = 0
+    newest: int = 0
+    onset: int = 0
+
+    @property
+    def level(self) -> Level:
+        """An alarm is an error, a watch that can never alarm a warning; a machine at rest is neither."""
+        if self.state == ALARM:
+            return Level.ERROR
+        return Level.OK if self.able else Level.WARN
+
+    @property
+    def line(self) -> str:
+        """For a person."""
+        grown = ""
+        if self.growth is not None and self.low is not None and self.high is not None:
+            grown = f"{self.growth:+.3g} {self.unit} ({self.low:.3g} .. {self.high:.3g})"
+        if self.state == ALARM:
+            return f"changed by {grown} against {self.value:.4g} {self.unit}" if grown else "changed"
+        if self.state == QUIET:
+            return f"no growth of {self.watched:.3g} {self.unit}; {grown}"
+        return f"this data cannot tell: {self.why}"
+
+
+@dataclass(frozen=True)
+class WearSummary:
+    """The monitor.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    state : str
+        The worst of the watches' states, or ``learning``.
+    false_alarm_hours : float
+        Running time between two false alarms [h].
+    reference : float
+        Length of the healthy reference [s].
+    watches : tuple of WatchSummary
+    error : str
+        Why the newest data were not looked at, one line; empty when they were.
+    """
+
+    model: str
+    state: str = LEARNING
+    false_alarm_hours: float = 0.0
+    reference: float = 0.0
+    watches: tuple[WatchSummary, ...] = ()
+    error: str = ""
+
+    @property
+    def level(self) -> Level:
+        """The worst of the watches' levels; at least a warning after an error."""
+        worst = max((watch.level for watch in self.watches), default=Level.OK)
+        return max(worst, Level.WARN) if self.error else worst
+
+    @property
+    def line(self) -> str:
+        """For a person."""
+        if self.error:
+            return self.error
+        alarms = [watch.parameter for watch in self.watches if watch.state == ALARM]
+        if alarms:
+            return f"wear: {', '.join(alarms)}"
+        if not self.watches:
+            return "learning what is normal"
+        unsure = [watch.parameter for watch in self.watches if watch.state == CANNOT_TELL]
+        if unsure:
+            return f"no alarm; this data cannot tell about {', '.join(unsure)}"
+        return f"no wear; one false alarm in {self.false_alarm_hours:.4g} h"
+
+
+def wear_to_statuses(node: str, summary: WearSummary) -> list[Status]:
+    """Return the statuses of ``estimator/wear``."""
+    values = {
+        "model": summary.model,
+        "state": summary.state,
+        "false_alarm_hours": repr(float(summary.false_alarm_hours)),
+        "reference": repr(float(summary.reference)),
+        "error": summary.error,
+    }
+    head = Status(f"{node}: wear", summary.line, summary.level, values, summary.model)
+    return [head, *(_status(node, watch) for watch in summary.watches)]
+
+
+def wear_from_statuses(statuses: Sequence[Status]) -> WearSummary:
+    """Return the summary that `wear_to_statuses` wrote.
+
+    Raises
+    ------
+    CdrError
+        When a value is missing or no number.
+    """
+    if not statuses:
+        raise CdrError("estimator/wear holds no status")
+    values = statuses[0].values
+    try:
+        return WearSummary(
+            model=values["model"],
+            state=values["state"],
+            false_alarm_hours=float(values["false_alarm_hours"]),
+            reference=float(values["reference"]),
+            watches=tuple(_watch(one.values) for one in statuses[1:]),
+            error=values["error"],
+        )
+    except (KeyError, ValueError) as error:
+        raise CdrError(f"estimator/wear cannot be read: {error}") from error
+
+
+_TEXTS = ("parameter", "unit", "state", "why")
+_NUMBERS = ("value", "watched", "evidence", "threshold", "delay")
+_COUNTS = ("blocks", "telling", "alarms", "first", "newest", "onset")
+_ABSENT = ("growth", "low", "high")
+
+
+def _status(node: str, watch: WatchSummary) -> Status:
+    values = {name: str(getattr(watch, name)) for name in _TEXTS}
+    values |= {name: repr(float(getattr(watch, name))) for name in _NUMBERS}
+    values |= {name: str(getattr(watch, name)) for name in _COUNTS}
+    values |= {name: text_or_empty(getattr(watch, name)) for name in _ABSENT}
+    values["able"] = "true" if watch.able else "false"
+    return Status(f"{node}: {watch.parameter}", watch.line, watch.level, values, watch.parameter)
+
+
+def _watch(values: dict[str, str]) -> WatchSummary:
+    return WatchSummary(
+        parameter=values["parameter"],
+        unit=values["unit"],
+        state=values["state"],
+        why=values["why"],
+        able=values["able"] == "true",
+        value=float(values["value"]),
+        watched=float(values["watched"]),
+        evidence=float(values["evidence"]),
+        threshold=float(values["threshold"]),
+        delay=float(values["delay"]),
+        blocks=int(values["blocks"]),
+        telling=int(values["telling"]),
+        alarms=int(values["alarms"]),
+        first=int(values["first"]),
+        newest=int(values["newest"]),
+        onset=int(values["onset"]),
+        growth=number_or_none(values["growth"]),
+        low=number_or_none(values["low"]),
+        high=number_or_none(values["high"]),
+    )
