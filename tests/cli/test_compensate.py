@@ -15,7 +15,10 @@ from idloop.records import Record, write_bag
 FRICTION = "coulomb_friction@axis(level=0.15)"
 DEAD = "dead_zone@input(width=0.3)"
 SHORT = "{name: smooth, points: [1.0, -1.0], amplitude: 0.5, velocity_limit: 0.5, duration: 4.0}"
-LAW = "{type: pd, output: axis.position, kp: 4.0, kd: 0.3, velocity_feedforward: 0.3, limit: 10.0, sample_time: 0.002}"
+LAW = (
+    "{type: pd, output: axis.position, kp: 4.0, kd: 0.3, velocity_feedforward: 0.3, derivative_filter: 0.005, "
+    "limit: 10.0, sample_time: 0.002}"
+)
 BASE = ["compensate", "axis", "--reference", SHORT, "--controller", LAW]
 
 

@@ -132,6 +132,17 @@ def test_what_is_no_number_gives_zero_and_nothing_else(samples):
     assert controller.step(0.0, 0.0, [0.0]) == build(SOME, {**PD, "limit": 5.0}).step(0.0, 0.0, [0.0])
 
 
+def test_the_noise_of_a_machine_at_rest_does_not_throw_it_over_the_dead_zone():
+    model = load_model("dc_motor").with_effects(["dead_zone@input(width=0.5)"])
+    spec = {"type": "p", "output": "motor.position", "kp": 6.0, "sample_time": 0.01}
+    one = build_controller(spec, compensation=Compensation(model))
+    # Two deviations of the noise, times the gain.
+    assert one.settings.command_width == pytest.approx(2.0 * 6.0 * 0.0332, rel=0.1)
+    noise = 0.0332 * np.random.default_rng(1).standard_normal(500)
+    commands = np.array([one.step(0.0, 0.0, [value]) for value in noise])
+    assert np.std(commands) < (1.0 + 1.5 * 0.5 / one.settings.command_width) * 6.0 * 0.0332
+
+
 def test_a_force_is_that_of_the_effects_at_the_reference():
     time = np.arange(400) * 0.001
     path = 0.5 * np.sin(3.0 * time) + 2.0

@@ -11,6 +11,8 @@ from idloop.control.tracking import Tracking, track, wanted_outputs
 from idloop.physics import Plant, load_model
 
 PERIOD = 0.001
+# Gains on a moving reference and against noise, added to the controller of the axis.
+SMOOTH = {"velocity_feedforward": 0.3, "derivative_filter": 0.005}
 
 
 def moves(amplitude, cycles=2.0, seconds=4.0):
@@ -42,14 +44,14 @@ def test_sizes_of_an_error_count_from_the_settling_time_on():
 @pytest.mark.parametrize(
     ("name", "effects", "more"),
     [
-        ("axis", ["dead_zone@input(width=0.3)", "coulomb_friction@axis(level=0.15)"], {"velocity_feedforward": 0.3}),
-        ("axis", ["input_offset@input(offset=0.2)", "gain_asymmetry@input(ratio=0.3)"], {"velocity_feedforward": 0.3}),
+        ("axis", ["dead_zone@input(width=0.3)", "coulomb_friction@axis(level=0.15)"], SMOOTH),
+        ("axis", ["input_offset@input(offset=0.2)", "gain_asymmetry@input(ratio=0.3)"], SMOOTH),
         ("axis", ["imbalance@axis(amplitude=0.2)", "cogging@axis(amplitude=0.1,harmonic=6)"],
-         {"velocity_feedforward": 0.3}),
-        ("axis", ["stribeck_friction@axis(coulomb=0.1,static=0.15,velocity=0.1)"], {"velocity_feedforward": 0.3}),
-        ("axis", ["presliding_friction@axis(level=0.15,stiffness=50.0)"], {"velocity_feedforward": 0.3}),
+         SMOOTH),
+        ("axis", ["stribeck_friction@axis(coulomb=0.1,static=0.15,velocity=0.1)"], SMOOTH),
+        ("axis", ["presliding_friction@axis(level=0.15,stiffness=50.0)"], SMOOTH),
         ("axis", ["load_dependent_friction@axis(ratio=0.2)", "load_torque@axis(torque=-0.2)"],
-         {"velocity_feedforward": 0.3}),
+         SMOOTH),
         ("torsion", ["input_offset@input(offset=0.0397)"], {"velocity_feedforward": 0.8, "derivative_filter": 0.005}),
     ],
 )  # fmt: skip

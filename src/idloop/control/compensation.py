@@ -44,7 +44,8 @@ class Compensation:
         Speed of the reference below which dry friction is cancelled in part, in proportion: its force must not jump
         when the motion turns round. None: the speed that it gives the whole machine in two periods.
     command_width : float or None
-        Size of a command below which a jump of an inverse is applied in part; None: a quarter of the jump's height.
+        Size of a command below which a jump of an inverse is applied in part; None: a quarter of the jump's
+        height, more where the noise of the sensors alone gives larger commands.
     crossing_time : float or None
         Time in which a gap is crossed [s]; None: 20 periods, longer where the limit asks for it.
     """

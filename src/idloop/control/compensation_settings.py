@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from idloop.control.compensation import FORCE, INVERSE, SHIFT, TAKE_UP, Compensation, Plan, bodies_before
 from idloop.errors import InputError
 from idloop.physics.effect import COUPLING
@@ -19,8 +21,11 @@ SHARE = 0.5
 PERIODS_TO_WIDTH = 2.0
 # Share of the controller's limit that loads a contact whose friction grows with the load.
 LOADED_SHARE = 0.1
-# Part of a jump's height over which it is smoothed.
-JUMP_SMOOTHED = 0.25
+# Part of a jump's height over which it is smoothed at least; and standard deviations of what the noise of the sensors
+# alone gives as a command, or a machine at rest would be pushed to and fro.
+JUMP_SMOOTHED, DEVIATIONS = 0.25, 2.0
+# Samples from which these are estimated.
+NOISY_SAMPLES = 400
 # Periods in which a gap is crossed, at least; and the share of the limit that the push may take.
 PERIODS_TO_CROSS, PUSH_SHARE = 20.0, 0.5
 
@@ -85,9 +90,39 @@ def choose_settings(compensation: Compensation, plan: Plan, values: Mapping[str,
     return Settings(
         limit,
         compensation.velocity_width or PERIODS_TO_WIDTH * period * dry / inertia,
-        compensation.command_width or JUMP_SMOOTHED * largest_jump(plan),
+        compensation.command_width or _jump_width(plan, model, values),
         compensation.crossing_time or crossing,
     )
+
+
+def _jump_width(plan: Plan, model: Model, values: Mapping[str, Any]) -> float:
+    jump = largest_jump(plan)
+    return max(JUMP_SMOOTHED * jump, DEVIATIONS * command_noise(model, values)) if jump > 0.0 else 0.0
+
+
+def command_noise(model: Model, values: Mapping[str, Any]) -> float:
+    """Standard deviation of the command that the noise of the sensors gives by itself, in the command's unit.
+
+    Parameters
+    ----------
+    model : Model
+        Whose outputs state their noise.
+    values : mapping
+        Controller, from ``check_controller``.
+    """
+    # These compile, which reading a compensator's file needs only where there is a jump.
+    from idloop.control.packing import pack
+    from idloop.control.step import controller_step
+
+    kernel = pack({**values, "limit": None})
+    deviation = {output.name: output.noise or 0.0 for output in model.outputs}
+    size = np.array([deviation[name] for name in kernel.inputs])
+    if not np.any(size):
+        return 0.0
+    noise = size * np.random.default_rng(0).standard_normal((NOISY_SAMPLES, len(size)))
+    state = kernel.state.copy()
+    commands = [controller_step(kernel.kind, kernel.parameters, state, 0.0, 0.0, row) for row in noise]
+    return float(np.std(commands))
 
 
 def _slow_enough(way: float, inertia: float, viscous: float, force: float) -> float:
