@@ -95,6 +95,9 @@ def test_wrong_arguments_are_one_line(launch_file, values, said):
         ("launch: [{node: {pkg: a, exec: $(find-pkg-share nowhere_at_all)}}]", "no ROS package nowhere_at_all"),
         ("launch: [{node: {pkg: a, exec: b, on_exit: respawn}}]", "only shutdown is"),
         ("launch: [{node: {pkg: a, exec: b, param: [{value: 1}]}}]", "key name is missing"),
+        ("launch: [{node: {pkg: a, exec: b, param: [[]]}}]", "key name is missing"),
+        ("launch: [{node: {pkg: a, exec: b, param: null}}]", "is no list"),
+        ("launch: [{node: {pkg: a, exec: b, remap: {from: c}}}]", "is no list"),
         ("launch: [{arg: 3}]", "no mapping"),
         ("launch: [3]", "no entry"),
     ],
@@ -105,6 +108,11 @@ def test_files_that_are_not_understood_are_one_line(tmp_path, text, said):
     with pytest.raises(InputError, match=re.escape(said)) as caught:
         load_graph(str(path))
     assert "\n" not in str(caught.value)
+
+
+def test_a_value_that_names_itself_is_one_line(launch_file):
+    with pytest.raises(InputError, match="leads to itself"):
+        load_graph(str(launch_file), {"label": "$(var label)"})
 
 
 def test_an_unknown_graph_lists_those_there_are():

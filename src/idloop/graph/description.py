@@ -13,6 +13,7 @@ from idloop.errors import InputError
 from idloop.graph.find import graph_path, package_share
 from idloop.spelling import did_you_mean
 
+_MOST_SUBSTITUTIONS = 100
 _SUBSTITUTION = re.compile(r"\$\((\S+)((?:\s+[^()]*)?)\)")
 _NODE_KEYS = frozenset(
     {"pkg", "exec", "name", "namespace", "param", "remap", "args", "ros_args", "output", "on_exit", "if", "unless"}
@@ -130,11 +131,12 @@ class _Reader:
             return
         parameters: dict[str, Any] = {}
         files: list[Path] = []
-        for entry in content.get("param", []):
-            if "from" in entry:
+        for entry in self.entries(content, "param"):
+            if isinstance(entry, dict) and "from" in entry:
                 files.append(Path(self.substitute(entry["from"])))
             else:
-                parameters[self.required(entry, "param", "name")] = self.value(entry.get("value"))
+                name = self.required(entry, "param", "name")
+                parameters[name] = self.value(entry.get("value"))
         on_exit = content.get("on_exit")
         if on_exit not in (None, "shutdown"):
             raise self.fail(f"node: on_exit {on_exit!r} is not understood; only shutdown is")
@@ -149,7 +151,7 @@ class _Reader:
                 parameter_files=tuple(files),
                 remappings=tuple(
                     (self.required(one, "remap", "from"), self.required(one, "remap", "to"))
-                    for one in content.get("remap", [])
+                    for one in self.entries(content, "remap")
                 ),
                 arguments=tuple(words.split()),
                 ends_graph=on_exit == "shutdown",
@@ -166,6 +168,12 @@ class _Reader:
                 if truth[text] != keep:
                     return False
         return True
+
+    def entries(self, content: dict[str, Any], key: str) -> list[Any]:
+        found = content.get(key, [])
+        if not isinstance(found, list):
+            raise self.fail(f"node: {key}: {found!r} is no list")
+        return found
 
     def required(self, content: Any, kind: str, key: str) -> str:
         if not isinstance(content, dict) or key not in content:
@@ -194,9 +202,11 @@ class _Reader:
         if isinstance(text, bool):
             return str(text).lower()
         result = str(text)
-        while (match := _SUBSTITUTION.search(result)) is not None:
+        for _ in range(_MOST_SUBSTITUTIONS):
+            if (match := _SUBSTITUTION.search(result)) is None:
+                return result
             result = result[: match.start()] + self.look_up(match[1], match[2].split()) + result[match.end() :]
-        return result
+        raise self.fail(f"{str(text)[:40]!r} is a substitution that leads to itself")
 
     def look_up(self, kind: str, words: list[str]) -> str:
         if kind == "dirname" and not words:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.report.comparison import legend_above
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +45,7 @@ def plot_wear(baseline: Baseline, records: Sequence[Record], traces: Sequence[Tr
             watch = normal.watch
             top, below = axes[2 * row, 0], axes[2 * row + 1, 0]
             _draw_sum(top, time, traces, row, normal.threshold)
-            top.set_title(watch.parameter, loc="left", fontweight="bold")
+            top.set_title(watch.parameter, loc="left", fontweight="bold", pad=20)  # clear of the legend
             _draw_growth(below, time, traces, row, watch.growth, normal.offset_stderr)
             top.set_ylabel(drawing.label("evidence", None))
             below.set_ylabel(drawing.label("growth", watch.unit))
@@ -77,7 +78,7 @@ def _draw_sum(axes: Any, time: Array, traces: Sequence[Trace], row: int, thresho
         raised = sums > threshold
         if np.any(raised):
             axes.plot(time[raised], sums[raised], "v", color=drawing.MODELS[1], markersize=5, label="alarm")
-        axes.legend(loc="upper left")
+    legend_above(axes, 2)
 
 
 def _draw_growth(axes: Any, time: Array, traces: Sequence[Trace], row: int, watched: float, extra: float) -> None:
@@ -96,4 +97,4 @@ def _draw_growth(axes: Any, time: Array, traces: Sequence[Trace], row: int, watc
     )
     axes.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     axes.axhline(watched, color=drawing.MODELS[1], linewidth=0.8, linestyle="--", label="growth to be noticed")
-    axes.legend(loc="upper left")
+    legend_above(axes, 2)
