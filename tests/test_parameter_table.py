@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.errors import InputError
-from idloop.parameter_table import REQUIRED, ParameterSpec, check_values
+from idloop.parameter_table import REQUIRED, ParameterSpec, check_values, read_mapping
 from idloop.spelling import did_you_mean
 
 TABLE = (
@@ -99,3 +99,15 @@ def test_range_text_and_ros_type():
 
 def test_no_suggestion_where_nothing_is_near():
     assert did_you_mean("zzz", ["gain", "count"]) == ""
+
+
+def test_parameters_in_a_line_of_yaml():
+    assert read_mapping("{type: pid, kp: 1.0}", "controller", "{...}") == {"type": "pid", "kp": 1.0}
+
+
+@pytest.mark.parametrize(("text", "said"), [("[1", "is no YAML: while parsing"), ("3.0", "no mapping such as {a: 1}")])
+def test_what_is_no_line_of_parameters_is_one_line(text, said):
+    with pytest.raises(InputError, match="controller: ") as caught:
+        read_mapping(text, "controller", "{a: 1}")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -240,3 +240,30 @@ def flatten(given: Mapping[str, Any], known: Iterable[str], prefix: str = "") ->
 def _short(value: Any) -> str:
     text = repr(value).replace("\n", " ")
     return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def read_mapping(text: str, where: str, example: str) -> dict[str, Any]:
+    """Read parameters written as YAML in one line, as on the command line and in node parameters.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        Place named at the start of an error line.
+    example : str
+        What it should look like, for the error line.
+
+    Raises
+    ------
+    InputError
+        It is no YAML, or no mapping.
+    """
+    import yaml
+
+    try:
+        read = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{where}: {text!r} is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(read, dict):
+        raise InputError(f"{where}: {text!r} is no mapping such as {example}")
+    return read

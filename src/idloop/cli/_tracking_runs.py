@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
+from idloop.parameter_table import read_mapping
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,19 +66,6 @@ def controller_section(model: Model, text: str | None) -> dict[str, Any]:
     if section is None:
         raise InputError(f"model {model.name} names no controller: add one to its file, or give --controller")
     return {"sample_time": 0.001, **section}
-
-
-def read_mapping(text: str, option: str, example: str) -> dict[str, Any]:
-    """Mapping written as YAML on the command line."""
-    import yaml
-
-    try:
-        read = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"{option}: {text!r} is no YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(read, dict):
-        raise InputError(f"{option}: {text!r} is no mapping such as {example}")
-    return read
 
 
 def make_reference(text: str | None, model: Model, section: Mapping[str, Any]) -> Reference:

@@ -10,6 +10,7 @@ from typing import Any
 from idloop.control import build_controller
 from idloop.control.compensation import Compensation
 from idloop.errors import InputError
+from idloop.parameter_table import read_mapping
 from idloop.physics import Model, load_model
 from idloop_nodes.base import ManagedNode, PolledStream
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
@@ -82,17 +83,8 @@ class ControllerNode(ManagedNode):
 
     def _specification(self, model: Model) -> dict[str, Any]:
         text = self.parameters["controller"]
-        if not text:
-            section = model.controller or {"type": "none"}
-        else:
-            import yaml
-
-            try:
-                section = yaml.safe_load(text)
-            except yaml.YAMLError as error:
-                raise InputError(f"controller: {text!r} is no YAML: {' '.join(str(error).split())}") from error
-            if not isinstance(section, dict):
-                raise InputError(f"controller: {text!r} is no mapping such as {{type: pid, kp: 1.0}}")
+        section = read_mapping(text, "controller", "{type: pid, kp: 1.0}") if text else model.controller
+        section = section or {"type": "none"}
         return {"sample_time": self.parameters["sample_time"], **section}
 
     def _compensation(self) -> Compensation | None:
