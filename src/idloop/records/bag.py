@@ -92,7 +92,15 @@ class Bag:
                 f"{file}: cannot be read as a bag ({_one_line(str(reason))}); check the copy of the file"
             ) from None
         self._readers.append(reader)
-        self.custom.update(getattr(reader.storage.metadata, "custom", None) or {})
+        custom = getattr(reader.storage.metadata, "custom", None) or {}
+        whole = isinstance(custom, dict) and all(isinstance(one.msgcount, int) for one in reader.connections)
+        if not whole:
+            self.close()
+            raise InputError(
+                f"{file}: cannot be read as a bag (its metadata are damaged); copy it again, or save the messages with"
+                f" `idloop recover {file}`"
+            )
+        self.custom.update({str(key): str(value) for key, value in custom.items()})
 
     def __enter__(self) -> Bag:  # noqa: PYI034 - Self needs Python 3.11
         return self

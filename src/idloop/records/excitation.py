@@ -94,6 +94,8 @@ def power_spectrum(time: Floats, value: Floats) -> tuple[Floats, Floats]:
     count = min(round((time[-1] - time[0]) / period) + 1, _LONGEST_SPECTRUM)
     grid = time[0] + period * (np.arange(count) + 0.5)
     held = resample_held(time, value, grid)
+    # Shares do not depend on the unit, but the squares of damaged values overflow.
+    held = held / max(float(np.abs(held).max()), 1e-300)
     power: Floats = np.abs(np.fft.rfft(held - held.mean())) ** 2
     frequency: Floats = np.arange(power.size) / (count * period)
     total = float(power.sum())

@@ -71,6 +71,11 @@ def read_streams(
     streams = {}
     for topic in wanted:
         receive, payloads = raw[topic.name]
+        if not payloads:
+            raise InputError(
+                f"{bag.path}: {topic.count} messages are said to be on {topic.name} and none is there; the file is"
+                f" damaged, copy it again, or save the rest with `idloop recover {bag.path}`"
+            )
         streams[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
     return streams
 

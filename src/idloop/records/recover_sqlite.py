@@ -58,7 +58,7 @@ def _channels(pages: SqlitePages) -> dict[int, RecoveredChannel]:
     definitions = {
         row["topic_type"]: row["encoded_message_definition"]
         for _, row in _table(pages, "message_definitions")
-        if row.get("encoding") == "ros2msg"
+        if row.get("encoding") == "ros2msg" and {"topic_type", "encoded_message_definition"} <= row.keys()
     }
     return {
         number: RecoveredChannel(
@@ -69,6 +69,7 @@ def _channels(pages: SqlitePages) -> dict[int, RecoveredChannel]:
             serialization=row["serialization_format"],
         )
         for number, row in _table(pages, "topics")
+        if all(isinstance(row.get(key), str) for key in ("name", "type", "serialization_format"))
     }
 
 
