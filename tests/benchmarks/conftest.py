@@ -1,10 +1,11 @@
-"""The suite's files are scripts beside each other: they are found where they lie."""
+"""The files of a benchmark are scripts beside each other: they are found where they lie."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-SUITE = Path(__file__).resolve().parents[2] / "benchmarks" / "diagnosis"
-if str(SUITE) not in sys.path:
-    sys.path.insert(0, str(SUITE))
+BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
+for folder in ("diagnosis", "fuzz"):
+    if str(BENCHMARKS / folder) not in sys.path:
+        sys.path.append(str(BENCHMARKS / folder))
