@@ -182,7 +182,12 @@ def trial(case: Case, hours: float, worn: int, seed: int, share: float) -> dict[
     bases = {rate: any_base.promising(rate) for rate in RATES}
     growth = watches[0].growth
     healthy = [any_base.scores(move(PIECE)) for _ in range(round(3600.0 * hours / PIECE))]
-    found: dict[str, Any] = {"rates": {}, "seed": seed, "spread": any_base.normal[0].spread}
+    found: dict[str, Any] = {
+        "rates": {},
+        "seed": seed,
+        "spread": any_base.normal[0].spread,
+        "echo": any_base.normal[0].echo,
+    }
     found["block"], found["hours"] = any_base.block, sum(len(s) for s in healthy) * any_base.block / 3600.0
     before = [any_base.scores(move(HEALTHY_BEFORE)) for _ in range(worn)]
     after = {g: [any_base.scores(move(WORN, g * growth)) for _ in range(worn)] for g in GROWTHS}
@@ -231,10 +236,9 @@ def mean_interval(values: list[float]) -> tuple[float, float, float]:
 def print_rows(case: Case, trials: list[dict[str, Any]]) -> None:
     """What was promised and what came of it."""
     hours = sum(t["hours"] for t in trials)
-    spread = np.median([t["spread"] for t in trials])
-    print(
-        f"{case.name}, {case.noise} noise: {len(trials)} machines, {hours:.0f} h healthy, spread {spread:.2f} (median)"
-    )
+    spread, echo = (float(np.median([t[name] for t in trials])) for name in ("spread", "echo"))
+    print(f"{case.name}, {case.noise} noise: {len(trials)} machines, {hours:.0f} h healthy")
+    print(f"  medians: spread {spread:.2f}, echo {echo:.2f}")
     for rate in RATES:
         rows = [t["rates"][rate] for t in trials]
         able = [(t, row) for t, row in zip(trials, rows, strict=True) if not row["why"]]

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idloop.diagnose.experiment import Experiment
 from idloop.errors import InputError
 from idloop.monitor import choose_watches, learn
 from idloop.monitor.baseline import step_sizes
+from idloop.physics.model_file import from_text
 
-LEVEL = "coulomb_friction@motor.level"
+LEVEL, GAP = "coulomb_friction@motor.level", "backlash@motor-load.gap"
 
 
 def test_a_healthy_reference_agrees_with_the_model(baseline):
@@ -20,9 +22,36 @@ def test_a_healthy_reference_agrees_with_the_model(baseline):
     assert abs(normal.offset) < 3.0 * normal.offset_stderr
     assert normal.offset_stderr < 0.1 * normal.watch.growth
     assert 0.5 < normal.spread < 3.0
+    assert 0.8 < normal.echo <= 1.0
     assert not normal.why
     assert baseline.varying == ("motor.viscous_friction",)
     assert 4.0 < baseline.delay(0) < 60.0
+
+
+def test_a_gap_that_noise_blurs_shows_in_part_and_a_machine_that_has_one_is_told_its_size():
+    text = """
+schema: idloop/model/1
+name: two_bodies
+input: {topic: joint_command, joint: motor, field: effort, unit: N·m}
+outputs: [{topic: joint_states, joint: motor, field: position, unit: rad, noise: 0.1}]
+bodies:
+  - {name: motor, inertia: 0.01, viscous_friction: 0.05}
+  - {name: load, inertia: 0.02, viscous_friction: 0.02}
+couplings: [{from: motor, to: load, stiffness: 10.0, damping: 0.05}]
+effects: [{effect: backlash, at: motor-load, gap: {value: 0.1, min: 0.0}}]
+"""
+    model = from_text(text, None)
+
+    def run(gap, seed):
+        given = {"name": "multilevel", "amplitude": 0.3, "sample_time": 0.01, "duration": 240.0, "seed": seed}
+        return Experiment(given).run(model.with_values({GAP: gap}), noise=True, disturbance=0.005, seed=seed)
+
+    baseline = learn(model, [run(0.1, 1)], choose_watches(model, [f"{GAP}=50%"]), false_alarm_hours=1.0)
+    assert 0.5 < baseline.normal[0].echo < 0.98
+    (worn,) = baseline.evident(baseline.scores(run(0.15, 2)))
+    normal = baseline.normal[0]
+    growth = (np.sum(worn.gradient) / np.sum(worn.information) - normal.offset) / normal.echo
+    assert growth == pytest.approx(0.05, rel=0.2)
 
 
 def test_fewer_false_alarms_cost_a_longer_delay(baseline):

@@ -16,10 +16,10 @@ from idloop.monitor.watch import Watch
 INFORMATION = 4.0
 
 
-def normal(growth=1.0, threshold=8.0, offset=0.0, spread=1.0):
+def normal(growth=1.0, threshold=8.0, offset=0.0, spread=1.0, echo=1.0):
     watch = Watch("friction", 5.0, growth, "N")
-    ratio = growth**2 * INFORMATION / (2.0 * spread)
-    return Normal(watch, offset, 0.01, spread, INFORMATION, Evidence(ratio, 1.0, 1e4), threshold)
+    ratio = (echo * growth) ** 2 * INFORMATION / (2.0 * spread)
+    return Normal(watch, offset, 0.01, spread, INFORMATION, Evidence(ratio, 1.0, 1e4), threshold, echo=echo)
 
 
 def blocks(count, change, seed=0, information=INFORMATION, spread=1.0):
@@ -54,6 +54,15 @@ def test_what_the_reference_is_off_by_is_no_growth():
     sums = Cusum()
     sums.take(normal(offset=1.0), index, shifted)
     assert not sums.alarms
+
+
+def test_what_shows_only_in_part_is_told_in_full():
+    index, faint = blocks(400, 0.5, 5)
+    sums = Cusum()
+    sums.take(normal(echo=0.5), index, faint)
+    assert sums.alarms
+    growth = sums.growth(normal(echo=0.5))
+    assert growth.low < 1.0 < growth.high
 
 
 @given(share=st.floats(0.0, 0.015), size=st.floats(-1e3, 1e3))

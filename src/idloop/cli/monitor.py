@@ -198,7 +198,12 @@ def document(
     for state, normal in zip(watching.states(), baseline.normal, strict=True):
         fields = dict(vars(state))
         del fields["alarms"]
-        reference = {"offset": normal.offset, "stderr": normal.offset_stderr, "spread": normal.spread}
+        reference = {
+            "offset": normal.offset,
+            "stderr": normal.offset_stderr,
+            "spread": normal.spread,
+            "echo": normal.echo,
+        }
         watches.append({**fields, "reference": reference})
     return {
         "schema": "idloop/monitor/1",
@@ -256,9 +261,10 @@ def print_watches(baseline: Baseline, watching: Monitor, records: list[Record], 
     for state in states:
         click.echo(_sentence(state))
     for normal in baseline.normal:
-        if abs(normal.offset) > max(0.5 * abs(normal.watch.growth), 1.96 * normal.offset_stderr):
+        if abs(normal.offset) > max(0.5 * normal.echo * abs(normal.watch.growth), 1.96 * normal.offset_stderr):
             click.echo(
-                f"{normal.watch.parameter}: the reference itself differs from the model by {normal.offset:.3g} "
+                f"{normal.watch.parameter}: the reference itself differs from the model by "
+                f"{normal.offset / normal.echo:.3g} "
                 f"{normal.watch.unit}: fit the model to the healthy machine first"
             )
 

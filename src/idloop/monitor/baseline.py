@@ -32,6 +32,8 @@ BLOCK = 2.0  # [s]
 FEWEST = 20
 # A block that tells less than this share of the reference's mean information tells nothing.
 LEAST_SHARE = 0.02
+# Where less of a change shows than this, what shows is as likely something else.
+_FAINTEST = 0.1
 # A record is worked off in stretches of this length [s].
 _STRETCH = 120.0
 # Changes of a parameter that may vary: slopes are taken over so much of its value.
@@ -46,7 +48,10 @@ class Normal:
     ----------
     watch : Watch
     offset, offset_stderr : float
-        Estimated change in the reference itself, against the model [unit].
+        Change that the scores of the reference itself show, against the model [unit].
+    echo : float
+        Part of a change that the scores show: 1 for an observer that knows the state, less where noise in what it
+        knows makes the slopes larger than they are.
     spread : float
         Long-run variance of the scores against what white innovations would give.
     information : float
@@ -67,10 +72,11 @@ class Normal:
     evidence: Evidence | None
     threshold: float
     why: str = ""
+    echo: float = 1.0
 
     def ratio(self, score: Evident) -> Array:
         """Log-likelihood ratio of the watched growth against none, for each block (b,)."""
-        growth = self.watch.growth
+        growth = self.echo * self.watch.growth
         centred = score.gradient - score.information * self.offset
         return np.asarray((growth * centred - 0.5 * growth**2 * score.information) / self.spread)
 
@@ -279,12 +285,43 @@ def learn(
             f"the reference holds no whole block of {block:g} s after the {bare.settling:.2g} s that the observer "
             "takes to settle: record for longer"
         )
-    normal = tuple(_normal(watch, [one[i] for one in found]) for i, watch in enumerate(watches))
+    normal = tuple(
+        _normal(watch, [one[i] for one in found], [one[i] for one in _moved(bare, watch, records)], _away(free, watch))
+        for i, watch in enumerate(watches)
+    )
     return replace(bare, normal=normal).promising(false_alarm_hours)
 
 
-def _normal(watch: Watch, records: list[Evident]) -> Normal:
-    """Offset and long-run variance of one watch from the reference's blocks, without a threshold."""
+def _away(model: Model, watch: Watch) -> float:
+    """Change of the model that makes the healthy machine look worn: backwards by the growth, or forwards at a bound."""
+    known = model.parameter(watch.parameter)
+    return -watch.growth if known.min <= known.value - watch.growth <= known.max else watch.growth
+
+
+def _moved(bare: Baseline, watch: Watch, records: Sequence[Record]) -> list[list[Evident]]:
+    """What the healthy records say about each watch when the model is the one that is off."""
+    model = bare.model.with_values({watch.parameter: watch.value + _away(bare.model, watch)})
+    other = replace(bare, model=model)
+    return [other.evident(other.scores(record)) for record in records]
+
+
+def _mean_change(records: list[Evident]) -> float:
+    """Change that all blocks together show, in the scores' own measure [unit]."""
+    total = sum(float(np.sum(one.information)) for one in records)
+    return sum(float(np.sum(one.gradient)) for one in records) / max(total, 1e-300)
+
+
+def _normal(watch: Watch, records: list[Evident], moved: list[Evident], away: float) -> Normal:
+    """Offset, echo and long-run variance of one watch from the reference's blocks, without a threshold.
+
+    Parameters
+    ----------
+    watch : Watch
+    records, moved : list of Evident
+        Of the reference, with the model and with the model changed.
+    away : float
+        By how much it was changed [unit].
+    """
     information = np.concatenate([one.information for one in records])
     mean = float(np.mean(information))
     telling = information > LEAST_SHARE * mean
@@ -292,7 +329,7 @@ def _normal(watch: Watch, records: list[Evident]) -> Normal:
     if not mean * watch.growth**2 > 1e-9 or np.sum(telling) < 2:
         return Normal(watch, 0.0, np.inf, 1.0, 0.0, None, np.inf, nothing)
     total = float(np.sum(information))
-    offset = float(sum(np.sum(one.gradient) for one in records) / total)
+    offset = _mean_change(records)
     series = []
     for one in records:
         keep = one.information > LEAST_SHARE * mean
@@ -301,12 +338,20 @@ def _normal(watch: Watch, records: list[Evident]) -> Normal:
             series.append(z[:, None])
     if sum(len(z) for z in series) < FEWEST:
         why = f"only {int(np.sum(telling))} blocks of the reference tell about {watch.parameter}: record for longer"
-        return Normal(watch, offset, np.inf, 1.0, total / int(np.sum(telling)), None, np.inf, why)
+        return Normal(watch, 0.0, np.inf, 1.0, total / int(np.sum(telling)), None, np.inf, why)
     spread = _spread(series)
-    unit_ratio = watch.growth**2 / (2.0 * spread)
+    # A machine that has grown, seen by this model, is this machine, seen by a model that has shrunk.
+    echo = min((offset - _mean_change(moved)) / away, 1.0)
+    if echo < _FAINTEST:
+        why = (
+            f"the observer of this model cannot follow {watch.parameter}: of a change only "
+            f"{100 * max(echo, 0.0):.0f} % would show; measure more, or watch for more"
+        )
+        return Normal(watch, 0.0, np.inf, 1.0, total / int(np.sum(telling)), None, np.inf, why)
+    unit_ratio = (echo * watch.growth) ** 2 / (2.0 * spread)
     evidence = weigh(information, unit_ratio, LEAST_SHARE * mean)
     offset_stderr = float(np.sqrt(spread / total))
-    return Normal(watch, offset, offset_stderr, spread, evidence.ratio / unit_ratio, evidence, np.inf)
+    return Normal(watch, offset, offset_stderr, spread, evidence.ratio / unit_ratio, evidence, np.inf, echo=echo)
 
 
 def _with_threshold(normal: Normal, hours: float, block: float) -> Normal:
@@ -320,8 +365,9 @@ def _with_threshold(normal: Normal, hours: float, block: float) -> Normal:
         longer = needed_reference(blocks, normal.evidence)
         why = (
             f"the reference is too short to promise one false alarm in {hours:g} h for a growth of "
-            f"{watch.growth:.3g} {watch.unit}: it shows {watch.parameter} to ± {1.96 * normal.offset_stderr:.2g} "
-            f"{watch.unit}; record {longer:.1f} times as long, or watch for more"
+            f"{watch.growth:.3g} {watch.unit}: it shows {watch.parameter} to ± "
+            f"{1.96 * normal.offset_stderr / normal.echo:.2g} {watch.unit}; record {longer:.1f} times as "
+            "long, or watch for more"
         )
         return replace(normal, threshold=np.inf, why=why)
 

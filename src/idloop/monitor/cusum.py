@@ -122,7 +122,7 @@ class Cusum:
             self._since = self._since[0] + gradient, self._since[1] + information
         self._newest.append((gradient, information))
         self._held = self._held[0] + gradient, self._held[1] + information
-        enough = normal.spread / (_SHARP * normal.watch.growth) ** 2
+        enough = normal.spread / (_SHARP * normal.echo * normal.watch.growth) ** 2
         while len(self._newest) > 1 and self._held[1] - self._newest[0][1] >= enough:
             old = self._newest.popleft()
             self._held = self._held[0] - old[0], self._held[1] - old[1]
@@ -137,6 +137,7 @@ class Cusum:
 
 def _estimate(normal: Normal, gradient: float, information: float) -> Growth:
     """Estimate of the change and its interval: that of the data and that of the reference together."""
-    value = gradient / max(information, 1e-300)
-    width = _WIDTH * float(np.hypot(np.sqrt(normal.spread / max(information, 1e-300)), normal.offset_stderr))
+    value = gradient / max(information, 1e-300) / normal.echo
+    own = np.sqrt(normal.spread / max(information, 1e-300))
+    width = _WIDTH * float(np.hypot(own, normal.offset_stderr)) / normal.echo
     return Growth(value, value - width, value + width)

@@ -151,8 +151,8 @@ class Monitor:
             sums[:, i] = self.sums[i].take(normal, index, part)
             alarms += [(alarm.block, i, alarm) for alarm in self.sums[i].alarms[before:]]
             tells = (part.information > LEAST_SHARE * normal.information) & (normal.information > 0.0)
-            growth[tells, i] = part.gradient[tells] / part.information[tells] - normal.offset
-            stderr[tells, i] = np.sqrt(normal.spread / part.information[tells])
+            growth[tells, i] = (part.gradient[tells] / part.information[tells] - normal.offset) / normal.echo
+            stderr[tells, i] = np.sqrt(normal.spread / part.information[tells]) / normal.echo
         if len(index):
             self.last = int(index[-1])
         return Trace(index, sums, growth, stderr, tuple(sorted(alarms, key=lambda one: one[:2])))
@@ -186,7 +186,7 @@ class Monitor:
         return WatchState(
             parameter=watch.parameter,
             unit=watch.unit,
-            value=watch.value + normal.offset,
+            value=watch.value + normal.offset / normal.echo,
             watched=watch.growth,
             state=state,
             why=why,
@@ -206,5 +206,5 @@ class Monitor:
         if normal.evidence is None or seen.information <= 0.0:
             return None
         alike = seen.information**2 / seen.squares
-        ratio = normal.watch.growth**2 / (2.0 * normal.spread) * seen.information / alike
+        ratio = (normal.echo * normal.watch.growth) ** 2 / (2.0 * normal.spread) * seen.information / alike
         return Evidence(ratio, alike / seen.blocks, alike)

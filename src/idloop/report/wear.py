@@ -46,7 +46,7 @@ def plot_wear(baseline: Baseline, records: Sequence[Record], traces: Sequence[Tr
             top, below = axes[2 * row, 0], axes[2 * row + 1, 0]
             _draw_sum(top, time, traces, row, normal.threshold)
             top.set_title(watch.parameter, loc="left", fontweight="bold", pad=20)  # clear of the legend
-            _draw_growth(below, time, traces, row, watch.growth, normal.offset_stderr)
+            _draw_growth(below, time, traces, row, watch.growth, normal.offset_stderr / normal.echo)
             top.set_ylabel(drawing.label("evidence", None))
             below.set_ylabel(drawing.label("growth", watch.unit))
             for edge in edges:
