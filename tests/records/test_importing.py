@@ -64,6 +64,25 @@ def test_two_joints(tmp_path):
     np.testing.assert_array_equal(stream.position, [[4, 7], [5, 8], [6, 9]])
 
 
+def test_units_of_the_file_become_those_of_the_topics(tmp_path):
+    k = np.arange(50)
+    source = _csv(tmp_path, t=k / 100, u=1000.0 * np.sin(k), y=np.mod(20.0 * k, 360.0), v=60.0 * k)
+    result = import_bag(
+        source,
+        tmp_path / "bag",
+        _mapping(
+            command={"column": "u", "unit": "mV"},
+            position={"column": "y", "unit": "deg", "wrap": 360.0},
+            velocity={"column": "v", "unit": "rpm"},
+        ),
+    )
+    assert result.channels["joint_states motor.position"] == "rad"
+    streams = read_streams(tmp_path / "bag")
+    np.testing.assert_allclose(streams["/joint_command"].column("motor", "effort"), np.sin(k), atol=1e-12)
+    np.testing.assert_allclose(streams["/joint_states"].column("motor", "position"), np.radians(20.0 * k))
+    np.testing.assert_allclose(streams["/joint_states"].column("motor", "velocity"), 2 * np.pi * k)
+
+
 @pytest.mark.parametrize(
     ("unit", "cells", "start"),
     [

@@ -71,7 +71,8 @@ def command(words: tuple[str, ...], *, mapping: str | None, part: str | None, sh
       position: {column: angle, scale: 0.0015339808, unit: rad}
       velocity: {column: speed, decode: int16, unit: rad/s}
 
-    A bag is never overwritten.
+    Units are converted to those of the topics: deg, rev, rpm, mm, mm/s, mV, mA, mN·m and their like become rad,
+    rad/s, m, m/s, V, A, N·m. A bag is never overwritten.
     """  # noqa: D301 - \b keeps click from joining the lines
     if show_list:
         list_sets(as_json=as_json)

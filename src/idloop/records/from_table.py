@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.mapping import Channel, Mapping, Signals, Time
-from idloop.records.signal import Signal, assignments, convert, target_joint
+from idloop.records.signal import Signal, assignments, convert, in_base_units, target_joint
 from idloop.records.tables import Table
 
 Floats = NDArray[np.float64]
@@ -50,12 +50,12 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
             f"{table.path}: rows {signals.rows.start} to {signals.rows.stop} do not lie within its {count} rows;"
             " mend `rows:`"
         )
-    return [
-        Signal(
-            topic, target_joint(channel, signals, mapping), field, channel.unit, stamp[rows], stamp[rows], value[rows]
-        )
-        for topic, field, channel, value in raw
-    ]
+    found = []
+    for topic, field, channel, value in raw:
+        unit, converted = in_base_units(topic, field, channel, value[rows], mapping)
+        joint = target_joint(channel, signals, mapping)
+        found.append(Signal(topic, joint, field, unit, stamp[rows], stamp[rows], converted))
+    return found
 
 
 def _time(table: Table, time: Time, count: int) -> Stamps:

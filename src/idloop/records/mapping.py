@@ -37,7 +37,7 @@ class Channel(_Strict):
     joint : str
         Joint that it becomes; the mapping's `joint` by default.
     unit : str
-        Unit after scale and offset.
+        Unit after scale and offset; written in that of the topics (rad, m, V, A, ...), see `base_units`.
     scale, offset : float
         Linear conversion; a negative scale turns the sign.
     times : str

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.records.base_units import base_unit
 from idloop.records.decode import sign_magnitude, twos_complement
 from idloop.records.filtering import unwrap
 from idloop.records.mapping import Channel, Mapping, Signals, SignBit
@@ -51,6 +52,12 @@ def target_joint(channel: Channel, signals: Signals, mapping: Mapping) -> str:
     if not joint:
         raise InputError(f"mapping {mapping.name}: no joint named; add `joint: motor` at the top")
     return joint
+
+
+def in_base_units(topic: str, field: str, channel: Channel, value: Floats, mapping: Mapping) -> tuple[str, Floats]:
+    """Return the unit in which the topic carries a channel, and its values in it."""
+    unit, factor = base_unit(channel.unit, field, f"mapping {mapping.name}: {topic} {field}")
+    return unit, value if factor == 1.0 else value * factor
 
 
 def convert(value: Floats, table: Table | None, channel: Channel) -> Floats:

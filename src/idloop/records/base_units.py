@@ -1,0 +1,95 @@
+"""Units of foreign files, and those in which the topics carry them."""
+
+from __future__ import annotations
+
+from math import pi
+
+from idloop.errors import InputError
+from idloop.physics.units import ALIASES
+from idloop.spelling import did_you_mean_or_known
+
+_MINUTE = 60.0
+_MILLI, _MICRO, _KILO = 1e-3, 1e-6, 1e3
+
+# Unit of a file: the topics' unit and the factor to it.
+_BASE: dict[str, tuple[str, float]] = {
+    "rad": ("rad", 1.0),
+    "mrad": ("rad", _MILLI),
+    "deg": ("rad", pi / 180.0),
+    "arcmin": ("rad", pi / 180.0 / 60.0),
+    "arcsec": ("rad", pi / 180.0 / 3600.0),
+    "rev": ("rad", 2.0 * pi),
+    "m": ("m", 1.0),
+    "cm": ("m", 1e-2),
+    "mm": ("m", _MILLI),
+    "um": ("m", _MICRO),
+    "rad/s": ("rad/s", 1.0),
+    "mrad/s": ("rad/s", _MILLI),
+    "deg/s": ("rad/s", pi / 180.0),
+    "rev/s": ("rad/s", 2.0 * pi),
+    "rpm": ("rad/s", 2.0 * pi / _MINUTE),
+    "m/s": ("m/s", 1.0),
+    "cm/s": ("m/s", 1e-2),
+    "mm/s": ("m/s", _MILLI),
+    "um/s": ("m/s", _MICRO),
+    "m/min": ("m/s", 1.0 / _MINUTE),
+    "mm/min": ("m/s", _MILLI / _MINUTE),
+    "V": ("V", 1.0),
+    "mV": ("V", _MILLI),
+    "V/s": ("V/s", 1.0),
+    "A": ("A", 1.0),
+    "mA": ("A", _MILLI),
+    "N·m": ("N·m", 1.0),
+    "mN·m": ("N·m", _MILLI),
+    "kN·m": ("N·m", _KILO),
+    "N": ("N", 1.0),
+    "mN": ("N", _MILLI),
+    "kN": ("N", _KILO),
+    "-": ("-", 1.0),
+    "%": ("-", 1e-2),
+}
+_ALIASES = ALIASES | {
+    "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "turn": "rev", "turns": "rev", "turn/s": "rev/s",
+    "rev/min": "rpm", "1/min": "rpm", "µm": "um", "µm/s": "um/s", "mNm": "mN·m", "mN.m": "mN·m", "kNm": "kN·m",
+}  # fmt: skip
+# What each field of JointState may be in. A sensor that is read in volts stays in volts.
+_FIELDS = {
+    "position": ("rad", "m", "V", "-"),
+    "velocity": ("rad/s", "m/s", "V/s", "V", "-"),
+    "effort": ("V", "A", "N·m", "N", "rad", "m", "rad/s", "m/s", "-"),
+}
+
+
+def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
+    """Unit in which a topic carries a signal, and what its values are multiplied by.
+
+    Parameters
+    ----------
+    unit : str
+        Of the file; nothing where it does not say, which stays nothing.
+    field : {"position", "velocity", "effort"}
+        Of sensor_msgs/JointState; a command is an effort.
+    where : str
+        Named in the message.
+
+    Returns
+    -------
+    unit : str
+    factor : float
+
+    Raises
+    ------
+    InputError
+        An unknown unit, or one that is none of such a field.
+    """
+    if not unit:
+        return "", 1.0
+    short = _ALIASES.get(unit, unit)
+    fitting = [name for name, (base, _) in _BASE.items() if base in _FIELDS[field]]
+    if short not in _BASE:
+        raise InputError(
+            f"{where}: unknown unit {unit!r}{did_you_mean_or_known(unit, fitting)}; of anything else give `scale:`"
+        )
+    if short not in fitting:
+        raise InputError(f"{where}: {unit} is no unit of a {field}; known are {', '.join(fitting)}")
+    return _BASE[short]
