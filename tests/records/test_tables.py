@@ -73,6 +73,8 @@ def test_mat_npz_and_json_agree(tmp_path):
 
 BAD = {
     "cell that is no number": ("a.csv", b"t,u\n0,1\n0.1,one\n", "row 1 of column 'u' is 'one'"),
+    "header only": ("a.csv", b"t,u\n", "there are no rows of data"),
+    "arrays of no length": ("a.json", b'{"t": [], "u": []}', "there are no rows of data"),
     "row cut off": ("a.csv", b"t,u\n0,1\n0.1", "row 1 has 1 cells instead of 2"),
     "column twice": ("a.csv", b"u,u\n0,1\n", "'u' occurs twice"),
     "no rows": ("a.csv", b"", "no rows"),

@@ -89,7 +89,7 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     Raises
     ------
     InputError
-        Missing or unreadable file, unknown format.
+        Missing or unreadable file, unknown format, no rows.
     """
     options = dict(options or {})
     if not path.is_file():
@@ -104,6 +104,11 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     table = readers[kind](path, options)
     if not table.columns:
         raise InputError(f"{path}: no columns of numbers found; check that this is the data file")
+    if not any(len(column) for column in table.columns.values()):
+        raise InputError(
+            f"{path}: there are no rows of data, only the names of columns ({listed(table.columns)});"
+            " check that the recording was saved whole"
+        )
     return table
 
 
