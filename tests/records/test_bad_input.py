@@ -40,6 +40,7 @@ BAGS = {
         ("cut off", "messages", "idloop recover"),
     ),
     "mcap cut to its magic": (lambda make, tmp: _cut(make(), 8), ("cut off", "record again")),
+    "text named mcap": (lambda make, tmp: _written(tmp / "a.mcap", b"t,u\n0,1\n" * 20), ("a.mcap", "no mcap file")),
     "NaN command": (lambda make, tmp: make(command=np.full(N, np.nan)), ("joint_command motor.effort", "NaN")),
     "infinite command": (lambda make, tmp: make(command=_with(7, np.inf)), ("motor.effort", "infinite", "0.07")),
     "infinite output": (lambda make, tmp: make(velocity=_with(9, -np.inf)), ("motor.velocity", "infinite", "0.09")),

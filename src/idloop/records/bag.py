@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 DISTROS = ("humble", "iron", "jazzy", "kilted", "lyrical")
 _STORAGE = (".mcap", ".db3")
+_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,11 @@ class Bag:
             cut = next(
                 (part for part in _storage_files(self.path) if part.suffix == ".mcap" and not _ends_well(part)), None
             )
+            if cut is not None and not _begins_well(cut):
+                raise InputError(
+                    f"{cut}: this is no mcap file (the magic bytes at its beginning are others); name the recording,"
+                    " or give the file the suffix of what it is"
+                ) from None
             if cut is not None:
                 raise InputError(truncation_message(self.path, cut)) from None
             reason = (
@@ -253,14 +259,19 @@ def _storage_files(path: Path) -> list[Path]:
     return sorted(file for file in path.iterdir() if file.suffix in _STORAGE)
 
 
+def _begins_well(path: Path) -> bool:
+    """Whether a file begins as an mcap file does, as far as it goes."""
+    with path.open("rb") as stream:
+        return _MAGIC.startswith(stream.read(len(_MAGIC)))
+
+
 def _ends_well(path: Path) -> bool:
-    magic = b"\x89MCAP0\r\n"
     with path.open("rb") as stream:
         stream.seek(0, 2)
         if stream.tell() < 45:
             return False
         stream.seek(-8, 2)
-        return stream.read() == magic
+        return stream.read() == _MAGIC
 
 
 def truncation_message(bag: Path, file: Path) -> str:
