@@ -11,6 +11,7 @@ import pytest
 
 from idloop.errors import InputError
 from idloop.records import Record, make_stream, read_record, read_records, record_streams, write_bag
+from idloop.records.inspection import inspect_bag
 
 
 def _kinds(record: Record) -> set[str]:
@@ -116,6 +117,47 @@ def test_runs_of_a_clock_that_was_set_back(make_bag, model):
     assert read_record(path, model, run=1).time.size == 150
     with pytest.raises(InputError, match="no run 2"):
         read_record(path, model, run=2)
+
+
+def test_a_reference_that_is_announced_anew_replaces_what_was_announced(tmp_path, model):
+    start, period = 10**18, 10_000_000
+    time = start + period * np.arange(200)
+    # At 0.5 s the 20 values announced ahead, up to 0.7 s, are taken back.
+    announced = start + period * np.r_[0:70, 51:200]
+    value = np.r_[np.full(70, 1.0), np.full(149, -1.0)]
+    received = start + period * np.arange(219)
+    streams = [
+        make_stream("joint_command", time, {"motor": {"effort": np.sin(np.arange(200.0))}}),
+        make_stream("joint_states", time, {"motor": {"position": np.arange(200.0), "velocity": np.ones(200)}}),
+        make_stream("reference", announced, {"motor": {"position": value, "velocity": value}}, received),
+    ]
+    path = write_bag(tmp_path / "bag", streams)
+    record = read_record(path, model)
+    np.testing.assert_allclose(record.reference_time, np.arange(200) / 100, atol=1e-9)
+    np.testing.assert_array_equal(record.reference[:, 0], np.where(np.arange(200) < 51, 1.0, -1.0))
+    kinds = {finding.kind: finding.level for finding in inspect_bag(path).findings}
+    assert kinds.get("announced_anew") == "note"
+    assert "clock_reset" not in kinds
+
+
+@pytest.mark.parametrize("taken_back", [False, True])
+def test_a_reference_follows_the_runs_of_the_clock(tmp_path, model, taken_back):
+    start, period = 10**18, 10_000_000
+    time = start + period * np.r_[0:100, 0:150]
+    first = np.r_[0:70, 51:120] if taken_back else np.arange(120)
+    announced = start + period * np.r_[first, 0:170]
+    value = np.r_[np.full(first.size, 1.0), np.full(170, 2.0)]
+    received, order = start + period * np.arange(announced.size), start + period * np.arange(250)
+    motion = {"position": np.arange(250.0), "velocity": np.ones(250)}
+    streams = [
+        make_stream("joint_command", time, {"motor": {"effort": np.sin(np.arange(250.0))}}, order),
+        make_stream("joint_states", time, {"motor": motion}, order),
+        make_stream("reference", announced, {"motor": {"position": value, "velocity": value}}, received),
+    ]
+    for run, (length, level) in enumerate([(120, 1.0), (170, 2.0)]):
+        record = read_record(write_bag(tmp_path / f"bag{run}", streams), model, run=run)
+        assert record.reference_time.size == length
+        assert set(record.reference[:, 0]) == {level}
 
 
 def test_several_bags_are_one_experiment(make_bag, model):

@@ -17,7 +17,7 @@ from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statisti
 from idloop.records.finding import Finding
 from idloop.records.read import read_streams
 from idloop.records.record import Record
-from idloop.records.runs import backwards_message, on_receive_time, split_runs
+from idloop.records.runs import announced_runs, backwards_message, on_receive_time, split_runs
 from idloop.records.said_units import said_units
 from idloop.records.stream import FIELDS, JointStream
 
@@ -155,7 +155,7 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         other_units = _unit_findings(model, said_units(bag.custom))
     if stamps == "receive":
         streams = {topic: on_receive_time(stream) for topic, stream in streams.items()}
-    runs = {topic: split_runs(stream) for topic, stream in streams.items()}
+    runs = {topic: split_runs(streams[topic]) for topic in dict.fromkeys((command, *measured))}
     resets = {topic: parts for topic, parts in runs.items() if len(parts) > 1}
     if resets and not split:
         raise InputError(backwards_message(path, streams, resets))
@@ -165,6 +165,7 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         raise InputError(
             f"{path}: the topics do not agree on how often the clock was set back (runs {text}); record one run per bag"
         )
+    runs |= {topic: announced_runs(streams[topic], counts[command]) for topic in extra.values()}
     records = []
     for number in range(counts[command]):
         # A reference latched before the reset has fewer runs: the last one it has stays in force.

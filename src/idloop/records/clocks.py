@@ -100,10 +100,22 @@ def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
     )
 
 
-def stamp_findings(where: str, statistics: StampStatistics) -> list[Finding]:
-    """Put what is remarkable about the stamps of one stream into words."""
+def stamp_findings(where: str, statistics: StampStatistics, *, announced: bool = False) -> list[Finding]:
+    """Put what is remarkable about the stamps of one stream into words.
+
+    Parameters
+    ----------
+    where : str
+        Topic.
+    statistics : StampStatistics
+    announced : bool
+        Whether the sender announces values ahead of the clock, and so may take them back.
+    """
     found: list[Finding] = []
-    if statistics.resets:
+    if statistics.resets and announced:
+        text = f"{where}: values that were announced ahead were announced anew {len(statistics.resets)} times"
+        found.append(Finding("announced_anew", text, len(statistics.resets), where))
+    elif statistics.resets:
         found.append(
             Finding(
                 "clock_reset",

@@ -201,7 +201,7 @@ def inspect_bag(
             )
         if stream is not None:
             findings += stream.findings
-            findings += stamp_findings(topic.name, report.stamps)
+            findings += stamp_findings(topic.name, report.stamps, announced=topic.name.endswith(_ADDED))
     units = said_units(custom)
     measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}

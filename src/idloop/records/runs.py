@@ -41,6 +41,31 @@ def split_runs(stream: JointStream) -> list[JointStream]:
     return [_take(stream, slice(start, stop)) for start, stop in pairwise(edges)]
 
 
+def announced_runs(stream: JointStream, runs: int) -> list[JointStream]:
+    """Split a stream whose sender announces values ahead, and may take them back, into as many runs of the clock.
+
+    A value announced anew replaces everything from its stamp on, as the nodes read it. Where the stamps go back more
+    often than the clock did, the largest steps are the clock's.
+
+    Parameters
+    ----------
+    stream : JointStream
+    runs : int
+        Runs of the clock that the measured topics tell of; fewer are returned where the stream has fewer.
+    """
+    stamp = stream.stamp_ns
+    back = np.array(stamp_statistics(stamp).resets, dtype=np.int64)
+    clock = np.sort(back[np.argsort(stamp[back] - stamp[back - 1], kind="stable")[: runs - 1]])
+    parts = [_take(stream, slice(start, stop)) for start, stop in pairwise([0, *clock.tolist(), len(stream)])]
+    return [_take(part, _stands(part.stamp_ns)) for part in parts]
+
+
+def _stands(stamp: Stamps) -> NDArray[np.int64]:
+    """Return the rows after which nothing of their stamp or before was announced."""
+    later = np.append(np.minimum.accumulate(stamp[::-1])[::-1][1:], np.iinfo(np.int64).max)
+    return np.flatnonzero(stamp < later)
+
+
 def backwards_message(path: Path, streams: Mapping[str, JointStream], resets: Mapping[str, list[JointStream]]) -> str:
     """Say where time runs backwards and what to do about it."""
     topic, parts = next(iter(resets.items()))
