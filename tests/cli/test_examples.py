@@ -1,13 +1,19 @@
 """The examples of the documentation, run as they stand."""
 
 import json
+import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 from click.testing import CliRunner
 
 from idloop.cli.main import group
+from idloop.records import base_units, mapping
 
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+DOCS = Path(__file__).parents[2] / "docs"
+EXAMPLES = DOCS / "examples"
 
 
 def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) -> None:
@@ -27,3 +33,30 @@ def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) 
 
     assert fit(model) > 69.0
     assert fit(seeing) < 20.0
+
+
+def test_the_examples_of_the_mapping_file_print_what_the_page_shows(tmp_path: Path) -> None:
+    page = (DOCS / "mapping-file.md").read_text(encoding="utf-8")
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    printed, compared = "", 0
+    for language, name, block in re.findall(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE):
+        if name:
+            (tmp_path / name).write_text(block, encoding="utf-8")
+        elif language == "sh":
+            shell = subprocess.run(
+                ["bash", "-c", block], cwd=tmp_path, env=os.environ | {"PATH": programs}, text=True, check=False,
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            )  # fmt: skip
+            printed = shell.stdout
+        elif language == "text":
+            assert printed == block
+            compared += 1
+    assert compared == 5
+
+
+def test_the_page_of_the_mapping_file_names_every_key_and_every_unit() -> None:
+    page = (DOCS / "mapping-file.md").read_text(encoding="utf-8")
+    codes = re.findall(r"`([^`\n]+)`", page)
+    known = set(codes).union(*(re.findall(r"\w+", code) for code in codes))
+    words = mapping._WORDS - {"schema_name"} | base_units._BASE.keys() | base_units._ALIASES.keys() - {""}
+    assert words - known == set()
