@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from idloop.cli._places import PLOT
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from idloop.records.align import ModelSignals
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
 
 # ---------------------------------------------------------------- arguments
@@ -54,37 +53,8 @@ class BagArgument(click.ParamType[Path]):
         return path
 
 
-class PlotArgument(click.ParamType[Path]):
-    """FILE of --plot: its suffix chooses the format."""
-
-    name = "FILE"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Check suffix and folder before the work is done, not after it."""
-        path = Path(value)
-        if path.suffix.lower() not in PLOT_SUFFIXES:
-            raise InputError(f"--plot {value}: the suffix must be one of {', '.join(PLOT_SUFFIXES)}")
-        return check_folder(path, "--plot")
-
-
 MODEL = ModelArgument()
 BAG = BagArgument()
-PLOT = PlotArgument()
-
-
-def check_folder(path: Path, what: str) -> Path:
-    """Return `path` when its folder exists.
-
-    Raises
-    ------
-    InputError
-        When a file could not be written there.
-    """
-    if not path.parent.is_dir():
-        raise InputError(f"{what} {path}: there is no folder {path.parent}, make it first")
-    if path.is_dir():
-        raise InputError(f"{what} {path}: this is a folder, name a file")
-    return path
 
 
 def plot_option(function: Function) -> Function:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from idloop.cli._common import ListOptionCommand, format_table, number
-from idloop.errors import IdloopError, InputError
+from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.diagnose import Candidate
@@ -183,20 +183,6 @@ def experiment_text(suggested: Mapping[str, Any]) -> str:
     }
     YAML().dump({"signal": plain, "adds_to": suggested["adds_to"]}, buffer)
     return "\n".join(lines) + "\n" + buffer.getvalue()
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whose folder has been checked.
-
-    Raises
-    ------
-    IdloopError
-        When it cannot be written.
-    """
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def read_some(bags: Sequence[Path], model: Model) -> list[Record]:

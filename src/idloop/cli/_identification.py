@@ -415,17 +415,15 @@ def drawn(outcomes: Sequence[Outcome]) -> list[Drawn]:
     return [Drawn(one.label, one.found, one.score) for one in outcomes if one.found is not None]
 
 
-def check_save(path: Path, kinds: Sequence[str], *, swept: bool, overwrite: bool) -> None:
-    """Refuse a file that could not be written, or a result that is no model, before the work is done.
+def check_save(path: Path, kinds: Sequence[str], *, swept: bool) -> None:
+    """Refuse a result that is no model, or a format that it does not have, before the work is done.
 
     Raises
     ------
     InputError
     """
-    from idloop.cli._common import check_folder
     from idloop.estimate import linear, networks
 
-    check_folder(path, "--save")
     if swept or len(kinds) != 1:
         raise InputError(f"--save {path}: it takes one model; give one --method and no --sweep")
     if kinds[0] == "response":
@@ -434,8 +432,6 @@ def check_save(path: Path, kinds: Sequence[str], *, swept: bool, overwrite: bool
         )
     file = networks.model_file if kinds[0] == "network" else linear.model_file
     file.check_suffix(path)
-    if path.exists() and not overwrite:
-        raise InputError(f"--save {path}: the file is there already, name another or add --force")
 
 
 def save_model(model: Any, path: Path) -> None:

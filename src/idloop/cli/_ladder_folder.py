@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.cli._assessment import save_figure
 from idloop.cli._common import to_json
-from idloop.cli._diagnosis import experiment_text, write_text
-from idloop.errors import IdloopError, InputError
+from idloop.cli._diagnosis import experiment_text
+from idloop.cli._places import make_folder, probe_file, probe_folder, write_text
+from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -50,21 +51,29 @@ class Kept:
     seen: tuple[tuple[Path, float, float], ...] = ()
 
 
-def check_target(folder: Path, *, overwrite: bool) -> None:
+def check_target(folder: Path, what: str, *, overwrite: bool) -> None:
     """Refuse a folder that cannot be written or holds a ladder already, before the work is done.
+
+    Parameters
+    ----------
+    folder : Path
+    what : str
+        What names it in the message: the option.
+    overwrite : bool
+        A ladder that is there may be written anew.
 
     Raises
     ------
     InputError
         A file of that name, no folder above it, or files that would be overwritten.
     """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--output {folder}: this is a file, name a folder")
-    if not folder.parent.is_dir():
-        raise InputError(f"--output {folder}: there is no folder {folder.parent}, make it first")
+    probe_folder(folder, what)
     there = [name for name in FILES if (folder / name).exists()]
     if there and not overwrite:
-        raise InputError(f"--output {folder}: {', '.join(there)} are there already, name another folder or add --force")
+        are = "are" if len(there) > 1 else "is"
+        raise InputError(f"{what} {folder}: {', '.join(there)} {are} there already, name another folder or add --force")
+    for name in there:
+        probe_file(folder / name, what, overwrite=True)
 
 
 def read_ladder(folder: Path) -> Kept:
@@ -103,10 +112,7 @@ def write_ladder(folder: Path, kept: Kept) -> None:
     IdloopError
         When they cannot be written.
     """
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise IdloopError(f"cannot make {folder}: {error.strerror or error}") from error
+    make_folder(folder)
     document = {
         **kept.ladder.to_dict(),
         "bags": [path.resolve() for path in kept.bags],

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.cli._common import log
 from idloop.cli._demo_loop import narrated
+from idloop.cli._places import make_folder
 from idloop.cli._tracking_runs import Loops, Reference
 from idloop.errors import InputError
 
@@ -74,7 +75,7 @@ def run_loops(
 @contextlib.contextmanager
 def _folder(bags: Path | None) -> Iterator[Path]:
     if bags is not None:
-        bags.mkdir(parents=True)
+        make_folder(bags, parents=True)
         yield bags
         return
     with tempfile.TemporaryDirectory(prefix="idloop_bags_") as scratch:

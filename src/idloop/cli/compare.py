@@ -11,7 +11,6 @@ import click
 from idloop.cli._assessment import make_panel, print_comparisons, print_verdicts, print_where, save_figure, save_where
 from idloop.cli._common import (
     BAG,
-    PLOT,
     apply_options,
     json_option,
     log,
@@ -21,6 +20,7 @@ from idloop.cli._common import (
     progress,
     read_one_record,
 )
+from idloop.cli._places import PLOT
 from idloop.errors import InputError
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ import click
 from idloop.cli._common import (
     MODEL,
     apply_options,
-    check_folder,
     json_option,
     log,
     model_options,
@@ -21,7 +20,8 @@ from idloop.cli._common import (
     print_table,
     progress,
 )
-from idloop.errors import IdloopError, InputError
+from idloop.cli._places import NEW_FOLDER, OUTPUT_FILE, force_option, write_text
+from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.cli._tracking_runs import Loops, Reference
@@ -72,14 +72,10 @@ _POSITIVE = click.FloatRange(min=0.0, min_open=True)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the measurement noise.")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise.")
 @click.option("--graph", is_flag=True, help="Run the nodes, once without and once with, and read their bags.")
-@click.option(
-    "--bags", type=click.Path(path_type=Path), metavar="FOLDER", help="Keep the bags of --graph in a new folder."
-)
+@click.option("--bags", type=NEW_FOLDER, metavar="FOLDER", help="Keep the bags of --graph in a new folder.")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of --graph alone (ROS_DOMAIN_ID).")
-@click.option(
-    "--output", type=click.Path(path_type=Path), metavar="FILE", help="Write the compensator for the controller node."
-)
-@click.option("--force", is_flag=True, help="Overwrite the file of --output.")
+@click.option("--output", type=OUTPUT_FILE, metavar="FILE", help="Write the compensator for the controller node.")
+@force_option("Overwrite the file of --output.")
 @plot_option
 @json_option
 def command(
@@ -117,7 +113,8 @@ def command(
     from idloop.control import build_controller
     from idloop.control.compensation import Compensation
 
-    _check_files(output, force, bags, graph)
+    if bags is not None and not graph:
+        raise InputError("--bags goes with --graph: a simulation records nothing")
     chosen = apply_options(model, settings, effects)
     section = runs.controller_section(chosen, controller)
     chosen = runs.with_controller(chosen, section)
@@ -140,7 +137,7 @@ def command(
     if output is not None:
         from idloop.export.compensator import export_compensation
 
-        _save(output, export_compensation(compensation).text)
+        write_text(output, export_compensation(compensation).text)
         log(f"written: {output}")
     if plot is not None:
         from idloop.drawing import save
@@ -163,22 +160,6 @@ def command(
         )
         return
     _tell(built, loops, path, settle, chosen)
-
-
-def _check_files(output: Path | None, force: bool, bags: Path | None, graph: bool) -> None:
-    if output is not None and check_folder(output, "--output").exists() and not force:
-        raise InputError(f"--output {output}: the file is there already, name another or add --force")
-    if bags is not None and not graph:
-        raise InputError("--bags goes with --graph: a simulation records nothing")
-    if bags is not None and bags.exists():
-        raise InputError(f"--bags {bags}: it is there already, name a new folder")
-
-
-def _save(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def _followed(controller: Controller) -> str:

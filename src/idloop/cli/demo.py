@@ -14,7 +14,8 @@ import click
 
 from idloop.cli import _common
 from idloop.cli._demo_loop import GRAPHS, START, check_loop
-from idloop.errors import IdloopError, InputError
+from idloop.cli._places import NEW_FOLDER, make_folder, probe_folder
+from idloop.errors import IdloopError
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -279,7 +280,7 @@ def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
 @click.option(
     "--seconds", type=click.FloatRange(6.0), default=60.0, show_default=True, help="With --loop: signal of a graph [s]."
 )
-@click.option("--directory", type=click.Path(path_type=Path), help="New folder for all results (default: in bags/).")
+@click.option("--directory", type=NEW_FOLDER, help="New folder for all results (default: in bags/).")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of the graphs (ROS_DOMAIN_ID).")
 @_common.json_option
 def command(
@@ -299,12 +300,12 @@ def command(
     nothing of the hidden effect. It sees that its model fails and where, names what is missing, has the next
     experiment run where effects tie, adds what it found, and goes on until nothing significant is left.
     """
-    folder = directory or Path("bags") / time.strftime("demo_%Y%m%d_%H%M%S")
-    if folder.exists():
-        raise InputError(f"--directory {folder}: exists already and is not written over: name another one")
+    folder = directory or probe_folder(
+        Path("bags") / time.strftime("demo_%Y%m%d_%H%M%S"), "--directory", new=True, parents=True
+    )
     hidden = hide or choose_hidden(seed)
     check_hidden(hidden)
-    folder.mkdir(parents=True)
+    make_folder(folder, parents=True)
     if loop:
         document, failures = check_loop(graphs, folder, seconds, seed, domain, quiet=as_json)
         if as_json:

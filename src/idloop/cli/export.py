@@ -10,13 +10,13 @@ import click
 from idloop.cli._common import (
     MODEL,
     apply_options,
-    check_folder,
     json_option,
     log,
     model_options,
     print_json,
 )
-from idloop.errors import IdloopError, InputError
+from idloop.cli._places import force_option, make_folder, probe_file, probe_folder, write_text
+from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.export import Exported
@@ -48,7 +48,7 @@ Examples:
     metavar="PATH",
     help="File to write; for several formats a folder, which is made.",
 )
-@click.option("--force", is_flag=True, help="Overwrite what is there.")
+@force_option("Overwrite what is there.")
 @model_options
 @json_option
 def command(
@@ -65,16 +65,21 @@ def command(
 
     What a format cannot carry is said in the file and, line by line, on stderr.
     """
+    several = len(dict.fromkeys(forms)) != 1
+    if output is not None:
+        # What it is follows from the number of formats.
+        _probe(output, several=several, overwrite=force)
     chosen = apply_options(model, settings, effects)
     files = _write_all(chosen, forms)
     if output is None and len(files) > 1 and not as_json:
         raise InputError("--output is missing: several formats need a folder; or name one --format")
-    paths = _paths(output, files, several=len(forms) != 1, force=force)
+    paths = _paths(output, files, several=several, overwrite=force)
     for file, path in zip(files, paths, strict=True):
         for line in file.left_out:
             log(f"{file.format}: not carried: {line}")
         if path is not None:
-            _save(path, file.text)
+            make_folder(path.parent, parents=True)
+            write_text(path, file.text)
             log(f"written: {path}")
     if as_json:
         listed = [
@@ -100,25 +105,24 @@ def _write_all(model: Model, forms: tuple[str, ...]) -> list[Exported]:
     return files
 
 
-def _paths(output: Path | None, files: list[Exported], *, several: bool, force: bool) -> list[Path | None]:
-    """Where each file goes; all are checked before the first is written."""
+def _probe(output: Path, *, several: bool, overwrite: bool) -> None:
+    """See that the file, or for several formats the folder, can be written."""
+    if not several:
+        probe_file(output, "--output", overwrite=overwrite)
+    elif output.exists() and not output.is_dir():
+        raise InputError(f"--output {output}: several formats need a folder, and this is a file")
+    else:
+        probe_folder(output, "--output", parents=True)
+
+
+def _paths(output: Path | None, files: list[Exported], *, several: bool, overwrite: bool) -> list[Path | None]:
+    """Where each file goes; all are probed before the first is written."""
     if output is None:
         return [None] * len(files)
-    if several:
-        if output.exists() and not output.is_dir():
-            raise InputError(f"--output {output}: several formats need a folder, and this is a file")
-        paths = [output / file.file_name for file in files]
-    else:
-        paths = [check_folder(output, "--output")]
-    there = next((path for path in paths if path.exists()), None)
-    if there is not None and not force:
-        raise InputError(f"--output {there}: the file is there already, name another or add --force")
+    if not several:
+        return [output]
+    paths = [output / file.file_name for file in files]
+    if output.is_dir():
+        for path in paths:
+            probe_file(path, "--output", overwrite=overwrite)
     return list(paths)
-
-
-def _save(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error

@@ -13,7 +13,6 @@ from idloop.cli._common import (
     MODEL,
     ListOptionCommand,
     apply_options,
-    check_folder,
     json_option,
     log,
     model_options,
@@ -22,7 +21,7 @@ from idloop.cli._common import (
     progress,
     read_records,
 )
-from idloop.errors import IdloopError, InputError
+from idloop.cli._places import OUTPUT_FILE, force_option, write_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -30,19 +29,6 @@ if TYPE_CHECKING:
     from idloop.validate import Comparison
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
-
-
-def check_output(path: Path, *, overwrite: bool) -> None:
-    """Refuse a place where the fitted model could not or should not be written, before the work is done.
-
-    Raises
-    ------
-    InputError
-        No such folder, or a file that is there already.
-    """
-    check_folder(path, "--output")
-    if path.exists() and not overwrite:
-        raise InputError(f"--output {path}: the file is there already, name another or add --force")
 
 
 def compare_all(
@@ -73,8 +59,8 @@ Example:
     help="What is made small: one-step errors, free-run errors or the unexplained drive force.",
 )
 @model_options
-@click.option("--output", type=click.Path(path_type=Path), metavar="FITTED.yaml", help="Write the fitted model file.")
-@click.option("--force", is_flag=True, help="Overwrite the file of --output.")
+@click.option("--output", type=OUTPUT_FILE, metavar="FITTED.yaml", help="Write the fitted model file.")
+@force_option("Overwrite the file of --output.")
 @plot_option
 @json_option
 def command(
@@ -94,8 +80,6 @@ def command(
 
     MODEL is a preset or a model file; a parameter is free where the file writes it as a mapping.
     """
-    if output is not None:
-        check_output(output, overwrite=force)
     model = apply_options(model, settings, effects)
     train, validation = read_records(bags, model), read_records(validate, model)
 
@@ -107,10 +91,7 @@ def command(
         on_train, on_validation = compare_all(result.model, train, validation)
 
     if output is not None:
-        try:
-            result.model.save(output)
-        except OSError as error:
-            raise IdloopError(f"cannot write {output}: {error.strerror or error}") from error
+        write_text(output, result.model.to_yaml())
     labelled = [("train", c) for c in on_train] + [("validation", c) for c in on_validation]
     if plot is not None:
         panels = [make_panel(f"{label}: {c.record.name}", [(model.name, c)]) for label, c in labelled]

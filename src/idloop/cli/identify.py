@@ -40,6 +40,7 @@ from idloop.cli._identification import (
     save_model,
     sweep_lines,
 )
+from idloop.cli._places import OUTPUT_FILE, force_option
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import IdloopError, InputError
 
@@ -135,10 +136,8 @@ A saved model in Python, with idloop or without it:
 )
 @click.option("--sweep", metavar="NAME=VALUES", help=f"Table and figure over one of {', '.join(SWEPT)}.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of networks.")
-@click.option(
-    "--save", type=click.Path(path_type=Path), metavar="FILE", help="Write the model (.json; linear ones also .npz)."
-)
-@click.option("--force", is_flag=True, help="Overwrite the file of --save.")
+@click.option("--save", type=OUTPUT_FILE, metavar="FILE", help="Write the model (.json; linear ones also .npz).")
+@force_option("Overwrite the file of --save.")
 @click.option("--list", "show_list", is_flag=True, help="List the methods with what they are for.")
 @plot_option
 @json_option
@@ -195,7 +194,7 @@ def command(
     if over is not None and any(method.kind == "response" for method in chosen.values()):
         raise InputError(f"--sweep {sweep}: responses predict nothing that could be judged; sweep over models")
     if save is not None:
-        check_save(save, [method.kind for method in chosen.values()], swept=over is not None, overwrite=force)
+        check_save(save, [method.kind for method in chosen.values()], swept=over is not None)
     law = controller or model
     choices = Choices(
         order=order,

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from idloop.cli._common import json_option, log, print_json, print_table
+from idloop.cli._places import probe_folder
 from idloop.errors import InputError
 
 
@@ -78,6 +79,7 @@ def command(words: tuple[str, ...], *, mapping: str | None, part: str | None, sh
         list_sets(as_json=as_json)
         return
     name, source, bag = split_arguments(words, mapping)
+    probe_folder(bag, "BAG", new=True, parents=True)
     from idloop.records.importing import import_bag
 
     result = import_bag(source, bag, name, part=part)

@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 
 from idloop.cli._common import BAG, json_option, print_json, print_table
+from idloop.cli._places import NEW_FOLDER, probe_folder
 
 
 @click.command("recover")
 @click.argument("bag", type=BAG, metavar="BAG")
-@click.argument("target", type=click.Path(path_type=Path), metavar="[NEW_BAG]", required=False)
+@click.argument("target", type=NEW_FOLDER, metavar="[NEW_BAG]", required=False)
 @json_option
 def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
     """Copy every readable message of the recording BAG (mcap or sqlite3) into NEW_BAG (default: BAG_recovered).
@@ -20,7 +21,8 @@ def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
     """
     from idloop.records.recover import recover_bag
 
-    result = recover_bag(bag, target or bag.with_name(f"{bag.stem}_recovered"))
+    place = target or probe_folder(bag.with_name(f"{bag.stem}_recovered"), "NEW_BAG", new=True, parents=True)
+    result = recover_bag(bag, place)
     if as_json:
         print_json({"schema": "idloop/recover/1", **vars(result)})
         return

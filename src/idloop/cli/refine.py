@@ -32,6 +32,7 @@ from idloop.cli._diagnosis import (
     read_limits,
 )
 from idloop.cli._ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
+from idloop.cli._places import OUTPUT_FOLDER, force_option
 from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
@@ -67,11 +68,11 @@ Examples:
 @click.option("--no-suggest", is_flag=True, help="Do not work out the next experiment for what stays open.")
 @click.option(
     "--output",
-    type=click.Path(path_type=Path),
+    type=OUTPUT_FOLDER,
     metavar="DIR",
     help=f"Write {', '.join(FILES)} (default with --resume: that folder).",
 )
-@click.option("--force", is_flag=True, help="Overwrite the files in the folder of --output.")
+@force_option("Overwrite the files in the folder of --output.")
 @json_option
 def command(
     sources: tuple[str, ...],
@@ -105,8 +106,9 @@ def command(
     if undo and resume is None:
         raise InputError("--undo takes back the last step of a ladder: add --resume DIR")
     target = output if output is not None else resume
-    if target is not None and target != resume:
-        check_target(target, overwrite=force)
+    if target is not None:
+        own = resume is not None and target.resolve() == resume.resolve()
+        check_target(target, "--output" if output is not None else "--resume", overwrite=force or own)
     limits = read_limits(max_command, position_range, max_velocity)
     kept = read_ladder(resume) if resume is not None else None
     model, bags = _sources(sources, kept)

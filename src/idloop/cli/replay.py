@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from idloop.cli import _common
+from idloop.cli._places import NEW_FOLDER
 
 
 @click.command("replay", short_help="Play a bag into the live graph.")
@@ -18,7 +19,7 @@ from idloop.cli import _common
 @click.option("--validation", type=float, default=10.0, show_default=True, help="Seconds after it that judge the fit.")
 @click.option("--fit-period", type=float, default=10.0, show_default=True, help="Seconds between fits.")
 @click.option("--rate", type=float, default=0.0, help="Times real time; 0: as fast as the nodes acknowledge.")
-@click.option("--output", type=click.Path(path_type=Path), help="Keep what the estimator said in this new bag.")
+@click.option("--output", type=NEW_FOLDER, help="Keep what the estimator said in this new bag.")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of this graph alone (ROS_DOMAIN_ID).")
 @_common.json_option
 def command(

@@ -11,7 +11,6 @@ import click
 from idloop.cli._common import (
     BAG,
     ListOptionCommand,
-    check_folder,
     json_option,
     log,
     print_json,
@@ -26,7 +25,8 @@ from idloop.cli._ladder_folder import (
     read_next_experiment,
     write_report,
 )
-from idloop.errors import IdloopError, InputError
+from idloop.cli._places import OUTPUT_FOLDER, OutputFile, make_folder, probe_file
+from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.report.contents import Contents
@@ -39,6 +39,11 @@ Examples:
 """
 
 
+PAGE = OutputFile((".html", ".htm"), replaces=True)
+PAPER = OutputFile((".pdf",), replaces=True)
+PICTURE = OutputFile((".png",), replaces=True)
+
+
 class ReportCommand(ListOptionCommand):
     """A command whose list options take several values at once."""
 
@@ -47,14 +52,10 @@ class ReportCommand(ListOptionCommand):
 
 @click.command(cls=ReportCommand, epilog=EXAMPLE)
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="HTML file (default: RUN/report.html).")
-@click.option("--pdf", type=click.Path(path_type=Path), metavar="FILE", help="Print the page with Chromium as well.")
-@click.option(
-    "--picture", type=click.Path(path_type=Path), metavar="FILE", help="Take a picture (PNG) of the answer as well."
-)
-@click.option(
-    "--svg", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures for a paper as well, one SVG each."
-)
+@click.option("--output", type=PAGE, metavar="FILE", help="HTML file (default: RUN/report.html).")
+@click.option("--pdf", type=PAPER, metavar="FILE", help="Print the page with Chromium as well.")
+@click.option("--picture", type=PICTURE, metavar="FILE", help="Take a picture (PNG) of the answer as well.")
+@click.option("--svg", type=OUTPUT_FOLDER, metavar="DIR", help="Write the figures for a paper as well, one SVG each.")
 @click.option("--bag", type=BAG, multiple=True, metavar="BAG...", help="The fitted recordings, if they have moved.")
 @click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="The unseen ones, if they have moved.")
 @json_option
@@ -75,9 +76,11 @@ def command(
     fails, what is left, what this data cannot show, the next experiment, equations, parameters, provenance.
     """
     kept = read_ladder(run)
-    page = check_folder(output if output is not None else run / "report.html", "--output")
-    _check_printer(("--pdf", pdf), ("--picture", picture))
-    _check_figures(svg)
+    page = output if output is not None else probe_file(run / "report.html", "RUN", overwrite=True)
+    if pdf is not None or picture is not None:
+        from idloop.report.chromium import find_chromium
+
+        find_chromium()
     with progress(f"report of {run}") as update:
         contents = gather_kept(kept, run, bag, validate, update)
         size = write_report(contents, page)
@@ -135,16 +138,6 @@ def _origin(kept: Kept, fitted: Sequence[Path], unseen: Sequence[Path]) -> dict[
     return {**now, **kept.provenance}
 
 
-def _check_printer(*wishes: tuple[str, Path | None]) -> None:
-    """Refuse what cannot be printed, before the work is done."""
-    from idloop.report.chromium import find_chromium
-
-    for option, path in wishes:
-        if path is not None:
-            check_folder(path, option)
-            find_chromium()
-
-
 def _print(page: Path, pdf: Path | None, picture: Path | None) -> None:
     from idloop.report.chromium import print_pdf, take_picture
 
@@ -154,21 +147,9 @@ def _print(page: Path, pdf: Path | None, picture: Path | None) -> None:
         take_picture(page, picture)
 
 
-def _check_figures(svg: Path | None) -> None:
-    """Refuse a folder that cannot be made, before the work is done."""
-    if svg is not None and svg.exists() and not svg.is_dir():
-        raise InputError(f"--svg {svg}: this is a file, name a folder")
-    if svg is not None and not svg.parent.is_dir():
-        raise InputError(f"--svg {svg}: there is no folder {svg.parent}, make it first")
-
-
 def _save_figures(contents: Contents, svg: Path | None) -> list[Path]:
     if svg is None:
         return []
     from idloop.report.paper import save_paper_figures
 
-    try:
-        svg.mkdir(exist_ok=True)
-    except OSError as error:
-        raise IdloopError(f"cannot make {svg}: {error.strerror or error}") from error
-    return save_paper_figures(contents, svg)
+    return save_paper_figures(contents, make_folder(svg))

@@ -11,7 +11,6 @@ import click
 from idloop.cli._common import (
     BAG,
     ModelArgument,
-    check_folder,
     json_option,
     log,
     plot_option,
@@ -26,8 +25,8 @@ from idloop.cli._diagnosis import (
     limit_options,
     read_limits,
     seed_option,
-    write_text,
 )
+from idloop.cli._places import OUTPUT_FILE, force_option, write_text
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -66,8 +65,8 @@ Run it: the excitation node takes the file as its parameter `experiment`, then c
 @click.option("--no-fit", is_flag=True, help="Take rival models as they are instead of fitting them first.")
 @criterion_option
 @seed_option
-@click.option("--output", type=click.Path(path_type=Path), metavar="NEXT.yaml", help="Write the experiment.")
-@click.option("--force", is_flag=True, help="Overwrite the file of --output.")
+@click.option("--output", type=OUTPUT_FILE, metavar="NEXT.yaml", help="Write the experiment.")
+@force_option("Overwrite the file of --output.")
 @plot_option
 @json_option
 def command(
@@ -97,8 +96,6 @@ def command(
     given are the largest command and motion in the data. The figure of --plot shows what is sent in, what each rival
     would show, and by how much they differ beside the noise.
     """
-    if output is not None and check_folder(output, "--output").exists() and not force:
-        raise InputError(f"--output {output}: the file is there already, name another or add --force")
     names, bags = _split(sources, between, ladder)
     limits = read_limits(max_command, position_range, max_velocity)
     options: dict[str, Any] = {"duration": duration, "seed": seed, "start": start}

@@ -24,6 +24,7 @@ from idloop.cli._common import (
 )
 from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
 from idloop.cli._ladder_folder import Kept, check_target, write_ladder
+from idloop.cli._places import OUTPUT_FOLDER, force_option
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -47,11 +48,11 @@ On a live graph the page comes with it: idloop launch hidden workbench:=true
 @limit_options
 @click.option(
     "--output",
-    type=click.Path(path_type=Path),
+    type=OUTPUT_FOLDER,
     metavar="DIR",
     help="Write model.yaml and ladder.json after every step; idloop refine --resume goes on from there.",
 )
-@click.option("--force", is_flag=True, help="Overwrite the files in the folder of --output.")
+@force_option("Overwrite the files in the folder of --output.")
 @click.option(
     "--address",
     default="127.0.0.1",
@@ -89,7 +90,7 @@ def command(
     and the ladder are those of compare, diagnose, refine and suggest.
     """
     if output is not None:
-        check_target(output, overwrite=force)
+        check_target(output, "--output", overwrite=force)
     model = apply_options(model, settings, effects)
     records, unseen = read_records(bags, model), read_records(validate, model)
 
