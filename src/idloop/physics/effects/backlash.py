@@ -56,8 +56,8 @@ EFFECT = (
         text="There is a gap between the two sides: no torque passes until it is crossed.",
         equation=EffectEquation(
             "",
-            r"@F_{@s} = 0 \text{ while } \left|\Delta @q\right| \le \tfrac{1}{2}\delta"
-            r"\text{, beyond it with } \Delta @q \mp \tfrac{1}{2}\delta",
+            r"@F_{@s} = 0 \text{ while } \left|\Delta @q\right| \le \tfrac{1}{2}\delta\text{, else } "
+            r"k_{@s}\left(\Delta @q - \tfrac{1}{2}\delta\operatorname{sign}\Delta @q\right) + c_{@s}\,\Delta @v",
             {"gap": r"\delta"},
         ),
         parameters=(GAP,),
@@ -75,7 +75,7 @@ EFFECT = (
         text="The measured side is held by friction inside a gap, so it lags by the gap at every reversal.",
         equation=EffectEquation(
             "y_p",
-            r"y_p \text{ follows } @y \text{ only by the walls of a gap } \delta",
+            r"y_p \leftarrow \min\left(\max\left(y_p, @y - \tfrac{1}{2}\delta\right), @y + \tfrac{1}{2}\delta\right)",
             {"gap": r"\delta"},
         ),
         parameters=(GAP,),

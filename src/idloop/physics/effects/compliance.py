@@ -9,8 +9,8 @@ EFFECT = Effect(
     text="A shaft, belt or coupling gives: what looks like one body is two, joined by a spring.",
     equation=EffectEquation(
         "",
-        r"\text{the body is two, } \lambda J \text{ and } (1-\lambda) J\text{, with } k_c\,\Delta @q + d_c\,\Delta @v"
-        r"\text{ between them}",
+        r"\text{the body is two, } 1-\lambda \text{ of it with its sensors and effects, } \lambda \text{ behind, "
+        r"joined by } k_c\,\Delta @q + d_c\,\Delta @v",
         {"stiffness": "k_c", "damping": "d_c", "split": r"\lambda"},
     ),
     parameters=(

@@ -18,7 +18,7 @@ EFFECT = Effect(
     site=COUPLING,
     text="The coupling grows stiffer the more it is twisted.",
     equation=EffectEquation(
-        r"+k_3\,\Delta @q^3",
+        r"+k_3\,(\Delta @q)^3",
         "",
         {"cubic": "k_3"},
     ),

@@ -19,7 +19,8 @@ EFFECT = Effect(
     text="The harder the teeth or threads press, the higher their dry friction.",
     equation=EffectEquation(
         r"-@F_{\text{f}@i}",
-        r"@F_{\text{f}@i} = \mu\,\left|@F_{\text{load}}\right|\,\operatorname{sign} @v",
+        r"@F_{\text{f}@i} = \mu\,\left|@F_{\text{in}}\right|\operatorname{sign} @v\text{, } @F_{\text{in}} "
+        r"\text{ what the drive or the coupling before passes on}",
         {"ratio": r"\mu"},
     ),
     parameters=(ParameterSpec("ratio", "-", min=0.0, max=0.99),),

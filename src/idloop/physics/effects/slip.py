@@ -31,6 +31,7 @@ EFFECT = Effect(
     text="Above a torque the coupling slips and the two sides stay turned against each other.",
     equation=EffectEquation(
         "",
+        r"@F_{@s} = k_{@s}\,(\Delta @q - s) + c_{@s}\,\Delta @v\text{, where } s \text{ moves only to keep } "
         r"\left|@F_{@s}\right| \le @F_{\max}",
         {"limit": r"@F_{\max}"},
     ),

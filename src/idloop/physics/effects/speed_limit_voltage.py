@@ -21,7 +21,7 @@ EFFECT = Effect(
     text="At speed the back-EMF leaves too little supply voltage for the commanded current, so the torque is cut.",
     equation=EffectEquation(
         "u_v",
-        r"u_v = @u \text{ as long as } \left|R\,u_v + k_e\,@v\right| \le U",
+        r"u_v = \min\left(\max\left(@u, \frac{-U - k_e\,@v}{R}\right), \frac{U - k_e\,@v}{R}\right)",
         {"supply": "U", "back_emf": "k_e", "resistance": "R"},
     ),
     parameters=(
