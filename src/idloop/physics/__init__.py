@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from idloop.physics.effect import Effect, ParameterSpec, catalogue
+    from idloop.physics.effect import Effect, EffectEquation, ParameterSpec, catalogue
     from idloop.physics.effect_text import parse_effect
     from idloop.physics.engine import Engine
     from idloop.physics.hooks import hook
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Effect",
+    "EffectEquation",
     "Engine",
     "Machine",
     "Model",
@@ -35,6 +36,7 @@ __all__ = [
 
 _WHERE = {
     "Effect": "effect",
+    "EffectEquation": "effect",
     "Engine": "engine",
     "Model": "model",
     "Parameter": "parameter",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
-from idloop.physics.effect import Effect, ParameterSpec, catalogue
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, ParameterSpec, catalogue
 
 HEAD = """\
 # The catalogue of effects
@@ -17,8 +18,35 @@ the model: `{input}` of the command, `{force}` N·m or N, `{position}` rad or m,
 sensor. Add an effect in a model file (`- {effect: dead_zone, at: input, width: {value: 0.1}}`), on the
 command line (`--effect "dead_zone@input(width=0.1)"`) or on a running node (parameter `effects`).
 
+In the equations q, v, F and J are position, velocity, force and inertia (θ, ω, T and J of a rotary axis, x, v, F and
+m of a linear one), u is the command and y a reading. No sign and no corner is smoothed; where dry friction stops or
+turns a body, the simulator finds the instant.
+
 """
-PLACES = {"input": "the command", "body": "a body", "coupling": "a coupling", "output": "a sensor"}
+PLACES = {INPUT: "the command", BODY: "a body", COUPLING: "a coupling", OUTPUT: "a sensor"}
+
+# What the equations of a site are part of. Raw, for they hold LaTeX.
+RULES = {
+    INPUT: r"""
+The effects act in the order in which they stand here, each on the u that the one before it gives. The drive's force on
+the first body is K u of the last one, with the drive's gain K. v is the velocity of the first body.
+""",
+    BODY: r"""
+All effects at a body add up in its balance of forces, beside the viscous friction B v of the body itself, the drive
+and the couplings. $`F_{\text{f}}`$ is dry friction. At v = 0 it takes whatever value holds the body at rest, as long as
+the other forces stay within the sum of the $`F_{\text{f}}`$ at v = 0 in the direction in which they push; beyond that
+the body breaks away. The sum of the $`F_{\text{f}}`$ never drives: below zero it counts as zero.
+""",
+    COUPLING: r"""
+A coupling from body a to body b has the twist Δq = q of a − q of b, and passes the force F = k Δq + c Δv on from a to
+b: a loses what b gets. The equations are those of each effect alone; several act in the order in which they stand here.
+""",
+    OUTPUT: r"""
+A reading y begins as q or v of the sensor's body, times the `scale` of the output. The effects act in the order in
+which they stand here, each on the y that the one before it gives; the measurement noise is added before the
+quantisation. With a delay, the q of a ripple is as old as its y.
+""",
+}
 
 
 def _parameter(spec: ParameterSpec) -> str:
@@ -33,6 +61,39 @@ def _row(effect: Effect) -> str:
     return f"| `{effect.name}` | {effect.text} | {parameters} | {like} |"
 
 
+def _place_in_chain(effect: Effect) -> tuple[bool, int, int, str]:
+    """Sort key: the order in which the effects of a site act, whatever that in a model file."""
+    rank = 0
+    if effect.site == INPUT:
+        rank = 0 if effect.delay else 1
+    elif effect.site == OUTPUT:
+        rank = 0 if effect.settle else 1 if effect.delay else 2
+    return effect.final, rank, effect.order if effect.site != BODY else 0, effect.name
+
+
+def _plain(latex: str) -> str:
+    """Put plain letters in place of the marks."""
+    for mark, letter in {"_{@s}": "", "@i": "", "@q": "q", "@v": "v", "@F": "F", "@u": "u", "@y": "y"}.items():
+        latex = latex.replace(mark, letter)
+    # GitHub refuses \operatorname.
+    return re.sub(r"(?:\\,)?\\operatorname\{(\w+)\}", r"\\,\\mathrm{\1}\\,", latex)
+
+
+def _equation(effect: Effect) -> str:
+    """Return an effect's equation and the symbols in it; empty where it gives none."""
+    equation = effect.equation
+    if equation is None:
+        return ""
+    term, text = _plain(equation.term), _plain(equation.text)
+    if effect.site == BODY and term:
+        balance = rf"J\,\frac{{dv}}{{dt}} = \dots {term[:1]} {term[1:]}"
+        text = rf"{balance}, \qquad {text}" if text else balance
+    elif effect.site == COUPLING and term:
+        text = rf"F = k\,\Delta q + c\,\Delta v {term[:1]} {term[1:]}"
+    symbols = ", ".join(f"$`{_plain(symbol)}`$ is `{name}`" for name, symbol in equation.symbols.items())
+    return f"`{effect.name}`\n\n```math\n{text}\n```\n\n" + (f"{symbols}\n\n" if symbols else "")
+
+
 def page() -> str:
     """Return the page as Markdown."""
     lines = [HEAD]
@@ -41,7 +102,8 @@ def page() -> str:
         lines.append("| effect | what happens | parameters | looks like |\n|---|---|---|---|\n")
         effects = [effect for several in catalogue().values() for effect in several if effect.site == site]
         lines += [_row(effect) + "\n" for effect in sorted(effects, key=lambda effect: effect.name)]
-        lines.append("\n")
+        lines.append(f"\n### Equations at {words}\n{RULES[site]}\n")
+        lines += [_equation(effect) for effect in sorted(effects, key=_place_in_chain)]
     return "".join(lines).rstrip("\n") + "\n"
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics import Effect, hook
+from idloop.physics import Effect, EffectEquation, hook
 
 
 @hook
@@ -15,6 +15,7 @@ EFFECT = Effect(
     name="sign_blind_sensor",
     site="output",
     text="The sensor counts pulses without their order, so it reports the size of the speed and not its sign.",
+    equation=EffectEquation("y_b", r"y_b = \left|@y\right|"),
     parameters=(),
     reading=reading,
     order=55,
