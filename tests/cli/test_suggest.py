@@ -76,10 +76,62 @@ def test_where_nothing_is_open_nothing_is_suggested(hidden, tmp_path, capsys):
     assert main.run(words("refine", hidden.model, hidden.levels, *few, "--output", folder)) == 0
     capsys.readouterr()
     assert main.run(words("suggest", "--ladder", folder, "--output", file, "--plot", figure, "--json")) == 0
-    document = json.loads(capsys.readouterr().out)
+    out, err = capsys.readouterr()
+    document = json.loads(out)
     assert document["experiment"] is document["output"] is document["plot"] is None
+    assert err.count("not written") == 2
     assert not file.exists()
     assert not figure.exists()
+
+
+def test_it_says_what_the_data_cannot_show_where_nothing_ties(refined, capsys):
+    document = json.loads((refined / "ladder.json").read_text(encoding="utf-8"))
+    assert document["untestable"]
+    assert main.run(words("suggest", "--ladder", refined, "--json")) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["experiment"] is None
+    assert list(answer["untestable"]) == document["untestable"]
+    for name, why in answer["untestable"].items():
+        assert f"{name}: {why}" in answer["reason"]
+    assert "--max-command" in answer["reason"]
+
+
+@pytest.fixture(scope="module")
+def one_equation(hidden, tmp_path_factory):
+    """Two model files that are one equation."""
+    folder = tmp_path_factory.mktemp("one_equation")
+    for effect in ("input_offset@input(offset=0.1)", "load_torque@motor(torque=0.1)"):
+        load_model(hidden.model).with_effects([effect]).save(folder / f"{effect.partition('@')[0]}.yaml")
+    return folder / "input_offset.yaml", folder / "load_torque.yaml"
+
+
+def test_effects_that_are_one_equation_get_a_check_by_hand_and_no_experiment(hidden, one_equation, tmp_path, capsys):
+    file = tmp_path / "next.yaml"
+    arguments = words("suggest", *one_equation, hidden.two, "--output", file)
+    assert main.run(arguments) == 0
+    out, err = capsys.readouterr()
+    assert "no motion can tell input_offset@input and load_torque@motor apart" in out
+    assert "by hand: with the load off and the command at zero" in out
+    assert f"--output {file}: not written" in err
+    assert not file.exists()
+    assert main.run([*arguments, "--json"]) == 0
+    (group,) = json.loads(capsys.readouterr().out)["one_equation"]
+    assert group["effects"] == ["input_offset@input", "load_torque@motor"]
+
+
+def test_an_experiment_that_would_say_nothing_is_not_written(hidden, one_equation, tmp_path, capsys):
+    """Taken as they are, a fitted load and an offset of the same force differ in nothing that moves."""
+    offset, load = (load_model(path) for path in one_equation)
+    torque, gain = load.values["load_torque@motor.torque"], offset.values["drive.gain"]
+    values = {"input_offset@input.offset": torque / gain}
+    same = tmp_path / "same.yaml"
+    offset.with_values(values).save(same)
+    arguments = words("suggest", same, one_equation[1], hidden.two, "--no-fit", "--duration", 3)
+    assert main.run([*arguments, "--plot", str(tmp_path / "next.png")]) == 0
+    out, err = capsys.readouterr()
+    assert "is expected to tell input_offset@input and load_torque@motor apart (at best 0.0" in out
+    assert "not written" in err
+    assert not (tmp_path / "next.png").exists()
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,22 +78,32 @@ def print_diagnosis(found: Diagnosis, *, everything: bool = False) -> None:
         for rung in found.rungs:
             if len(rung.set) > 1:
                 ties = ", ".join(rung.set[1:])
-                click.echo(
-                    f"this data cannot tell {rung.set[0]} from {ties}: idloop suggest chooses the experiment that can"
-                )
+                _print_tie(f"this data cannot tell {rung.set[0]} from {ties}", found.model, rung.set)
     elif best is not None:
         click.echo(f"{VERDICTS[found.verdict]}: {best.name}. {best.text}")
         if best.replaces:
             click.echo(f"it takes the place of {best.replaces}, which it contains")
-        tie = tie_text(found.set)
-        if tie:
-            click.echo(f"{tie}: idloop suggest chooses the experiment that can")
+        _print_tie(tie_text(found.set), found.model, found.set, best.replaces)
     else:
         click.echo(VERDICTS.get(found.verdict, found.verdict))
         if found.unknown is not None:
             click.echo(found.unknown.text)
-    if found.untestable:
+    hidden = [name for name in found.untestable if name not in found.set]
+    if hidden:
         click.echo()
         click.echo("this data cannot show:")
-        for name in found.untestable:
+        for name in hidden:
             click.echo(f"  {name}: {found.gate.why.get(name, 'not excited')}")
+
+
+def _print_tie(text: str, model: Model, tied: Sequence[str], replaces: str | None = None) -> None:
+    """Print a tie, and what would resolve it: an experiment, or a check by hand where no motion can."""
+    from idloop.report.twins import find_twins, one_of_each
+
+    if len(tied) < 2:
+        return
+    twins = find_twins(model, tied, replaces)
+    further = len(one_of_each(tied, twins)) > 1
+    click.echo(f"{text}: idloop suggest chooses the experiment that can" if further else text)
+    for group in twins:
+        click.echo("\n".join(group.lines))

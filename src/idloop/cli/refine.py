@@ -36,8 +36,9 @@ from idloop.cli._places import OUTPUT_FOLDER, force_option
 from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
+    from idloop.cli._next_experiment import Next
     from idloop.diagnose import Ladder
-    from idloop.diagnose.suggest import Limits, Suggestion
+    from idloop.diagnose.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -103,6 +104,9 @@ def command(
     residual that no effect explains, or where the data cannot tell; effects that tie are reported together, and
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
+    from idloop.report.twins import ladder_twins
+    from idloop.report.unshown import unshown
+
     if undo and resume is None:
         raise InputError("--undo takes back the last step of a ladder: add --resume DIR")
     target = output if output is not None else resume
@@ -126,21 +130,26 @@ def command(
         if target is not None:
             write_ladder(target, as_kept(ladder))
 
-    suggestion: Suggestion | None = None
+    answer: Next | None = None
     with progress(f"refining {model.name}") as update:
         climb = _Climb(records, validation, level, criterion, only, seed, most, update, keep)
         ladder = climb(model, kept.ladder if kept is not None else None, undo=undo, add=add)
+        # What was found after all, or ties with it, is not what the data cannot show.
+        ladder = replace(ladder, untestable=tuple(unshown(ladder)))
         if not no_suggest and not (undo and add is None):
-            suggestion = _suggestion(ladder, records, limits, duration, seed, update)
-            if suggestion is not None:
-                ladder = replace(ladder, suggested_experiment=suggestion.to_dict())
+            answer = _next(ladder, records, limits, duration, seed, update)
+            planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
+            ladder = replace(ladder, suggested_experiment=planned)
     if target is not None:
         with progress("writing the report"):
-            write_all(target, as_kept(ladder), records, validation, suggestion)
+            write_all(target, as_kept(ladder), records, validation, None if answer is None else answer.suggestion)
     if as_json:
-        print_json({**ladder.to_dict(), "output": target})
+        one = [group.to_dict() for group in ladder_twins(ladder)]
+        print_json({**ladder.to_dict(), "one_equation": one, "output": target})
         return
     print_ladder(ladder)
+    if answer is not None and answer.futile:
+        click.echo(f"next experiment: none; {answer.reason}")
     if target is not None:
         log(f"written: {target}")
 
@@ -218,26 +227,26 @@ def _sources(sources: Sequence[str], kept: Kept | None) -> tuple[Model, Sequence
 # ---------------------------------------------------------------- the next experiment
 
 
-def _suggestion(
+def _next(
     ladder: Ladder,
     records: Sequence[Record],
     limits: Limits,
     duration: float | None,
     seed: int,
     update: Callable[..., None],
-) -> Suggestion | None:
+) -> Next | None:
     """The experiment that would settle what is open, if anything is.
 
     Limits that the user has set ask what lies beyond the data so far.
     """
-    from idloop.diagnose.suggest_next import suggest_next
+    from idloop.cli._next_experiment import next_of_ladder
 
     tied = any(len(step.set) > 1 for step in ladder.steps)
     wider = any(limit is not None for limit in limits.to_dict().values())
     if not tied and not wider and ladder.verdict != "not_excited":
         return None
     try:
-        return suggest_next(ladder, records, limits, duration=duration, seed=seed, progress=update)
+        return next_of_ladder(ladder, records, limits, {"duration": duration, "seed": seed, "progress": update})
     except IdloopError as error:
         log(f"no experiment can be suggested: {error}")
         return None
@@ -249,6 +258,8 @@ def _suggestion(
 def print_ladder(ladder: Ladder) -> None:
     """Print one line a step, the verdict with its physics, and what would be next."""
     from idloop.report.ladder import VERDICTS
+    from idloop.report.twins import ladder_twins
+    from idloop.report.unshown import unshown
 
     for line in ladder.findings:
         click.echo(line)
@@ -279,11 +290,14 @@ def print_ladder(ladder: Ladder) -> None:
                 click.echo(f"  in place of {step.added.replaces}, which it contains")
         if others:
             click.echo(f"  this data cannot tell it from {', '.join(others)}")
+    for group in ladder_twins(ladder):
+        click.echo("\n".join(group.lines))
     click.echo(f"verdict: {VERDICTS.get(ladder.verdict, ladder.verdict)}")
     if ladder.unknown is not None:
         click.echo(ladder.unknown.text)
-    if ladder.untestable:
-        click.echo(f"this data cannot show: {', '.join(ladder.untestable)}")
+    hidden = unshown(ladder)
+    if hidden:
+        click.echo(f"this data cannot show: {', '.join(hidden)}")
     suggested = ladder.suggested_experiment
     if suggested is not None:
         click.echo(f"next experiment: {suggested['text']}")

@@ -30,7 +30,8 @@ from idloop.cli._places import OUTPUT_FILE, force_option, write_text
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.diagnose.suggest import Limits, Suggestion
+    from idloop.cli._next_experiment import Next
+    from idloop.diagnose.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -94,7 +95,8 @@ def command(
     With several MODELs these are the rivals, each fitted to BAG first. With one, it is diagnosed, and the effects
     that tie are the rivals; where none tie, effects that the data cannot show are asked for. Limits that are not
     given are the largest command and motion in the data. The figure of --plot shows what is sent in, what each rival
-    would show, and by how much they differ beside the noise.
+    would show, and by how much they differ beside the noise. Of effects that are one equation, which no motion can tell
+    apart, a check by hand is named instead; an experiment that is expected to say nothing is not written.
     """
     names, bags = _split(sources, between, ladder)
     limits = read_limits(max_command, position_range, max_velocity)
@@ -102,11 +104,12 @@ def command(
     with progress("choosing an experiment") as update:
         options["progress"] = update
         if ladder is not None:
-            found = _of_ladder(ladder, bags, also, limits, options)
+            answer = _of_ladder(ladder, bags, also, limits, options)
         else:
             models = [ModelArgument().convert(name, None, None) for name in names]
             records = read_records([*bags, *also], models[0])
-            found = _of_models(models, records, limits, options, show=show, criterion=criterion, fitted=no_fit)
+            answer = _of_models(models, records, limits, options, show=show, criterion=criterion, fitted=no_fit)
+    found = answer.suggestion
     if found is not None and output is not None:
         write_text(output, experiment_text(found.to_dict()))
         log(f"written: {output}")
@@ -116,12 +119,16 @@ def command(
 
         save(plot_suggestion(found), plot)
         log(f"written: {plot}")
+    for option, place in (("--output", output), ("--plot", plot)):
+        if found is None and place is not None:
+            log(f"{option} {place}: not written, there is no experiment that is worth running")
     if as_json:
         document = {"experiment": None} if found is None else found.to_dict()
         written = {"output": output, "plot": plot} if found is not None else {"output": None, "plot": None}
-        print_json({"schema": SCHEMA, **document, **written})
+        print_json({"schema": SCHEMA, **document, **answer.to_dict(), **written})
         return
-    click.echo(found.summary() if found is not None else "nothing is open: no effects tie, and the data show them all")
+    for line in answer.lines:
+        click.echo(line)
 
 
 def _split(
@@ -142,15 +149,15 @@ def _split(
 
 def _of_ladder(
     folder: Path, bags: Sequence[Path], also: Sequence[Path], limits: Limits, options: dict[str, Any]
-) -> Suggestion | None:
+) -> Next:
     from idloop.cli._ladder_folder import read_ladder
-    from idloop.diagnose.suggest_next import suggest_next
+    from idloop.cli._next_experiment import next_of_ladder
 
     kept = read_ladder(folder)
     chosen = [*(bags or kept.bags), *also]
     if not chosen:
         raise InputError(f"{folder}: its bags are not known any more; name BAG")
-    return suggest_next(kept.ladder, read_records(chosen, kept.ladder.model), limits, **options)
+    return next_of_ladder(kept.ladder, read_records(chosen, kept.ladder.model), limits, options)
 
 
 def _of_models(
@@ -162,11 +169,10 @@ def _of_models(
     show: str | None,
     criterion: str,
     fitted: bool,
-) -> Suggestion | None:
+) -> Next:
+    from idloop.cli._next_experiment import Next, next_of_diagnosis, next_of_models
     from idloop.diagnose import diagnose
-    from idloop.diagnose.suggest import suggest
     from idloop.diagnose.suggest_effect import suggest_effect
-    from idloop.diagnose.suggest_next import suggest_next
     from idloop.estimate import fit
 
     if len(models) > 1 and show is not None:
@@ -176,7 +182,7 @@ def _of_models(
         first = diagnose(
             models[0], records, criterion=criterion, seed=options["seed"], progress=_part(update, 0.0, 0.4)
         )
-        return suggest_next(first, records, limits, progress=_part(update, 0.4, 1.0), **options)
+        return next_of_diagnosis(first, records, limits, {**options, "progress": _part(update, 0.4, 1.0)})
     if not fitted:
         models = [
             fit(
@@ -191,8 +197,8 @@ def _of_models(
         ]
     rest = _part(update, 0.3, 1.0)
     if show is not None:
-        return suggest_effect(models[0], show, records, limits, progress=rest, **options)
-    return suggest(models, records, limits, criterion=criterion, progress=rest, **options)
+        return Next(suggest_effect(models[0], show, records, limits, progress=rest, **options))
+    return next_of_models(models, records, limits, criterion, {**options, "progress": rest}, fitted=not fitted)
 
 
 def _part(update: Update, low: float, high: float) -> Callable[[float, str], None]:
