@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
 from idloop.cli.main import group
@@ -35,13 +36,14 @@ def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) 
     assert fit(seeing) < 20.0
 
 
-def test_the_examples_of_the_mapping_file_print_what_the_page_shows(tmp_path: Path) -> None:
-    page = (DOCS / "mapping-file.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize(("name", "outputs"), [("mapping-file.md", 5), ("robustness.md", 1)])
+def test_the_examples_of_a_page_print_what_it_shows(name: str, outputs: int, tmp_path: Path) -> None:
+    page = (DOCS / name).read_text(encoding="utf-8")
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     printed, compared = "", 0
-    for language, name, block in re.findall(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE):
-        if name:
-            (tmp_path / name).write_text(block, encoding="utf-8")
+    for language, file, block in re.findall(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE):
+        if file:
+            (tmp_path / file).write_text(block, encoding="utf-8")
         elif language == "sh":
             shell = subprocess.run(
                 ["bash", "-c", block], cwd=tmp_path, env=os.environ | {"PATH": programs}, text=True, check=False,
@@ -51,7 +53,7 @@ def test_the_examples_of_the_mapping_file_print_what_the_page_shows(tmp_path: Pa
         elif language == "text":
             assert printed == block
             compared += 1
-    assert compared == 5
+    assert compared == outputs
 
 
 def test_the_page_of_the_mapping_file_names_every_key_and_every_unit() -> None:
@@ -60,3 +62,11 @@ def test_the_page_of_the_mapping_file_names_every_key_and_every_unit() -> None:
     known = set(codes).union(*(re.findall(r"\w+", code) for code in codes))
     words = mapping._WORDS - {"schema_name"} | base_units._BASE.keys() | base_units._ALIASES.keys() - {""}
     assert words - known == set()
+
+
+def test_every_test_that_a_page_calls_a_proof_is_there() -> None:
+    proofs = re.findall(r"`(tests/\S+\.py) -k (\w+)`", (DOCS / "robustness.md").read_text(encoding="utf-8"))
+    assert len(proofs) > 40
+    for file, word in proofs:
+        names = re.findall(r"def (test_\w+)", (DOCS.parent / file).read_text(encoding="utf-8"))
+        assert any(word in name for name in names), (file, word)
