@@ -34,6 +34,14 @@ def over_position(position: float, velocity: float, inertia: float, elapsed: flo
 
 
 @hook
+def over_period(position: float, velocity: float, inertia: float, elapsed: float, state: Any, values: Any) -> float:
+    """Force at the place within the period that the knots span: linear between them, the last is the first."""
+    place = (position - values[0]) / values[1] % 16.0
+    i = min(int(place), 15)
+    return float(values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
+
+
+@hook
 def over_command(value: float, velocity: float, sent: float, elapsed: float, state: Any, values: Any) -> float:
     """Command plus what is missing of it at that command."""
     place = min(max((value - values[0]) / values[1], 0.0), 15.999999)
@@ -55,6 +63,7 @@ def _curve(name: str, site: str, **equations: Any) -> Effect:
 CURVES = {
     "velocity": _curve("curve_over_velocity", BODY, force=over_velocity),
     "position": _curve("curve_over_position", BODY, force=over_position),
+    "period": _curve("curve_over_period", BODY, force=over_period),
     "command": _curve("curve_over_command", INPUT, command=over_command),
 }
 
@@ -69,15 +78,21 @@ class Curve(Proposal):
         First knot and distance of the knots.
     step : float
         Height of the trial curves.
+    closed : bool
+        The last knot is the first again.
     """
 
     low: float = 0.0
     width: float = 1.0
     step: float = 1.0
+    closed: bool = False
 
     def trials(self) -> list[Trial]:
         """One hat on every knot."""
-        return [{"low": self.low, "width": self.width, f"knot{i}": self.step} for i in range(KNOTS)]
+        hats = [{f"knot{i}": self.step} for i in range(KNOTS)]
+        if self.closed:
+            hats = [hats[0] | hats[-1], *hats[1:-1]]
+        return [{"low": self.low, "width": self.width, **hat} for hat in hats]
 
     @property
     def knots(self) -> Any:

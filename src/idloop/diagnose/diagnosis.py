@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.slight import same_motion, too_slight
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
 from idloop.errors import InputError
 from idloop.estimate.innovations import InnovationCriterion
@@ -44,6 +45,8 @@ ALIKE = 0.95
 # A whitening of so many lags that makes the errors' deviations smaller by more than this [log] has swallowed
 # an effect; what an effect's refit must then gain beyond the usual threshold, as a multiple of it.
 MANY_LAGS, MUCH_COLOUR, ALLOWANCE = 6, 0.05, 3.0
+# Fewer lags that do so by this much: noise with a memory of a hundred samples would not.
+ANY_COLOUR = 2.5
 
 MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
 
@@ -82,6 +85,8 @@ class Diagnosis:
         Pairs that this data cannot tell from it.
     alone : Candidate or None
         The first effect of the pair with the model that has no other: where a ladder comes by.
+    slight : mapping of str to str
+        Effects that are significant and were passed over, and why they are too slight to be missing physics.
     """
 
     model: Model
@@ -97,6 +102,7 @@ class Diagnosis:
     pair: tuple[str, str] | None = None
     rival_pairs: tuple[tuple[str, str], ...] = ()
     alone: Candidate | None = None
+    slight: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def best(self) -> Candidate | None:
@@ -137,6 +143,7 @@ class Diagnosis:
             "untestable": list(self.untestable),
             "gate": {"findings": list(self.gate.findings), "testable": self.gate.testable, "why": self.gate.why},
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
+            "slight": dict(self.slight),
         }
 
     def summary(self) -> str:
@@ -161,6 +168,7 @@ class Diagnosis:
             lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
         else:
             lines.append("nothing significant is left")
+        lines += [f"passed over: {name}: {why}" for name, why in self.slight.items()]
         return "\n".join(lines)
 
 
@@ -292,7 +300,7 @@ def diagnose_fitted(
     ]
     if held_out is not None:
         significant = [c for c in significant if holds(held_out, parent, c)]
-    best = _plainest(significant) if rungs else (significant[0] if significant else None)
+    best, slight = _missing(setting, parent, significant, rungs=rungs)
     significant.sort(key=lambda c: c is not best)
     ranked.sort(key=lambda c: c is not best)
     rivals = tied(best, significant[1:]) if best is not None else []
@@ -343,6 +351,7 @@ def diagnose_fitted(
         pair=pair.best.names if pair else None,
         rival_pairs=tuple(p.names for p in pair.rivals) if pair else (),
         alone=alone,
+        slight=slight,
     )
 
 
@@ -354,8 +363,8 @@ def _swallowed(fit: Refit) -> bool:
     """
     if not isinstance(fit.criterion, InnovationCriterion):
         return False
-    if fit.coloured <= MUCH_COLOUR:
-        return False
+    if fit.coloured <= MUCH_COLOUR or fit.coloured > ANY_COLOUR:
+        return fit.coloured > ANY_COLOUR
     return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
 
 
@@ -399,10 +408,30 @@ def _alike(best: Confirmed, screened: list[Screened]) -> list[Screened]:
     ]
 
 
-def _plainest(significant: list[Confirmed]) -> Confirmed | None:
+def _missing(
+    setting: Setting, parent: Refit, significant: list[Confirmed], *, rungs: bool
+) -> tuple[Confirmed | None, dict[str, str]]:
+    """The best of the significant effects, or the plainest, and why those before it are too slight.
+
+    They leave the list.
+    """
+    slight: dict[str, str] = {}
+    while significant:
+        best, plain = significant[0], _plainest(significant)
+        if setting.kind != "prediction":
+            return (plain if rungs else best), slight
+        if plain is not best and (rungs or same_motion(best.fit.model, plain.fit.model, setting.records)):
+            best = plain
+        why = too_slight(parent, best, setting.records)
+        if not why:
+            return best, slight
+        slight[best.proposal.name] = why
+        significant.remove(best)
+    return None, slight
+
+
+def _plainest(significant: list[Confirmed]) -> Confirmed:
     """The best effect, or a significant plainer one that it contains."""
-    if not significant:
-        return None
     best = significant[0]
     rich = best.proposal.effect
     for c in significant[1:]:

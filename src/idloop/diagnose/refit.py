@@ -240,7 +240,7 @@ def _search(
     k = len(choices[0])
     size = np.abs(choices[0]) if scale is None else np.maximum(np.abs(scale), 1e-12)
     size = np.where(size > 0.0, size, 1.0)
-    problem = Problem(criterion, k, None if setting.whiteners is None else list(setting.whiteners))
+    problem = setting.problem(criterion, k)
     if beside is not None and len(beside.nuisance) == len(criterion.nuisance()[0]):
         criterion.keep(beside.nuisance)
         if isinstance(criterion, SimulationCriterion):
@@ -395,7 +395,7 @@ def transfer(setting: Setting, fit: Refit) -> Refit | None:
             criterion.keep(fit.nuisance)
         criterion.retune(theta)
         start, low, high, size = criterion.nuisance()
-        problem = Problem(criterion, len(theta), None if setting.whiteners is None else list(setting.whiteners))
+        problem = setting.problem(criterion, len(theta))
         point = np.concatenate([theta, start])
         if _weigh(problem, point, fit.problem.orders) == -np.inf:
             return None
@@ -483,7 +483,9 @@ def _tune(
     at = criterion.exponent, criterion.memory
     for _ in range(_TRANSLATIONS if criterion.translates else 0):
         try:
-            near = Problem(TranslatedCriterion(criterion, theta, np.array(at)), len(theta), problem.given)
+            near = Problem(
+                TranslatedCriterion(criterion, theta, np.array(at)), len(theta), problem.given, problem.floors
+            )
         except (np.linalg.LinAlgError, IdloopError):
             break
         there, promised = _climb(near, theta, orders, at, probes, reach)
@@ -566,7 +568,7 @@ def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
     theta, orders = fit.point[: fit.parameters], fit.problem.orders
     criterion = full.glimpse(_GLIMPSE) or full
     criterion.retune(theta)
-    problem = Problem(criterion, len(theta), None if setting.whiteners is None else list(setting.whiteners))
+    problem = setting.problem(criterion, len(theta))
     here = float(fit.nuisance[0]), float(fit.nuisance[1])
     found: dict[Disturbance, float] = {}
     for memory in _MEMORIES:
@@ -596,7 +598,7 @@ def _glimpsed(
     """The disturbance that suits a part of the data."""
     glimpse.keep(criterion.nuisance()[0])
     glimpse.retune(theta)
-    problem = Problem(glimpse, len(theta), None if setting.whiteners is None else list(setting.whiteners))
+    problem = setting.problem(glimpse, len(theta))
     _tune(glimpse, problem, theta, orders, probes, reach)
     return glimpse.exponent, glimpse.memory
 

@@ -33,6 +33,8 @@ SKETCH = 4096
 LEAST_LEFT = 1e-8
 # Trials worth more than this are made weaker, where an effect has a strength that can be.
 MOST_DETECTABLE = 1e5
+# Least part of its usual strength that an effect is tried at.
+_LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ class Screen:
         self.setting, self.parent = setting, parent
         self.sizes = Sizes(parent.model, setting)
         problem, point = parent.problem, parent.point
-        self.errors = self._base = parent.residual()
+        self.errors = self.whitened = parent.residual()
         lower, upper = parent.model.bounds
         _, low, high, size = parent.criterion.nuisance()
         k = parent.parameters
@@ -190,7 +192,7 @@ class Screen:
         for _ in range(3):
             if trace is None or not trace.detectable > MOST_DETECTABLE:
                 break
-            share *= max(float(np.sqrt(0.01 * MOST_DETECTABLE / trace.detectable)), 1e-3)
+            share = max(share * max(float(np.sqrt(0.01 * MOST_DETECTABLE / trace.detectable)), 1e-3), _LEAST_SHARE)
             trace = self._trace(proposal, [proposal.weaker(trial, share) for trial in trials])
         return trace, share
 
@@ -220,7 +222,7 @@ class Screen:
             nuisance = criterion.nuisance()[0]
             if len(nuisance) != len(parent.nuisance):
                 nuisance = nuisance[: len(parent.nuisance)]
-            change = parent.problem.whiten_like(criterion.errors(theta, nuisance)) - self._base
+            change = parent.problem.whiten_like(criterion.errors(theta, nuisance)) - self.whitened
         except (IdloopError, np.linalg.LinAlgError, ValueError):
             return None
         return change if np.all(np.isfinite(change)) else None

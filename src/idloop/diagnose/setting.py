@@ -15,6 +15,7 @@ from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.force import Balance, ForceCriterion, balance_of
 from idloop.estimate.greybox import force_scale
 from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.whitening import Whitener
 from idloop.physics import kernel
@@ -36,6 +37,9 @@ _OWN_BY_CHAIN = 2.0
 # Motion quicker than this many half-turns per sample is kept stable, not followed: the integration
 # takes steps of two radians instead of one.
 _UNSEEN, _COARSE = 2.0, 2.0
+
+# Errors below this part of an output's deviation are rounding.
+_EXACT = 1e-9
 
 # Part of the commanded force that the drive must still apply.
 LEAST_DRIVE = 0.02
@@ -129,6 +133,8 @@ class Setting:
         Largest speed seen.
     balances : tuple of Balance
         Measured motion of each record, for the force criterion.
+    spread : array, shape (p,)
+        Standard deviation of each output.
     whiteners : tuple of Whitener or None
         One whitening for all models, by group of outputs; each model's own when None.
     """
@@ -139,8 +145,24 @@ class Setting:
     noise: Array
     force: float
     speed: float
+    spread: Array
     balances: tuple[Balance, ...] = ()
     whiteners: tuple[Whitener, ...] | None = None
+
+    def problem(self, criterion: Criterion, parameters: int) -> Problem:
+        """A criterion of this setting with its noise model.
+
+        Parameters
+        ----------
+        criterion : Criterion
+            Of this setting, or a part of one.
+        parameters : int
+            Number of model parameters.
+        """
+        floors = None
+        if isinstance(criterion, InnovationCriterion | SimulationCriterion):
+            floors = [_EXACT * self.spread[group] for group in criterion.groups]
+        return Problem(criterion, parameters, None if self.whiteners is None else list(self.whiteners), floors)
 
     def criterion(self, model: Model) -> Criterion:
         """The criterion for one model.
@@ -197,8 +219,14 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str) -> Setti
         output_noise(model, data),
         force_scale(engine, data),
         _largest_speed(model, data),
+        np.array([_spread(column) for column in np.concatenate([d.output for d in data]).T]),
         tuple(b for b in balances if b is not None),
     )
+
+
+def _spread(column: Array) -> float:
+    known = column[np.isfinite(column)]
+    return float(np.std(known)) if known.size else 0.0
 
 
 def _largest_speed(model: Model, data: list[Data]) -> float:

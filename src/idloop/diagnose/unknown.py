@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.curves import CURVES, KNOTS, Curve
+from idloop.diagnose.period import remaining_period
 from idloop.diagnose.unevenness import stretches
 from idloop.physics.effect import INPUT
 
@@ -34,6 +35,8 @@ class UnknownStructure:
         Share of the one-step errors' power that it explains.
     text : str
         One sentence.
+    period : float or None
+        Of a force that repeats over the position: the curve is that of one period.
     """
 
     variable: str
@@ -44,6 +47,7 @@ class UnknownStructure:
     band: Array
     share: float
     text: str
+    period: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -56,6 +60,7 @@ class UnknownStructure:
             "band": self.band.tolist(),
             "share": self.share,
             "text": self.text,
+            "period": self.period,
         }
 
     @classmethod
@@ -68,9 +73,10 @@ class UnknownStructure:
 def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
     """Look for structure in the errors that no effect of the catalogue explains.
 
-    A force over velocity, over position and a correction of the command are learnt as piecewise
-    linear curves, linearised at the model as it is; what white errors would give by chance is known
-    from the F distribution, shared between the three.
+    A force over velocity, over position, over the place within a period of the position, and a
+    correction of the command are learnt as piecewise linear curves, linearised at the model as it is;
+    what white errors would give by chance is known from the F distribution, shared between them and all
+    periods that were looked at.
 
     Parameters
     ----------
@@ -86,20 +92,29 @@ def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
     from scipy.stats import f as f_distribution
     from scipy.stats import norm
 
-    fits = [fit for curve in _curves(screen) if (fit := _learn(screen, curve)) is not None]
-    if not fits:
+    fits = [fit for curve in _curves(screen) if (fit := _learn(screen, curve, 1)) is not None]
+    period = remaining_period(screen.parent.model, screen.setting)
+    if period is not None:
+        again = _learn(screen, _repeating(screen, period.length), period.tried)
+        fits += [again] if again is not None else []
+
+    def chance(fit: _Fit) -> float:
+        return float(f_distribution.sf(fit.ratio, fit.directions, fit.freedom)) * len(fits) * fit.tried
+
+    best = max((fit for fit in fits if chance(fit) < level), key=lambda fit: fit.share, default=None)
+    if best is None:
         return None
-    best = max(fits, key=lambda fit: fit.share)
-    p_value = float(f_distribution.sf(best.ratio, best.directions, best.freedom)) * len(fits)
-    if p_value >= level:
-        return None
+    p_value = chance(best)
+    best = replace(best, value=_strength(screen, best) * best.value)
     curve, name = best.curve, screen.parent.model.bodies[0]
     units = screen.parent.model.units
     command = curve.effect.site == INPUT
-    variable = "command" if command else f"{name}.{curve.effect.name.removeprefix('curve_over_')}"
+    over = "position" if curve.closed else curve.effect.name.removeprefix("curve_over_")
+    variable = "command" if command else f"{name}.{over}"
     unit = units.input if command else units.position + ("/s" if "velocity" in variable else "")
     force_unit = units.input if command else units.force
-    what = variable.rsplit(".", maxsplit=1)[-1]
+    length = 16.0 * curve.width if curve.closed else None
+    what = f"repeat every {length:.5g} {unit} of the position" if length else f"still follow the {over}"
     return UnknownStructure(
         variable=variable,
         unit=unit,
@@ -109,10 +124,11 @@ def unknown_structure(screen: Screen, level: float) -> UnknownStructure | None:
         band=float(norm.ppf(0.975)) * best.spread[best.known],
         share=best.share,
         text=(
-            f"the errors still follow the {what} (p = {max(p_value, 1e-300):.1g}) in a way "
+            f"the errors {what} (p = {max(p_value, 1e-300):.1g}) in a way "
             f"that no effect of the catalogue explains: a learnt {'command' if command else 'force'} of up to "
             f"{float(np.max(np.abs(best.value[best.known]))):.3g} {force_unit} remains"
         ),
+        period=length,
     )
 
 
@@ -126,6 +142,7 @@ class _Fit:
     ratio: float
     directions: int
     freedom: int
+    tried: int
 
 
 def _curves(screen: Screen) -> list[Curve]:
@@ -147,7 +164,37 @@ def _curves(screen: Screen) -> list[Curve]:
     ]
 
 
-def _learn(screen: Screen, curve: Curve) -> _Fit | None:
+def _repeating(screen: Screen, period: float) -> Curve:
+    model = screen.parent.model
+    low = screen.sizes.bodies[0][2] - 0.5 * period
+    step, width = 0.01 * screen.setting.force, period / (KNOTS - 1)
+    return Curve(CURVES["period"], model.bodies[0], model, low=low, width=width, step=step, closed=True)
+
+
+def _strength(screen: Screen, fit: _Fit) -> float:
+    """How much of a learnt curve explains most beside the parameters as they are.
+
+    The projection that learns it also lets the noise model change by a little, which is no small change once the force
+    is gone.
+    """
+    from scipy.optimize import minimize_scalar
+
+    curve = fit.curve
+    knots = {f"knot{i}": value for i, value in enumerate(fit.value.tolist())}
+
+    def left(share: float) -> float:
+        trial = {"low": curve.low, "width": curve.width, **{name: share * value for name, value in knots.items()}}
+        change = screen.moved(curve, trial)
+        if change is None:
+            return np.inf
+        errors = screen.whitened + change
+        return float(errors @ errors)
+
+    found = minimize_scalar(left, bounds=(0.0, 2.0), method="bounded", options={"xatol": 0.05, "maxiter": 10})
+    return float(found.x) if found.fun < left(1.0) else 1.0
+
+
+def _learn(screen: Screen, curve: Curve, tried: int) -> _Fit | None:
     """Least squares of a curve's knots on the errors, with what the free parameters do projected out."""
     columns = [screen.moved(curve, trial) for trial in curve.trials()]
     if any(column is None for column in columns):
@@ -170,9 +217,11 @@ def _learn(screen: Screen, curve: Curve) -> _Fit | None:
     sums = np.add.reduceat(left * rest[:, None], stretches(len(rest)), axis=0)
     uneven = max(1.0, *(float(np.max(np.linalg.eigvalsh(m))) / variance for m in (meat, sums.T @ sums)))
     solve = (right.T / weight) / size[known][:, None] * curve.step
-    value, spread = np.zeros(KNOTS), np.zeros(KNOTS)
+    value, spread = np.zeros(len(known)), np.zeros(len(known))
     value[known] = solve @ scores
     spread[known] = np.sqrt(np.sum(solve**2, axis=1) * variance * uneven)
+    if curve.closed:
+        value, spread, known = (np.append(part, part[0]) for part in (value, spread, known))
     power = float(scores @ scores)
     return _Fit(
         curve,
@@ -183,4 +232,5 @@ def _learn(screen: Screen, curve: Curve) -> _Fit | None:
         ratio=power / directions / (variance * uneven),
         directions=directions,
         freedom=freedom,
+        tried=tried,
     )

@@ -21,6 +21,9 @@ class Problem:
         Number of model parameters; what follows them in a point is nuisance.
     whiteners : list of Whitener, optional
         Whitening to use as it is, one for each group of outputs.
+    floors : list of array, optional
+        Least standard deviation that errors count with, by group and output: exact data must not make differences
+        in rounding significant.
 
     Notes
     -----
@@ -29,8 +32,14 @@ class Problem:
     model could explain as well, and the covariance counts it as unknown.
     """
 
-    def __init__(self, criterion: Criterion, parameters: int, whiteners: list[Whitener] | None = None) -> None:
-        self.criterion, self.parameters, self.given = criterion, parameters, whiteners
+    def __init__(
+        self,
+        criterion: Criterion,
+        parameters: int,
+        whiteners: list[Whitener] | None = None,
+        floors: list[Array] | None = None,
+    ) -> None:
+        self.criterion, self.parameters, self.given, self.floors = criterion, parameters, whiteners, floors
         self.orders: list[int] = []
         self.weights: list[Array] = []
         self.objective = np.inf
@@ -75,6 +84,8 @@ class Problem:
             stacked = np.concatenate(group)
             self.length += stacked.size
             covariance = stacked.T @ stacked / max(len(stacked), 1)
+            if self.floors is not None:
+                covariance = covariance + np.diag(np.maximum(self.floors[place] ** 2 - np.diag(covariance), 0.0))
             # Outputs that the model matches exactly must not weigh infinitely.
             floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
             covariance = covariance + floor * np.eye(len(covariance))

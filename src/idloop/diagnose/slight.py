@@ -1,0 +1,101 @@
+"""Effects that are significant and yet too slight to be taken for physics.
+
+Clean data has the power to show differences far below what anybody means by an effect: another way to integrate the
+same equations, a stamp that is a microsecond off. Where the likelihood is rough, as beside a play, a search over many
+shapes may also find a gain for a strength that the errors, by their own scatter, do not tell from none. Neither is
+missing physics, however small its p-value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from idloop.diagnose.candidate import effect_parameters
+from idloop.diagnose.confirm import Confirmed
+from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.proposals import Proposal
+from idloop.diagnose.refit import Refit
+from idloop.errors import IdloopError
+from idloop.estimate.dataset import prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.physics.model import Model
+from idloop.records import Record
+from idloop.validate.free_run import free_runs
+
+# Share of an output's deviation that an effect moves it by at least: 0.002 points of FIT.
+NEGLIGIBLE = 2e-5
+# Half width of the 95 % interval in standard errors.
+_HALF_WIDTH = 1.96
+
+
+def too_slight(parent: Refit, confirmed: Confirmed, records: Sequence[Record]) -> str:
+    """Say why a significant effect is too slight to be missing physics.
+
+    Parameters
+    ----------
+    parent : Refit
+        Without it.
+    confirmed : Confirmed
+    records : sequence of Record
+        What both were fitted to.
+
+    Returns
+    -------
+    str
+        Empty where it is not, or where that cannot be told: of effects of the reading's steps alone, of those that give
+        the axis one body more, and of those that act beyond a level, and so for moments only.
+    """
+    proposal, fitted = confirmed.proposal, confirmed.fit.model
+    if proposal.effect.final or proposal.effect.splits or proposal.effect.from_a_level:
+        return ""
+    without = fitted.without_effect(proposal.name) if proposal.replaces is None else parent.model
+    if same_motion(fitted, without, records):
+        return f"significant, but it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
+    if proposal.replaces is None and not _tells_from_none(with_stderr(confirmed.fit, records), proposal):
+        return "significant, but the 95 % interval of its strength holds the value at which it does nothing"
+    return ""
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
+    """Whether two models of the same bodies move no output apart by more than a negligible part of its deviation.
+
+    Parameters
+    ----------
+    model, other : Model
+    records : sequence of Record
+        Their commands are simulated, from the start that suits the first model best.
+
+    Returns
+    -------
+    bool
+        False where a simulation fails.
+    """
+    engine, second = RememberingEngine(model), RememberingEngine(other)
+    for data in prepare(model, records):
+        try:
+            one, two = free_runs(engine, data, second)
+        except IdloopError:
+            return False
+        apart = np.sqrt(np.nanmean((one - two) ** 2, axis=0))
+        if not np.all(apart <= NEGLIGIBLE * np.nanstd(data.output, axis=0)):
+            return False
+    return True
+
+
+def _tells_from_none(fitted: Model, proposal: Proposal) -> bool:
+    """Whether the interval of an effect's strength leaves out the value at which it does nothing.
+
+    True where nothing says what the strength is, or how sure. The standard errors hold for errors of any colour.
+    """
+    effect = proposal.effect
+    if not effect.strength or effect.strength in proposal.held:
+        return True
+    fit = effect_parameters(fitted, proposal.name)[effect.strength]
+    error = fit["stderr"]
+    if error is None or not math.isfinite(error):
+        return True
+    return abs(float(fit["value"]) - effect.spec(effect.strength).neutral) > _HALF_WIDTH * float(error)

@@ -1,0 +1,68 @@
+"""Significance is not enough: what moves nothing, or is not told from nothing, is no missing physics."""
+
+from dataclasses import replace
+
+import pytest
+
+from idloop.diagnose import diagnose
+from idloop.diagnose.confirm import Confirmed
+from idloop.diagnose.proposals import proposals
+from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.setting import prepare_setting
+from idloop.diagnose.slight import too_slight
+from idloop.physics import Model, load_model
+from idloop.records import Record
+
+from .conftest import record_of
+
+DELAY = "sensor_delay@position[axis]"
+
+
+def with_noise(model: Model, share: float) -> Model:
+    """A machine whose sensors have so many times their usual noise."""
+    return replace(model, outputs=tuple(replace(o, noise=share * float(o.noise or 1.0)) for o in model.outputs))
+
+
+def confirmed_with(start: Model, machine: Model, name: str) -> tuple[Refit, Confirmed, list[Record]]:
+    records = [record_of(machine, 4, seconds=8.0)]
+    setting = prepare_setting(start, records, "prediction")
+    parent = refit(setting, start)
+    proposal = next(p for p in proposals(parent.model, [name]) if p.name == name)
+    strength = proposal.effect.strength
+    fit = refit(setting, proposal.model({strength: machine.values[f"{name}.{strength}"]}), None, parent)
+    return parent, Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0), records
+
+
+@pytest.mark.parametrize(("delay", "missing"), [(2e-7, False), (2e-3, True)])
+def test_a_difference_that_moves_nothing_is_not_named_however_clean_the_data(delay: float, missing: bool) -> None:
+    start = with_noise(load_model("axis"), 1e-6)
+    machine = start.with_effects([f"{DELAY}(delay={delay})"])
+    parent, found, records = confirmed_with(start, machine, DELAY)
+    assert found.gain > 20.0, "the data have the power to show it"
+    assert ("moves no output" in too_slight(parent, found, records)) is not missing
+    diagnosis = diagnose(start, records, effects=[DELAY])
+    assert (diagnosis.best is not None) is missing
+    assert (DELAY in diagnosis.slight) is not missing
+    assert ("moves no output" in diagnosis.summary()) is not missing
+
+
+def test_an_effect_whose_interval_holds_none_is_not_told_from_none() -> None:
+    name, start = "coulomb_friction@axis", with_noise(load_model("axis"), 100.0)
+    machine = start.with_effects([f"{name}(level=1e-4)"])
+    parent, found, records = confirmed_with(start, machine, name)
+    # Whatever the likelihood says of it.
+    assert "95 %" in too_slight(parent, found, records)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-8, 1e-6])
+@pytest.mark.parametrize(
+    "hidden",
+    ["", "sensor_delay@position[axis](delay=2e-3)", "coulomb_friction@axis(level=0.05)", "dead_zone@input(width=0.1)"],
+)
+def test_exact_data_show_what_is_missing_and_nothing_else(hidden: str, noise: float) -> None:
+    plain = load_model("axis")
+    machine = with_noise(plain, noise).with_effects([hidden] if hidden else [])
+    untold = replace(plain, outputs=tuple(replace(o, noise=None) for o in plain.outputs))
+    diagnosis = diagnose(untold, [record_of(machine, 4, seconds=8.0)])
+    assert diagnosis.set == ((hidden.partition("(")[0],) if hidden else ())
+    assert diagnosis.verdict == ("missing" if hidden else "adequate")
