@@ -129,6 +129,16 @@ def test_dahl_friction_under_slow_pull_is_an_exponential_of_the_displacement(axi
     np.testing.assert_allclose(left[1:, 0], 0.4 * (1.0 - np.exp(-200.0 / 0.4 * speed * time[1:])), rtol=2e-3, atol=1e-3)
 
 
+@pytest.mark.parametrize("beside", ["", "backlash@motor-load1(gap=0.1)", "hardening_stiffness@motor-load1(cubic=50.0)"])
+def test_a_slipping_coupling_passes_its_limit_whatever_else_it_does(beside: str) -> None:
+    model = load_model("torsion").with_effects(["slip@motor-load1(limit=0.05)", *([beside] if beside else [])])
+    time = np.arange(0.0, 30.0, 0.001)
+    loads = simulate(model, time, np.full_like(time, 2.0), time).output[-1000:, 1:]
+    speed = float(np.mean(np.ptp(loads, axis=0))) / (time[-1] - time[-1000])
+    viscous = sum(model.values[f"{body}.viscous_friction"] for body in model.bodies[1:])
+    assert speed * viscous == pytest.approx(0.05, rel=0.02)
+
+
 def test_slip_leaves_the_two_sides_turned() -> None:
     model = load_model("torsion")
     model = model.with_effect("slip", "motor-load1", limit=0.05)

@@ -149,11 +149,17 @@ def drive_force(axis: Axis, command: float, velocity: float, elapsed: float, sta
 @inner
 def coupling_torque(axis: Axis, joint: int, position: Any, velocity: Any, elapsed: float, state: Any) -> float:
     """Torque that a coupling carries from body ``joint`` to the next one."""
+    return torque_after(axis, joint, axis.coupling_hooks.shape[0], position, velocity, elapsed, state)
+
+
+@inner
+def torque_after(axis: Axis, joint: int, rows: int, position: Any, velocity: Any, elapsed: float, state: Any) -> float:
+    """Torque of a coupling's spring and damper, and what the effects of the first rows make of it."""
     twist = position[joint] - position[joint + 1]
     rate = velocity[joint] - velocity[joint + 1]
     torque = axis.stiffness[joint] * twist + axis.damping[joint] * rate
     hooks = axis.coupling_hooks
-    for row in range(hooks.shape[0]):
+    for row in range(rows):
         if hooks[row, SITE] == joint:
             torque = call(
                 hooks[row, VALUE], torque, twist, axis.stiffness[joint], elapsed,
@@ -392,11 +398,9 @@ def settle_effects(axis: Axis, command: float, step: float, state: Any) -> None:
         if hooks[row, SETTLE] != 0:
             joint = hooks[row, SITE]
             twist = position[joint] - position[joint + 1]
-            rate = velocity[joint] - velocity[joint + 1]
-            torque = axis.stiffness[joint] * twist + axis.damping[joint] * rate
             call(
-                hooks[row, SETTLE], torque, twist, axis.stiffness[joint], step,
-                state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+                hooks[row, SETTLE], torque_after(axis, joint, row, position, velocity, step, state), twist,
+                axis.stiffness[joint], step, state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
             )  # fmt: skip
 
 
