@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from idloop.cli import main
 from idloop.physics import load_model
+from idloop.records import read_record, write_bag
 from idloop.signals import build_signal
 
 # Where it does not matter how many effects are weighed.
@@ -53,6 +57,42 @@ def test_nothing_is_overwritten_unasked(refined, hidden, capsys):
     assert main.run(words("refine", hidden.model, hidden.levels, "--output", refined)) == 2
     assert "--force" in capsys.readouterr().err
     assert (refined / "ladder.json").read_bytes() == before
+
+
+def test_it_ends_with_the_last_models_parameters_in_units(hidden, capsys):
+    asked = words("refine", hidden.model, hidden.levels, *FEW, "--no-suggest")
+    assert main.run(asked) == 0
+    out = capsys.readouterr().out
+    table = out.partition("parameters of the last model, all refitted:\n")[2].splitlines()
+    assert table[0].split() == ["parameter", "value", "95", "%", "interval", "unit"]
+    rows = {line.split()[0]: line for line in table[2:]}
+    assert {"motor.viscous_friction", "drive.gain", "dead_zone@input.width"} == set(rows)
+    assert rows["dead_zone@input.width"].endswith(" V")
+    assert main.run([*asked, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    width = found["parameters"]["dead_zone@input.width"]
+    low, high = width["interval"]
+    assert low < 0.4 < high
+    assert f"{low:.5g} .. {high:.5g}" in rows["dead_zone@input.width"]
+    assert {one["output"] for one in found["residual"]} == {"motor.position", "motor.velocity"}
+
+
+def test_refine_and_diagnose_say_alike_that_what_is_left_is_not_white(hidden, tmp_path, capsys):
+    """Noise with a memory is no effect, and no white noise either."""
+    record = read_record(hidden.levels, load_model(hidden.model))
+    white = np.random.default_rng(1).normal(size=record.output.shape)
+    coloured = lfilter([1.0], [1.0, -0.9], white, axis=0) * (0.003, 0.015)
+    bag = write_bag(tmp_path / "coloured", replace(record, output=record.output + coloured))
+    folder = tmp_path / "run"
+    assert main.run(words("refine", hidden.model, bag, *FEW, "--output", folder)) == 0
+    refined = capsys.readouterr().out.splitlines()
+    assert main.run(words("diagnose", folder / "model.yaml", bag, *FEW)) == 0
+    diagnosed = capsys.readouterr().out.splitlines()
+    said = [line for line in refined if line.startswith("but the one-step error")]
+    assert "is not white" in " ".join(said) or "are not white" in " ".join(said)
+    assert set(said) <= set(diagnosed)
+    verdict = next(line for line in refined if line.startswith("verdict: "))
+    assert verdict.removeprefix("verdict: ") in diagnosed
 
 
 def test_a_step_is_taken_back(ladder, capsys):

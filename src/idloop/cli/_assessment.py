@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from idloop.validate import Comparison
 
 
-# The residual tests look at 25 lags, which fewer samples do not carry.
-FEWEST_FOR_TESTS = 100
-
-
 def percent(value: float) -> str:
     """Text of a percentage: two decimals, so that 99.99 and 100 differ."""
     return f"{value:.2f}" if math.isfinite(value) else "-"
@@ -60,8 +56,10 @@ def print_comparisons(rows: Iterable[tuple[str, Comparison]]) -> None:
 
 def print_verdicts(rows: Iterable[tuple[str, Comparison]]) -> None:
     """Print what the one-step residual still holds, and when the model fails."""
+    from idloop.report.remains import remainders
+
     for label, comparison in rows:
-        for test in comparison.residual_tests() if len(comparison.time) >= FEWEST_FOR_TESTS else []:
+        for test in (one.test for one in remainders([comparison])):
             white = "white" if test.white else "not white"
             free = "free of the input" if test.input_free else "still follows the input"
             click.echo(

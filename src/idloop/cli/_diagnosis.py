@@ -21,12 +21,6 @@ if TYPE_CHECKING:
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
-VERDICTS = {
-    "missing": "an effect is missing",
-    "adequate": "nothing significant is left",
-    "unknown_structure": "the residual is structured, and no effect of the catalogue explains it",
-    "not_excited": "nothing significant is left, but this data cannot tell everything",
-}
 _NORMAL_95 = 1.959963984540054
 
 

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 import click
 
 from idloop.cli._common import BAG, MODEL, apply_options, json_option, model_options, print_json, progress, read_records
-from idloop.cli._diagnosis import VERDICTS, DiagnosisCommand, diagnosis_options, print_candidates, tie_text
+from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, print_candidates, tie_text
+from idloop.report.verdicts import MISSING, VERDICTS
 
 if TYPE_CHECKING:
     from idloop.diagnose import Diagnosis
     from idloop.physics import Model
+    from idloop.report.remains import Remainder
 
 EXAMPLE = """\b
 Examples:
@@ -52,19 +54,24 @@ def command(
     records = read_records(bags, model)
 
     from idloop.diagnose import diagnose
+    from idloop.report.remains import compared
 
     with progress(f"diagnosing {model.name}") as update:
         found = diagnose(
             model, records, level=level, criterion=criterion, effects=only or None, seed=seed, progress=update
         )
+        update(1.0, "what is left")
+        left = compared(found.model, records)
     if as_json:
-        print_json(found.to_dict())
+        print_json({**found.to_dict(), "residual": [one.to_dict() for one in left]})
         return
-    print_diagnosis(found, everything=everything)
+    print_diagnosis(found, left, everything=everything)
 
 
-def print_diagnosis(found: Diagnosis, *, everything: bool = False) -> None:
-    """Print gate, ranked table, tie, verdict with its physics, and what the data cannot show."""
+def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everything: bool = False) -> None:
+    """Print gate, ranked table, tie, verdict with its physics and what speaks against it, what the data cannot show."""
+    from idloop.report.remains import remainder_lines
+
     for line in found.gate.findings:
         click.echo(line)
     click.echo()
@@ -72,7 +79,7 @@ def print_diagnosis(found: Diagnosis, *, everything: bool = False) -> None:
     click.echo()
     best = found.best
     if best is not None and found.pair is not None:
-        click.echo(f"{VERDICTS[found.verdict]}, only together: {' and '.join(found.pair)}; each hides the other")
+        click.echo(f"{MISSING}, only together: {' and '.join(found.pair)}; each hides the other")
         for one in found.candidates[:2]:
             click.echo(f"{one.name}: {one.text}")
         for rung in found.rungs:
@@ -80,7 +87,7 @@ def print_diagnosis(found: Diagnosis, *, everything: bool = False) -> None:
                 ties = ", ".join(rung.set[1:])
                 _print_tie(f"this data cannot tell {rung.set[0]} from {ties}", found.model, rung.set)
     elif best is not None:
-        click.echo(f"{VERDICTS[found.verdict]}: {best.name}. {best.text}")
+        click.echo(f"{MISSING}: {best.name}. {best.text}")
         if best.replaces:
             click.echo(f"it takes the place of {best.replaces}, which it contains")
         _print_tie(tie_text(found.set), found.model, found.set, best.replaces)
@@ -88,6 +95,8 @@ def print_diagnosis(found: Diagnosis, *, everything: bool = False) -> None:
         click.echo(VERDICTS.get(found.verdict, found.verdict))
         if found.unknown is not None:
             click.echo(found.unknown.text)
+        for line in remainder_lines(found.verdict, left):
+            click.echo(line)
     hidden = [name for name in found.untestable if name not in found.set]
     if hidden:
         click.echo()

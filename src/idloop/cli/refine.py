@@ -34,6 +34,7 @@ from idloop.cli._diagnosis import (
 from idloop.cli._ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
 from idloop.cli._places import OUTPUT_FOLDER, force_option
 from idloop.errors import IdloopError, InputError
+from idloop.report.verdicts import VERDICTS
 
 if TYPE_CHECKING:
     from idloop.cli._next_experiment import Next
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from idloop.diagnose.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.report.remains import Remainder
 
 EXAMPLE = """\b
 Examples:
@@ -104,6 +106,9 @@ def command(
     residual that no effect explains, or where the data cannot tell; effects that tie are reported together, and
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
+    from idloop.report.contents import FITTED
+    from idloop.report.estimates import parameter_estimates
+    from idloop.report.remains import compared, remainders
     from idloop.report.twins import ladder_twins
     from idloop.report.unshown import unshown
 
@@ -142,14 +147,24 @@ def command(
             ladder = replace(ladder, suggested_experiment=planned)
     if target is not None:
         with progress("writing the report"):
-            write_all(target, as_kept(ladder), records, validation, None if answer is None else answer.suggestion)
+            suggestion = None if answer is None else answer.suggestion
+            contents = write_all(target, as_kept(ladder), records, validation, suggestion)
+        left = remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
+    else:
+        left = compared(ladder.model, records)
     if as_json:
-        one = [group.to_dict() for group in ladder_twins(ladder)]
-        print_json({**ladder.to_dict(), "one_equation": one, "output": target})
+        print_json({
+            **ladder.to_dict(),
+            "parameters": parameter_estimates(ladder.model),
+            "residual": [one.to_dict() for one in left],
+            "one_equation": [group.to_dict() for group in ladder_twins(ladder)],
+            "output": target,
+        })  # fmt: skip
         return
-    print_ladder(ladder)
+    print_ladder(ladder, left)
     if answer is not None and answer.futile:
         click.echo(f"next experiment: none; {answer.reason}")
+    print_parameters(ladder)
     if target is not None:
         log(f"written: {target}")
 
@@ -255,9 +270,19 @@ def _next(
 # ---------------------------------------------------------------- the table
 
 
-def print_ladder(ladder: Ladder) -> None:
-    """Print one line a step, the verdict with its physics, and what would be next."""
-    from idloop.report.ladder import VERDICTS
+_NOT_ADDED = "harmful on the validation data, at odds with the force balance, or too slight to matter"
+
+
+def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
+    """Print one line a step, the verdict with its physics and what speaks against it, and what would be next.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    left : sequence of Remainder
+        Residual tests of the last model on the fitted data.
+    """
+    from idloop.report.remains import passed_over, remainder_lines
     from idloop.report.twins import ladder_twins
     from idloop.report.unshown import unshown
 
@@ -280,7 +305,7 @@ def print_ladder(ladder: Ladder) -> None:
             )
         )
     fits = [f"FIT % {name}" for name in names]
-    click.echo(format_table(("step", "p", *fits, "force error %", "parameters (95 %)"), rows))
+    click.echo(format_table(("step", "p", *fits, "force error %", "parameters at that step (95 %)"), rows))
     click.echo(f"(errors of the {kind} data)")
     for step in ladder.steps:
         others = [name for name in step.set if step.added is not None and name != step.added.name]
@@ -295,6 +320,13 @@ def print_ladder(ladder: Ladder) -> None:
     click.echo(f"verdict: {VERDICTS.get(ladder.verdict, ladder.verdict)}")
     if ladder.unknown is not None:
         click.echo(ladder.unknown.text)
+    for line in remainder_lines(ladder.verdict, left):
+        click.echo(line)
+    over = ", ".join(f"{one.name} (p {p_text(one.p_value)})" for one in passed_over(ladder))
+    if over and ladder.verdict == "missing":
+        click.echo(f"significant as well: {over}")
+    elif over:
+        click.echo(f"significant on the fitted data, yet not added: {over}: {_NOT_ADDED}")
     hidden = unshown(ladder)
     if hidden:
         click.echo(f"this data cannot show: {', '.join(hidden)}")
@@ -303,3 +335,21 @@ def print_ladder(ladder: Ladder) -> None:
         click.echo(f"next experiment: {suggested['text']}")
         for outcome in suggested["outcomes"]:
             click.echo(f"  {outcome['text']}")
+
+
+def print_parameters(ladder: Ladder) -> None:
+    """Print the last model's parameters: those of a step are biased by what was still missing then."""
+    from idloop.report.estimates import parameter_estimates
+
+    rows = [
+        (
+            name,
+            number(one["value"], 6),
+            "not determined" if None in one["interval"] else "{:.5g} .. {:.5g}".format(*one["interval"]),
+            f"{one['unit']}{'  at its bound' if one['at_bound'] else ''}",
+        )
+        for name, one in parameter_estimates(ladder.model).items()
+    ]
+    if rows:
+        click.echo("\nparameters of the last model, all refitted:")
+        click.echo(format_table(("parameter", "value", "95 % interval", "unit"), rows))

@@ -90,7 +90,8 @@ class _Writer:
 
     def effects(self, kind: str, at: str) -> list[ActiveEffect]:
         """What acts at a site, in the order in which it acts."""
-        return sorted((one for one in self.model.effects if one.at == at), key=lambda one: one.effect.order)
+        acting = (one for one in self.model.effects if one.at == at)
+        return sorted(acting, key=lambda one: (one.effect.final, one.effect.order))
 
 
 def plain_words(name: str) -> str:
@@ -198,14 +199,17 @@ def _coupling(writer: _Writer, coupling: str, first: str, second: str) -> None:
 def _reading(writer: _Writer, output: OutputSignal) -> None:
     letter = writer.of(writer.q if output.field == "position" else writer.v, output.body)
     factor = "" if output.scale == 1.0 else rf"{output.scale:.6g}\,"
-    signal = factor + letter
+    signal, noise = factor + letter, " + e"
     site = output.site
     for active in writer.effects(OUTPUT, site):
+        if active.effect.final and noise:
+            # What the converter rounds has its noise already.
+            signal, noise = rf"({signal} + e)", ""
         equation = writer.equation_of(active, OUTPUT)
         text = writer.filled(equation.text, site, body=output.body, signal=signal)
         writer.lines.append(Equation(text, f"reading {output.name}", active.name))
         writer.keep_symbols(active, equation)
         signal = equation.term
     writer.lines.append(
-        Equation(rf"y_{{\text{{{plain_words(output.name)}}}}} = {signal} + e", f"reading {output.name}, noise e")
+        Equation(rf"y_{{\text{{{plain_words(output.name)}}}}} = {signal}{noise}", f"reading {output.name}, noise e")
     )  # fmt: skip

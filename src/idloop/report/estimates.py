@@ -3,8 +3,42 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
 
 NORMAL_95 = 1.959963984540054
+
+
+def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
+    """Free parameters of a fitted model, as the document of a fit has them.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    dict
+        ``value``, ``stderr``, ``interval`` (95 %), ``unit``, ``at_bound`` by the name of the parameter; None where
+        it is not determined.
+    """
+    found = {}
+    for parameter in model.parameters:
+        if not parameter.free:
+            continue
+        stderr = parameter.stderr
+        known = stderr is not None and math.isfinite(stderr)
+        reach = NORMAL_95 * stderr if known and stderr is not None else math.nan
+        found[parameter.name] = {
+            "value": parameter.value,
+            "stderr": stderr if known else None,
+            "interval": [parameter.value - reach, parameter.value + reach] if known else [None, None],
+            "unit": parameter.unit,
+            "at_bound": parameter.value in (parameter.min, parameter.max),
+        }
+    return found
 
 
 def figure_text(value: float | None, digits: int = 4) -> str:

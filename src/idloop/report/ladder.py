@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop import drawing
+from idloop.report.verdicts import VERDICTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,14 +51,6 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
         axes[0].set_title(f"{ladder.steps[0].model.name}: {verdict}", loc="left", fontweight="bold")
         figure.align_ylabels(axes)
     return figure
-
-
-VERDICTS = {
-    "adequate": "nothing significant is left",
-    "unknown_structure": "what is left has a shape that no effect of the catalogue explains",
-    "not_excited": "nothing significant is left, but this data cannot show everything",
-    "missing": "stopped before the end",
-}
 
 
 def plot_unknown(unknown: UnknownStructure) -> Figure:

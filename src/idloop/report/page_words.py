@@ -11,16 +11,16 @@ from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.report.estimates import NORMAL_95, figure_text, with_interval
 from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.report.figures.ladder import words
-from idloop.report.ladder import VERDICTS, p_text
+from idloop.report.ladder import p_text
 from idloop.report.page_figures import MOST_RECORDS, effect_place, where_place, where_places
+from idloop.report.remains import FEWEST_FOR_TESTS
+from idloop.report.verdicts import VERDICTS
 from idloop.validate.variables import TITLES
 
 if TYPE_CHECKING:
     from idloop.diagnose import Candidate, Ladder, Step
     from idloop.physics import Model
     from idloop.report.contents import Contents, Judged
-
-_FEWEST_FOR_TESTS = 100
 
 
 def page_words(contents: Contents) -> dict[str, Any]:
@@ -285,7 +285,7 @@ def _where(contents: Contents) -> list[dict[str, Any]]:
 
 
 def _residuals(contents: Contents) -> list[dict[str, Any]]:
-    if not contents.judged or len(contents.judged[0].record.time) < _FEWEST_FOR_TESTS:
+    if not contents.judged or len(contents.judged[0].record.time) < FEWEST_FOR_TESTS:
         return []
     return [
         {
