@@ -150,23 +150,35 @@ def test_a_foreign_bag(tmp_path, write_messages, joint_state, typestore):
             ),
         ],
     )
-    mapping = parse_mapping(
-        {
-            "schema": "idloop/mapping/1",
-            "name": "robot",
-            "joint": "elbow",
-            "command": {"topic": "commands", "field": "data[1]", "unit": "N·m"},
-            "position": {"topic": "joint_states", "source_joint": "b", "scale": np.pi / 180, "unit": "rad"},
-        },
-        "robot.yaml",
-    )
-    import_bag(source, tmp_path / "bag", mapping)
+    content = {
+        "schema": "idloop/mapping/1",
+        "name": "robot",
+        "joint": "elbow",
+        "command": {"topic": "commands", "field": "data[1]", "unit": "N·m"},
+        "position": {"topic": "joint_states", "source_joint": "b", "scale": np.pi / 180, "unit": "rad"},
+    }
+    import_bag(source, tmp_path / "bag", parse_mapping(content, "robot.yaml"))
     streams = read_streams(tmp_path / "bag")
     assert streams["/joint_states"].names == ("elbow",)
     assert streams["/joint_states"].stamp_ns[0] == 10**7 + 5
     assert streams["/joint_states"].receive_ns[0] == 10**7 + 9
     np.testing.assert_allclose(streams["/joint_states"].position[:, 0], np.pi * np.arange(1, 50))
     np.testing.assert_array_equal(streams["/joint_command"].effort[:, 0], np.arange(1, 50))
+    optional = content | {"command": content["command"] | {"optional": True}}
+    import_bag(source, tmp_path / "short", parse_mapping(optional, "robot.yaml"))
+    assert "/joint_command" in read_streams(tmp_path / "short"), "a short name is as good for what is optional"
+    doubled = content | {"command": content["command"] | {"times": "volts"}}
+    with pytest.raises(InputError, match="`times: volts` names a column"):
+        import_bag(source, tmp_path / "doubled", parse_mapping(doubled, "robot.yaml"))
+
+
+@pytest.mark.parametrize(("column", "read"), [(3, True), ("v", True), (4, False), ("w", False)])
+def test_an_optional_column_is_read_where_the_file_has_it(tmp_path, column, read):
+    source = _csv(tmp_path, t=[0, 1, 2], u=[1, 2, 3], y=[4, 5, 6], v=[7, 8, 9])
+    velocity = {"column": column, "unit": "rad/s", "optional": True}
+    import_bag(source, tmp_path / "bag", _mapping(velocity=velocity))
+    found = read_streams(tmp_path / "bag")["/joint_states"].velocity[:, 0]
+    np.testing.assert_array_equal(found, [7, 8, 9] if read else [np.nan] * 3)
 
 
 # ---------------------------------------------------------------- public sets

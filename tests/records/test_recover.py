@@ -43,7 +43,7 @@ def test_what_is_saved_of_a_cut_bag_is_its_beginning(bag: Path, tmp_path_factory
     result = recover_bag(cut, folder / "saved")
     assert result.cut == (cut,)
     saved = read_streams(folder / "saved")["/joint_states"]
-    assert 0 < result.messages < 20_000
+    assert 0 < result.messages <= 20_000  # all of them where only the index is cut
     np.testing.assert_array_equal(saved.stamp_ns, STAMPS[: result.messages])
 
 

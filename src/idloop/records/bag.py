@@ -305,6 +305,15 @@ def readable_part(file: Path) -> tuple[int, int, int]:
     return count, first, last
 
 
+def topics_named(name: str, topics: Iterable[str]) -> list[str]:
+    """Return what a relative name may mean: the exact topic, that in the root namespace, or all that end with it."""
+    known = list(topics)
+    for candidate in (name, "/" + name.lstrip("/")):
+        if candidate in known:
+            return [candidate]
+    return [topic for topic in known if topic.endswith("/" + name.lstrip("/"))]
+
+
 def resolve_topic(name: str, topics: Iterable[str], where: Path | str) -> str:
     """Return the topic of a bag that a model's relative topic name means.
 
@@ -316,10 +325,7 @@ def resolve_topic(name: str, topics: Iterable[str], where: Path | str) -> str:
         Unknown topic, or several namespaces that hold it.
     """
     known = list(topics)
-    for candidate in (name, "/" + name.lstrip("/")):
-        if candidate in known:
-            return candidate
-    inside = [topic for topic in known if topic.endswith("/" + name.lstrip("/"))]
+    inside = topics_named(name, known)
     if len(inside) == 1:
         return inside[0]
     if inside:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bag import Bag, resolve_topic
+from idloop.records.bag import Bag, resolve_topic, topics_named
 from idloop.records.mapping import Channel, Mapping, Signals
 from idloop.records.read import read_streams
 from idloop.records.signal import Signal, assignments, convert, in_base_units, target_joint
@@ -30,7 +30,12 @@ def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[S
                     f"mapping {mapping.name}: {topic} {field} names a column, but {source} is a bag; give"
                     " `topic:` and `field:`"
                 )
-            if channel.optional and channel.topic not in known:
+            if channel.times is not None:
+                raise InputError(
+                    f"mapping {mapping.name}: {topic} {field}: `times: {channel.times}` names a column, but {source} is"
+                    " a bag; multiply by `scale:`"
+                )
+            if channel.optional and not topics_named(channel.topic, known):
                 continue
             names[channel.topic] = resolve_topic(channel.topic, known, source)
         streams = read_streams(bag, set(names.values()))

@@ -33,7 +33,7 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
             raise InputError(
                 f"mapping {mapping.name}: {topic} {field} names a topic, but {table.path} is a table; give `column:`"
             )
-        if channel.optional and channel.column not in table.columns:
+        if channel.optional and channel.column not in table:
             continue
         raw.append((topic, field, channel, convert(table.numbers(channel.column), table, channel)))
     if not raw:

@@ -36,13 +36,17 @@ class Table:
     columns: dict[str, Any]
     attributes: dict[str, float | str] = field(default_factory=dict)
 
+    def __contains__(self, name: str | int) -> bool:
+        """Whether there is such a column, by name or by position from 0."""
+        return 0 <= name < len(self.columns) if isinstance(name, int) else name in self.columns
+
     def raw(self, name: str | int) -> Any:
         """Return a column as read, by name or by position from 0."""
         if isinstance(name, int):
-            if not 0 <= name < len(self.columns):
+            if name not in self:
                 raise InputError(f"{self.path}: no column {name}; there are {len(self.columns)}, counted from 0")
             return list(self.columns.values())[name]
-        if name not in self.columns:
+        if name not in self:
             raise InputError(
                 f"{self.path}: no column {name!r}; it has {listed(self.columns)}{did_you_mean(name, self.columns)}"
             )
