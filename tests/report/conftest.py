@@ -32,7 +32,7 @@ def recorded(model, seconds: float, seed: int, name: str) -> Record:
 
 @pytest.fixture(scope="session")
 def story() -> dict:
-    """Ladder and records."""
+    """Ladder and records, and how such are made."""
     plain = load_model("dc_motor")
     plain = replace(plain, outputs=tuple(replace(o, noise=n) for o, n in zip(plain.outputs, (1e-3, 5e-3), strict=True)))
     true = plain.with_effects([f"{NAME}(level=3)"])
@@ -59,7 +59,7 @@ def story() -> dict:
         findings=("20 s in 2 records",), criterion="prediction",
         unknown=UnknownStructure("motor.velocity", "rad/s", "N·m", at, 0.01 * at**2, np.full(9, 0.1), 0.2, "a curve"),
     )  # fmt: skip
-    return {"ladder": ladder, "train": train, "unseen": unseen}
+    return {"ladder": ladder, "train": train, "unseen": unseen, "recorded": recorded}
 
 
 @pytest.fixture(scope="session")

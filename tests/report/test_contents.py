@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose import Ladder, Step
+from idloop.diagnose import Candidate, Ladder, Step
 from idloop.diagnose.experiment import Experiment
 from idloop.physics import load_model
 from idloop.report.contents import FITTED, UNSEEN, gather, labelled_models, noise_floor
@@ -36,6 +36,21 @@ def test_every_added_effect_has_its_characteristic(contents):
     one = contents.characteristics["coulomb_friction@motor"]
     assert one.variable == "velocity"
     np.testing.assert_allclose(np.abs(one.curve_y), 3.0)
+
+
+def test_an_effect_is_drawn_on_what_the_last_model_leaves_without_it(story):
+    """At its own step friction was still blurred by an offset; the last model has both."""
+    start, name = story["ladder"].steps[0].model, "coulomb_friction@motor"
+    true = start.with_effects([f"{name}(level=3)", "input_offset@input(offset=0.3)"])
+    record = story["recorded"](true, 12.0, 5, "both")
+    first, last = start.with_effects([f"{name}(level=2)"]), true
+    steps = [Step(None, start)]
+    for effect, at, model in (("coulomb_friction", "motor", first), ("input_offset", "input", last)):
+        steps.append(Step(Candidate(effect, at, "yes", "", "", model=model), model))
+    one = gather(Ladder(tuple(steps), "adequate"), [record], []).characteristics[name]
+    np.testing.assert_allclose(np.abs(one.curve_y), 3.0)
+    outer = np.abs(one.centre) > 1.0
+    np.testing.assert_allclose(one.mean[outer], 3.0 * np.sign(one.centre[outer]), atol=0.3)
 
 
 def test_noise_is_a_floor_where_the_model_states_it(contents, story):

@@ -14,10 +14,11 @@ import pytest
 
 from idloop.errors import IdloopError, InputError
 from idloop.report.chromium import VARIABLE, find_chromium, print_pdf, take_picture
+from idloop.report.contents import gather
 from idloop.report.figures.ladder import error_lines
 from idloop.report.figures.theme import LIGHT
 from idloop.report.page import render_page
-from idloop.report.page_words import headline
+from idloop.report.page_words import changes, headline
 
 SECTIONS = ("answer", "ladder", "measured", "where", "left", "open", "model", "data", "provenance")
 PHONE, DESK = {"width": 360, "height": 740}, {"width": 1280, "height": 900}
@@ -60,12 +61,63 @@ def test_all_sections_and_figures_are_there_and_nothing_is_loaded(html, items):
 
 
 def test_the_answer_comes_first(html, contents):
-    assert headline(contents.ladder) == "Missing from the model: Coulomb friction."
+    said = "Missing from the model: Coulomb friction and something that no effect of the catalogue explains."
+    assert headline(contents.ladder) == said
+    assert headline(replace(contents.ladder, verdict="adequate")) == "Missing from the model: Coulomb friction."
     answer = html[html.index('id="answer"') : html.index('id="ladder"')]
-    for text in ("Missing from the model: Coulomb friction.", "3.000 ± 0.039", "N·m", "p &lt; 0.001"):
+    for text in (said, "3.000 ± 0.039", "N·m", "p &lt; 0.001"):
         assert text in answer
     assert "cannot tell it from dead zone @ input" in answer
     assert "What is left has a shape" in answer
+
+
+def test_values_are_those_of_the_last_model_beside_what_they_were_at_the_step(contents):
+    start, step = contents.ladder.steps
+    level = {"level": {"value": 2.5, "stderr": 0.1, "unit": "N·m"}}
+    then = replace(step, added=replace(step.added, parameters=level))
+    page = render_page(replace(contents, ladder=replace(contents.ladder, steps=(start, then))))
+    answer = page[page.index('id="answer"') : page.index('id="ladder"')]
+    assert "3.000 ± 0.039" in answer
+    assert "When it was added: level 2.50 ± 0.20 N·m." in answer
+
+
+def test_a_fit_that_falls_is_not_coloured_like_a_gain(contents):
+    start, step = contents.ladder.steps
+    fits = {"motor.position": 99.0, "motor.velocity": 50.0}
+    before = {**start.validation, "fit": fits, "force": 0.2}
+    after = {**step.validation, "fit": {"motor.position": 98.0, "motor.velocity": 50.0}, "force": 0.1}
+    ladder = replace(contents.ladder, steps=(replace(start, validation=before), replace(step, validation=after)))
+    assert [row["trend"] for row in changes(ladder)] == ["better", "worse", "same"]
+    page = render_page(replace(contents, ladder=ladder))
+    assert '<strong class="number worse">98 %</strong> <small>worse</small>' in page
+    assert '<strong class="number better">10 %</strong></span>' in page
+
+
+def test_what_was_found_is_not_among_what_the_data_cannot_show(contents):
+    names = ("saturation@input", "dead_zone@input", "coulomb_friction@motor")
+    page = render_page(replace(contents, ladder=replace(contents.ladder, verdict="not_excited", untestable=names)))
+    hidden = page[page.index("<h3>This data cannot show</h3>") : page.index('id="model"')]
+    assert re.findall(r"<strong>(.*?)</strong>", hidden) == ["saturation @ input"]
+    assert "this data cannot show saturation @ input." in page
+
+
+def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story):
+    coloured = np.cumsum(np.random.default_rng(0).normal(size=(len(story["train"].time), 2)), axis=0) * (1e-4, 5e-4)
+    train = replace(story["train"], output=story["train"].output + coloured)
+    ladder = replace(contents.ladder, verdict="adequate", unknown=None)
+    page = render_page(gather(ladder, [train], [story["unseen"]]))
+    assert "But the one-step error" in page[page.index('id="answer"') : page.index('id="ladder"')]
+
+
+def test_effects_that_are_one_equation_get_their_check_by_hand(contents):
+    start, step = contents.ladder.steps
+    model = start.model.with_effects(["input_offset@input(offset=0.1)"])
+    added = replace(step.added, effect="input_offset", at="input", model=model, parameters={})
+    names = ("input_offset@input", "load_torque@motor", "dead_zone@input")
+    last = replace(step, added=added, model=model, set=names)
+    page = render_page(replace(contents, ladder=replace(contents.ladder, steps=(start, last))))
+    assert "cannot tell it from dead zone @ input." in page
+    assert "No motion can tell it from load torque @ motor: they are one equation here. By hand:" in page
 
 
 def test_words_of_a_model_are_escaped(html, contents):
@@ -163,10 +215,10 @@ def drawn(page) -> int:
 
 
 @pytest.mark.slow
-def test_every_figure_is_drawn_from_disk_without_a_network(opened, items):
+def test_every_figure_is_drawn_from_disk_without_a_network(opened, items, contents):
     page = opened(viewport=DESK)
     assert drawn(page) == len(items)
-    assert page.locator("#answer h1").inner_text() == "Missing from the model: Coulomb friction."
+    assert page.locator("#answer h1").inner_text() == headline(contents.ladder)
     assert page.locator("math").count() > 3
 
 

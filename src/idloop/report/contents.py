@@ -62,7 +62,7 @@ class Contents:
     floor : mapping of str to float
         NRMSE that the noise of each output alone leaves.
     characteristics : mapping of str to Characteristic
-        By the name of the effect; of those that the data show.
+        By the name of the effect, of those that the data show: what the last model leaves without it.
     describing : tuple of MeasuredDescribingFunction
         Where sines were run.
     suggestion : Suggestion or None
@@ -136,11 +136,14 @@ def gather(
     tell(0.8, "characteristics")
     found: dict[str, Characteristic] = {}
     for step in ladder.steps:
-        if step.added is not None and step.added.name in step.model.effect_names:
-            shown = (characteristic(step.model, step.added.name, record) for record in longest)
+        name = "" if step.added is None else step.added.name
+        # The last model has what was still missing at the step, and would lie in the dots beside the effect.
+        model = ladder.model if name in ladder.model.effect_names else step.model
+        if step.added is not None and name in model.effect_names:
+            shown = (characteristic(model, name, record) for record in longest)
             one = next((one for one in shown if one is not None), None)
             if one is not None:
-                found[step.added.name] = one
+                found[name] = one
     tell(0.95, "describing functions")
     return Contents(
         ladder, tuple(judged), noise_floor(ladder.model, validation or records), found,

@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.suggest_words import describe_signal, listed
+from idloop.report.contents import FITTED
 from idloop.report.estimates import NORMAL_95, figure_text, with_interval
 from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.report.figures.ladder import words
 from idloop.report.ladder import p_text
 from idloop.report.page_figures import MOST_RECORDS, effect_place, where_place, where_places
-from idloop.report.remains import FEWEST_FOR_TESTS
+from idloop.report.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders
+from idloop.report.twins import Twins, ladder_twins
+from idloop.report.unshown import unshown
 from idloop.report.verdicts import VERDICTS
 from idloop.validate.variables import TITLES
 
@@ -41,7 +45,8 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "headline": headline(ladder),
         "verdict": verdict_text(ladder),
         "changes": changes(ladder),
-        "steps": [_step(n, step, ladder.model) for n, step in enumerate(ladder.steps) if step.added is not None],
+        "against": [_capital(line) + "." for line in remainder_lines(ladder.verdict, _fitted_remainders(contents))],
+        "steps": [_step(n, step, ladder) for n, step in enumerate(ladder.steps) if step.added is not None],
         "rungs": rungs(ladder),
         "kinds": [
             (kind, said)
@@ -99,6 +104,8 @@ def headline(ladder: Ladder) -> str:
     str
     """
     names = [words(name).partition(" @ ")[0] for name in ladder.added]
+    if names and ladder.verdict == "unknown_structure":
+        names.append("something that no effect of the catalogue explains")
     if names:
         return f"Missing from the model: {listed(list(dict.fromkeys(names)))}."
     return {
@@ -119,8 +126,9 @@ def verdict_text(ladder: Ladder) -> str:
     -------
     str
     """
-    if ladder.verdict == "not_excited" and ladder.untestable:
-        names = listed([words(name) for name in ladder.untestable])
+    hidden = unshown(ladder)
+    if ladder.verdict == "not_excited" and hidden:
+        names = listed([words(name) for name in hidden])
         return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
     if not ladder.added and ladder.verdict == "adequate":
         return "What is left is noise."
@@ -141,27 +149,42 @@ def changes(ladder: Ladder) -> list[dict[str, str]]:
     Returns
     -------
     list of dict
-        ``name``, ``unit``, ``before``, ``after``, ``data``.
+        ``name``, ``unit``, ``before``, ``after``, ``data``, and ``trend``: ``better``, ``worse`` or ``same``.
     """
     first, last = ladder.steps[0], ladder.steps[-1]
     kind, data = ("validation", "unseen data") if last.validation else ("train", "fitted data")
     before, after = getattr(first, kind), getattr(last, kind)
     rows = []
     if before.get("force") is not None and after.get("force") is not None:
-        rows.append(_change("error of the drive force", 100.0 * before["force"], 100.0 * after["force"], data))
+        forces = (100.0 * before["force"], 100.0 * after["force"])
+        rows.append(_change("error of the drive force", *forces, data, wanted=-1))
     fits = before.get("fit", {})
-    return rows + [_change(f"FIT of {name}", fits.get(name), fit, data) for name, fit in after.get("fit", {}).items()]
+    found = after.get("fit", {}).items()
+    return rows + [_change(f"FIT of {name}", fits.get(name), fit, data, wanted=1) for name, fit in found]
 
 
-def _change(name: str, before: float | None, after: float | None, data: str) -> dict[str, str]:
-    return {"name": name, "unit": "%", "before": figure_text(before, 3), "after": figure_text(after, 3), "data": data}
+def _change(name: str, before: float | None, after: float | None, data: str, *, wanted: int) -> dict[str, str]:
+    """A row; `wanted` is the sign of a change for the better."""
+    texts = {"before": figure_text(before, 3), "after": figure_text(after, 3)}
+    trend = "same"
+    if before is not None and after is not None and texts["before"] != texts["after"]:
+        trend = "better" if wanted * (after - before) > 0.0 else "worse"
+    return {"name": name, "unit": "%", **texts, "data": data, "trend": trend}
 
 
-def _step(number: int, step: Step, last: Model) -> dict[str, Any]:
-    added = step.added
+def _fitted_remainders(contents: Contents) -> list[Remainder]:
+    return remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
+
+
+def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
+    added, last = step.added, ladder.model
     if added is None:
         raise ValueError("the first step adds nothing")
-    others = [words(name) for name in step.set if name != added.name]
+    # Of the last model: those of the step are biased by what was still missing then.
+    now = effect_parameters(last, added.name) or added.parameters
+    twins = [group for group in ladder_twins(ladder) if added.name in group.names]
+    told = {name for group in twins for name in group.names}
+    others = [words(name) for name in step.set if name != added.name and name not in told]
     return {
         "number": number,
         "name": _capital(words(added.effect)),
@@ -178,28 +201,33 @@ def _step(number: int, step: Step, last: Model) -> dict[str, Any]:
                 "value": with_interval(float(entry["value"]), entry.get("stderr")),
                 "unit": entry.get("unit", ""),
             }
-            for name, entry in added.parameters.items()
+            for name, entry in now.items()
         ],
-        "later": _later(added, last),
+        "then": _then(added, last),
+        "twins": [_said(group, added.name) for group in twins],
     }
 
 
-def _later(added: Candidate, last: Model) -> str:
-    """What became of an effect's strength in the last step, where that is another value; empty otherwise."""
+def _then(added: Candidate, last: Model) -> str:
+    """An effect's strength when it was added, where the last step has another one; empty otherwise."""
     name, entry = next(iter(added.parameters.items()), ("", {}))
     final = {p.name: p for p in last.parameters}.get(f"{added.name}.{name}")
     if not name:
         return ""
     if final is None:
         return "Later steps replaced it."
-    now = with_interval(final.value, final.stderr)
-    if now == with_interval(float(entry["value"]), entry.get("stderr")):
+    then = with_interval(float(entry["value"]), entry.get("stderr"))
+    if then == with_interval(final.value, final.stderr):
         return ""
     unit = f" {final.unit}" if final.unit != "-" else ""
     gone = final.stderr is not None and abs(final.value) < NORMAL_95 * final.stderr
-    return f"At the last step: {name.replace('_', ' ')} {now}{unit}" + (
-        ", no longer different from 0." if gone else "."
-    )
+    tail = "; at the last step it is not different from 0 any more." if gone else "."
+    return f"When it was added: {name.replace('_', ' ')} {then}{unit}{tail}"
+
+
+def _said(group: Twins, name: str) -> dict[str, Any]:
+    others = [words(other) for other in group.names if other != name]
+    return {"others": listed(others), "checks": [_capital(check) for check in group.checks]}
 
 
 def _evidence(p_value: float | None) -> str:
@@ -301,8 +329,7 @@ def _residuals(contents: Contents) -> list[dict[str, Any]]:
 
 
 def _untestable(ladder: Ladder) -> list[dict[str, str]]:
-    why = {c.name: c.why for c in ladder.candidates}
-    return [{"name": words(name), "why": why.get(name, "")} for name in ladder.untestable]
+    return [{"name": words(name), "why": why} for name, why in unshown(ladder).items()]
 
 
 def _experiment(ladder: Ladder) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from idloop.physics.effect import catalogue
-
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
 
@@ -31,8 +29,5 @@ def unshown(ladder: Ladder) -> dict[str, str]:
         found.update(f"{inner}@{active.at}" for inner in active.effect.contains)
     for step in ladder.steps:
         found.update(step.set)
-    known = catalogue(*model.effect_folders)
     why = {candidate.name: candidate.why for candidate in ladder.candidates}
-    return {
-        name: why.get(name, "") for name in ladder.untestable if name not in found and name.partition("@")[0] in known
-    }
+    return {name: why.get(name, "") for name in ladder.untestable if name not in found}

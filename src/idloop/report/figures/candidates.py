@@ -13,6 +13,7 @@ from bokeh.plotting import figure
 from idloop.report.figures.ladder import ROW, name_rows, words
 from idloop.report.figures.theme import LIGHT, Theme, new_figure, source
 from idloop.report.ladder import p_text
+from idloop.report.unshown import unshown
 
 if TYPE_CHECKING:
     from idloop.diagnose import Candidate, Diagnosis, Ladder
@@ -92,7 +93,7 @@ def ladder_rows(ladder: Ladder) -> list[EffectRow]:
             for name in step.set
             if name != step.added.name
         ]
-    return _with_rest(rows, ladder.candidates, ladder.untestable, WEIGHED)
+    return _with_rest(rows, ladder.candidates, tuple(unshown(ladder)), WEIGHED)
 
 
 def diagnosis_rows(diagnosis: Diagnosis) -> list[EffectRow]:
