@@ -115,7 +115,8 @@ def test_compare_says_where_the_model_fails(bags, tmp_path, capsys):
 
 
 def test_compare_prints_where_in_words(bags, capsys):
-    assert main.run(words("compare", "dc_motor", bags[0], "--effect", "coulomb_friction@motor(level=6)")) == 0
+    asked = words("compare", "dc_motor", bags[0], "--effect", "coulomb_friction@motor(level=6)", "--all")
+    assert main.run(asked) == 0
     out = capsys.readouterr().out
     assert "dc_motor: where the error of train falls" in out
     assert "drive force: applied minus needed, rms" in out
@@ -124,10 +125,36 @@ def test_compare_prints_where_in_words(bags, capsys):
 
 
 def test_compare_prints_measures_and_verdicts(bags, capsys):
-    assert main.run(words("compare", "dc_motor", bags[0], "--set", "drive.gain=6")) == 0
+    assert main.run(words("compare", "dc_motor", bags[0], "--set", "drive.gain=6", "--all")) == 0
     out = capsys.readouterr().out
     for word in ("FIT % 10 ahead", "force error %", "Ljung-Box", "squared error of motor.position", "after a reversal"):
         assert word in out
+
+
+def test_compare_is_brief_unless_everything_is_asked_for(bags, tmp_path, capsys):
+    true = tmp_path / "true.yaml"
+    load_model("dc_motor").with_values(TRUTH).save(true)
+    friction = ("--effect", "coulomb_friction@motor(level=6)")
+    assert main.run(words("compare", "dc_motor", true, bags[0], *friction)) == 0
+    brief = capsys.readouterr().out
+    assert main.run(words("compare", "dc_motor", true, bags[0], *friction, "--all")) == 0
+    whole = capsys.readouterr().out
+    table = brief.partition("\n\n")[0]
+    assert whole.startswith(table)
+    # Two models, three errors each.
+    assert len(brief.splitlines()) < 30 < len(whole.splitlines())
+    for word in (
+        "dc_motor, train:",
+        "one-step residual: ",
+        "drive force: applied minus needed, rms",
+        "worst: ",
+        "--all",
+    ):
+        assert word in brief
+    # Every line of a map is one of the whole text: nothing is said in other words.
+    told = [line for line in brief.splitlines() if line.startswith("    ")]
+    assert told
+    assert set(told) <= set(whole.splitlines())
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,10 @@ from idloop.cli._common import number, print_table
 if TYPE_CHECKING:
     from idloop.report.comparison import Panel
     from idloop.validate import Comparison
+    from idloop.validate.where import ErrorMap
+
+# Of what stands out: so much of the first error, the drive force where there is one, and of every further one.
+_FIRST, _FURTHER = 2, 1
 
 
 def percent(value: float) -> str:
@@ -80,6 +84,43 @@ def print_where(rows: Iterable[tuple[str, Comparison]]) -> None:
         click.echo(f"{label}: where the error of {comparison.record.name} falls")
         for line in comparison.where.lines():
             click.echo(f"  {line}")
+
+
+def print_brief(rows: Iterable[tuple[str, Comparison]]) -> None:
+    """Print the most telling of verdicts and of where each model fails, a few lines for each model."""
+    for label, comparison in rows:
+        click.echo(f"{label}, {comparison.record.name}:")
+        verdicts = brief_verdicts(comparison)
+        if verdicts:
+            click.echo(f"  one-step residual: {verdicts}")
+        for index, one in enumerate(comparison.where.maps):
+            for line in brief_map(one, _FIRST if index == 0 else _FURTHER):
+                click.echo(f"  {line}")
+
+
+def brief_verdicts(comparison: Comparison) -> str:
+    """What the one-step residuals still hold, in one line; outputs of which the same is said together."""
+    from idloop.report.remains import remainders
+
+    said: dict[str, list[str]] = {}
+    for test in (one.test for one in remainders([comparison])):
+        white = "white" if test.white else "not white"
+        text = f"{white}, {'free of the input' if test.input_free else 'still follows the input'}"
+        said.setdefault(text, []).append(test.name)
+    return "; ".join(f"{' and '.join(names)} {text}" for text, names in said.items())
+
+
+def brief_map(one: ErrorMap, most: int) -> list[str]:
+    """How large an error is, along what it falls most, what it follows, and its worst stretch."""
+    head, *rest = one.lines()
+    shown = [head]
+    # As `lines` writes them: why, what stands out (most first), what does not, what it follows, the worst stretches.
+    rest = rest[1:] if one.why else rest
+    shown += rest[: min(most, sum(breakdown.stands_out for breakdown in one.breakdowns))]
+    if most == _FIRST:
+        shown += [line for line in rest if line.startswith("  a curve over one variable")]
+        shown += [f"  worst: {stretch.line()}" for stretch in one.loud_stretches[:1]]
+    return shown
 
 
 def save_where(rows: Sequence[tuple[str, Comparison]], path: Path) -> None:

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._assessment import make_panel, print_comparisons, print_verdicts, print_where, save_figure, save_where
+from idloop.cli._assessment import (
+    make_panel,
+    print_brief,
+    print_comparisons,
+    print_verdicts,
+    print_where,
+    save_figure,
+    save_where,
+)
 from idloop.cli._common import (
     BAG,
     apply_options,
@@ -43,6 +51,7 @@ def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
 )
 @plot_option
 @click.option("--plot-where", type=PLOT, metavar="FILE", help="Write the figure of where the models fail.")
+@click.option("--all", "everything", is_flag=True, help="Print everything: all tests, regions, variables, stretches.")
 @json_option
 def command(
     models: tuple[str, ...],
@@ -53,6 +62,7 @@ def command(
     steps: int,
     plot: Path | None,
     plot_where: Path | None,
+    everything: bool,
     as_json: bool,
 ) -> None:
     """Compare what BAG measured with what each MODEL says, its parameters as they are.
@@ -87,6 +97,10 @@ def command(
         return
     print_comparisons(rows)
     click.echo()
+    if not everything:
+        print_brief(rows)
+        click.echo("\n(--all says everything that stands out, --plot-where draws it)")
+        return
     print_verdicts(rows)
     click.echo()
     print_where(rows)

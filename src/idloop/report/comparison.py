@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.report.frame import Frame, residual_frame, value_frame, widest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,6 +41,8 @@ class Panel:
         Half width of the band in which the residual of a perfect model stays with 95 % probability.
     notes : mapping of str to sequence of str, optional
         For each model and output a few words for the legend, such as its FIT.
+
+    The measured range sets the scale of the value axes; a curve that leaves it says in the legend how far it goes.
     """
 
     title: str
@@ -50,6 +53,26 @@ class Panel:
     input: Array
     band: Array | None = None
     notes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def values(self, column: int) -> dict[str, Array]:
+        """Modelled values of one output."""
+        return {label: modelled[:, column] for label, modelled in self.modelled.items()}
+
+    def value_frame(self, column: int) -> Frame | None:
+        """Frame of one output."""
+        return value_frame(self.output[:, column], self.values(column))
+
+    def residual_frame(self, column: int) -> Frame | None:
+        """Frame of what is left of one output."""
+        half = None if self.band is None else float(self.band[column])
+        return residual_frame(self.output[:, column], self.values(column), half)
+
+    def said(self, label: str, column: int) -> str:
+        """A model's entry in the legend: its note, and how far it leaves the frame."""
+        note, frame = self.notes.get(label), self.value_frame(column)
+        parts = [note[column]] if note else []
+        parts += [frame.strays[label]] if frame is not None and label in frame.strays else []
+        return f"{label} ({'; '.join(parts)})" if parts else label
 
 
 def plot_comparison(
@@ -79,9 +102,17 @@ def plot_comparison(
         for row, (name, unit) in enumerate(zip(output_names, output_units, strict=True)):
             axes[2 * row, 0].set_ylabel(drawing.label(name, unit))
             axes[2 * row + 1, 0].set_ylabel(drawing.label("residual", unit))
+            _fit_frame(axes[2 * row, 0], widest(panel.value_frame(row) for panel in panels))
+            _fit_frame(axes[2 * row + 1, 0], widest(panel.residual_frame(row) for panel in panels))
         axes[-1, 0].set_ylabel(drawing.label(input_name, input_unit))
         figure.align_ylabels(axes[:, 0])
     return figure
+
+
+def _fit_frame(axes: Any, frame: Frame | None) -> None:
+    """Cut off what strays; the axes of a row are linked."""
+    if frame is not None:
+        axes.set_ylim(frame.low, frame.high)
 
 
 def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
@@ -92,9 +123,7 @@ def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
         below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
         for index, (label, modelled) in enumerate(panel.modelled.items()):
             look = drawing.model_look(index)
-            note = panel.notes.get(label)
-            text = f"{label} ({note[row]})" if note else label
-            drawing.line(top, panel.time, modelled[:, row], label=text, **look)
+            drawing.line(top, panel.time, modelled[:, row], label=panel.said(label, row), **look)
             drawing.line(below, panel.time, panel.output[:, row] - modelled[:, row], **look)
         if panel.band is not None and np.isfinite(panel.band[row]):
             half = float(panel.band[row])

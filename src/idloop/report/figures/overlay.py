@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from bokeh.models import Range1d
 from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.plotting import figure
 
 from idloop.report.comparison import Panel
 from idloop.report.figures.theme import LIGHT, Theme, add_legend, new_figure, padded, source
 from idloop.report.figures.thinning import BUCKETS, thinned
+from idloop.report.frame import Frame
 
 
 def overlay(
@@ -45,24 +47,28 @@ def overlay(
     span = padded(float(panel.time[0]), float(panel.time[-1]), 0.01)
     plots: list[figure] = []
     for column, (name, unit) in enumerate(zip(output_names, output_units, strict=True)):
-        top = new_figure(theme, ("", None), (name, unit), x_range=span, height=240)
+        top = new_figure(theme, ("", None), (name, unit), x_range=span, height=240, **_cut(panel.value_frame(column)))
         measured = _line(top, panel.time, panel.output[:, column], buckets, color=theme.measured, line_width=2.4)
         entries = [("measured", [measured])]
-        below = new_figure(theme, time, ("residual", unit), x_range=span, height=190)
+        cut = _cut(panel.residual_frame(column))
+        below = new_figure(theme, time, ("residual", unit), x_range=span, height=190, **cut)
         below.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
         _add_band(below, panel, column, theme)
         for index, (label, modelled) in enumerate(panel.modelled.items()):
             look = {**theme.model(index), "line_width": 1.4}
-            note = panel.notes.get(label)
-            said = f"{label} ({note[column]})" if note else label
             drawn = _line(top, panel.time, modelled[:, column], buckets, **look)
             left = _line(below, panel.time, panel.output[:, column] - modelled[:, column], buckets, **look)
-            entries.append((said, [drawn, left]))
+            entries.append((panel.said(label, column), [drawn, left]))
         add_legend(top, theme, entries)
         plots += [top, below]
     command = new_figure(theme, time, (input_name, input_unit), x_range=span, height=165)
     _line(command, panel.input_time, panel.input, buckets, held=True, color=theme.command, line_width=1.2)
     return [*plots, command]
+
+
+def _cut(frame: Frame | None) -> dict[str, Range1d]:
+    """Range of a figure out of which a curve strays; else the figure finds its own."""
+    return {"y_range": Range1d(start=frame.low, end=frame.high)} if frame is not None and frame.cut else {}
 
 
 def _add_band(plot: figure, panel: Panel, column: int, theme: Theme) -> None:
