@@ -81,7 +81,7 @@ class Answer:
 def answers(path: Path, level: float | None = None) -> tuple[list[Answer], list[dict[str, Any]]]:
     """Read results; failed cases apart."""
     from cases import all_cases
-    from machines import base_model
+    from experiment import start_model
 
     known = {case.id: case for case in all_cases()}
     found, failed = {}, {}
@@ -98,7 +98,7 @@ def answers(path: Path, level: float | None = None) -> tuple[list[Answer], list[
         failed.pop(key, None)
         case = known[row["id"]]
         added = [Rung(a["name"], tuple(a["set"]), a["replaces"], a["p_value"], a["gain"]) for a in row["added"]]
-        found[key] = Answer(case, row, score(case, base_model(case.machine, case.rate, case.loop), added))
+        found[key] = Answer(case, row, score(case, start_model(case, row["seed"]), added))
     return list(found.values()), list(failed.values())
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.diagnose.confirm import _without_long_memory, confirm_behind_noise
+from idloop.diagnose.confirm import without_long_memory, confirm_behind_noise
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import FAN, LONG_MEMORY, refit
 from idloop.diagnose.screen import Screen
@@ -24,7 +24,7 @@ def test_a_constant_force_is_found_behind_a_walk(start: Model, offset: float, le
     setting = prepare_setting(start, [record_of(machine, 1, seconds=6.0, disturbance=0.02)], "prediction")
     parent = refit(setting, start)
     found = refit(setting, parent.model.with_effects(["input_offset@input"]), None, parent, rounds=1)
-    better = _without_long_memory(setting, parent, found)
+    better = without_long_memory(setting, parent, found)
     assert least < better.log_likelihood - parent.log_likelihood < most
     if offset:
         assert parent.criterion.memory >= LONG_MEMORY

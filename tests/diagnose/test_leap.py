@@ -1,4 +1,4 @@
-"""Effects without parameters: found from values that are far off, alone and together with a second one."""
+"""Effects that no small step leads to: found from values that are far off, alone and together with a second one."""
 
 from pathlib import Path
 
@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from idloop.diagnose import refine
+from idloop.diagnose.leap import leap
+from idloop.diagnose.refit import refit
+from idloop.diagnose.setting import prepare_setting
 from idloop.physics import Model, load_model
 from idloop.physics.effect import catalogue
 from idloop.physics.simulation import simulate
@@ -74,3 +77,41 @@ def test_what_is_not_there_is_not_found(start: Model) -> None:
     machine = start.with_values({"motor.viscous_friction": 9.0, "drive.gain": 25.0})
     ladder = refine(start, [record_of(machine, 5)], criterion="simulation")
     assert ladder.added == ()
+
+
+TWO_BODIES = """
+schema: idloop/model/1
+name: two_bodies
+input: {topic: joint_command, joint: motor, field: effort, unit: N·m}
+outputs:
+  - {topic: joint_states, joint: motor, field: position, unit: rad, noise: 1.0e-4}
+  - {topic: joint_states, joint: load, field: position, unit: rad, noise: 1.0e-4}
+bodies:
+  - {name: motor, inertia: {value: 0.01, min: 0.0}, viscous_friction: {value: 0.05, min: 0.0}}
+  - {name: load, inertia: {value: 0.02, min: 0.0}, viscous_friction: {value: 0.02, min: 0.0}}
+couplings:
+  - {from: motor, to: load, stiffness: {value: 20.0, min: 0.0}, damping: {value: 0.02, min: 0.0}}
+drive: {gain: 1.0}
+"""
+
+
+def test_a_coupling_that_always_slips_is_found_behind_the_damper_that_it_looks_like(tmp_path: Path) -> None:
+    path = tmp_path / "two_bodies.yaml"
+    path.write_text(TWO_BODIES)
+    model = load_model(path)
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 12.0, 0.005)
+    command = np.repeat(rng.normal(size=60), 40)
+    machine = model.with_effect("slip", "motor-load", limit=0.15)
+    output = simulate(machine, time, command, time, noise=1e-4 * rng.normal(size=(len(time), 2))).output
+    names, units = tuple(o.name for o in model.outputs), ("rad", "rad")
+    record = Record("run", time, command, time, output, "motor.effort", "N·m", names, units)
+    start = model.with_values({p.name: 0.8 * p.value for p in model.parameters if p.free})
+    setting = prepare_setting(start, [record], "prediction")
+    parent = refit(setting, start)
+    assert parent.model.values["motor-load.stiffness"] < 0.2 * start.values["motor-load.stiffness"]
+    found = leap(setting, parent, start.values, level=0.01)
+    assert found is not None
+    assert [rung.added.name for rung in found.rungs] == ["slip@motor-load"]
+    assert found.fit.model.values["slip@motor-load.limit"] == pytest.approx(0.15, rel=1e-2)
+    assert found.fit.model.values["motor-load.stiffness"] == pytest.approx(20.0, rel=1e-2)

@@ -227,11 +227,11 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
     if best is None:
         return None
     if proposal.effect.slow:
-        best = _without_long_memory(setting, parent, best)
+        best = without_long_memory(setting, parent, best)
     return Confirmed(proposal, best, 0.0, screened.statistic, screened.uneven).refitted(best, parent)
 
 
-def _without_long_memory(setting: Setting, parent: Refit, found: Refit) -> Refit:
+def without_long_memory(setting: Setting, parent: Refit, found: Refit) -> Refit:
     """A better fit by way of one whose disturbance forgets soon.
 
     A walk takes a constant force for its own: neither the force alone nor a shorter memory alone explains more.

@@ -12,7 +12,7 @@ from idloop.diagnose.calibrate import Null, calibrate
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising, without_long_memory
 from idloop.diagnose.evidence import consistent, explained, holds, may_decide, rank, statistic, tied
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
@@ -290,7 +290,8 @@ def diagnose_fitted(
             setting, parent, screened, lambda share, text: tell(0.75 + 0.1 * share, f"looking behind noise: {text}")
         )
         confirmed = list({c.proposal.name: c for c in sorted(confirmed, key=lambda c: c.gain)}.values())
-    confirmed = _beside_the_best_noise(setting, parent, confirmed)
+    if confirmed:
+        confirmed = _beside_the_noise_of(max(confirmed, key=lambda c: c.gain), setting, parent, confirmed)
     if swallowed:
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = _same_footing(setting, parent, confirmed, bar)
@@ -309,7 +310,7 @@ def diagnose_fitted(
         tried = {c.proposal.name for c in confirmed}
         alike = [s for s in _alike(best, screened) if s.proposal.name not in tried]
         if alike:
-            rivals += tied(best, confirm(setting, parent, alike))
+            rivals += tied(best, _beside_the_noise_of(best, setting, parent, confirm(setting, parent, alike)))
     pair: MissingPair | None = None
     if best is None and share < 1.0:
         pairs = Pairs(screened, seed + 2)
@@ -482,23 +483,28 @@ def _rough(model: Model) -> bool:
     return any(active.effect.lags for active in model.effects)
 
 
-def _beside_the_best_noise(setting: Setting, parent: Refit, confirmed: list[Confirmed]) -> list[Confirmed]:
+def _beside_the_noise_of(
+    best: Confirmed, setting: Setting, parent: Refit, confirmed: list[Confirmed]
+) -> list[Confirmed]:
     """Rivals of a constant force refitted with the shorter memory that it was found beside."""
-    if not confirmed or not isinstance(parent.criterion, InnovationCriterion):
+    if not isinstance(parent.criterion, InnovationCriterion):
         return confirmed
-    best = max(confirmed, key=lambda c: c.gain)
     own = best.fit.criterion
     forgets = isinstance(own, InnovationCriterion) and own.memory < LONG_MEMORY <= parent.criterion.memory
     if not best.proposal.effect.slow or not forgets:
         return confirmed
-    return list(
-        in_parallel(lambda c: c if c.proposal.effect.slow else _beside(setting, parent, c, best.fit), confirmed)
-    )
+    return list(in_parallel(lambda c: c if c.proposal.effect.slow else _forgetting(setting, parent, c), confirmed))
 
 
-def _beside(setting: Setting, parent: Refit, confirmed: Confirmed, noise: Refit | None = None) -> Confirmed:
-    """A candidate refitted with the noise of a parent that has been lifted, or of another model."""
-    fit = refit_or_none(setting, confirmed.fit.model, None, noise or parent)
+def _forgetting(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
+    """A candidate refitted by way of a disturbance with a short memory, if that explains more."""
+    again = confirmed.refitted(without_long_memory(setting, parent, confirmed.fit), parent)
+    return again if again.gain > confirmed.gain else confirmed
+
+
+def _beside(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
+    """A candidate refitted with the noise of a parent that has been lifted."""
+    fit = refit_or_none(setting, confirmed.fit.model, None, parent)
     again = confirmed if fit is None else confirmed.refitted(fit, parent)
     return again if again.gain > confirmed.gain else confirmed
 

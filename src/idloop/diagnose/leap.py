@@ -1,4 +1,4 @@
-"""Effects without parameters: there or not, and never there a little.
+"""Effects that no small step leads to: they are there or not, or the model has gone far away without them.
 
 A score test asks what a weak effect would do to the errors. What has no strength has no weak
 form, and it may change the model so much that the values found without it, a gain close to
@@ -7,6 +7,9 @@ that the user gave as well, and where it shows only together with a second effec
 of those that promise most with it. The models do not contain each other: they are
 compared by the difference of their log-likelihoods over the stretches of the data (Vuong,
 Econometrica 57, 1989), times the number of comparisons.
+
+A coupling that slips all the time looks to a linear model like a damper without a spring: where the
+fit has left the user's stiffness far behind, what a coupling can do is tried from there.
 """
 
 from __future__ import annotations
@@ -24,9 +27,11 @@ from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import Refit, refit_or_none
+from idloop.diagnose.scales import Sizes
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
+from idloop.physics.effect import COUPLING
 from idloop.physics.model import Model
 
 # Searches that are carried on after a first round.
@@ -43,6 +48,10 @@ _IDLE = 0.1
 _THOROUGH = 3
 # Choices of whole numbers, such as harmonics, that are searched for one effect.
 _STRUCTURES = 2
+# A stiffness that the fit has changed by this factor is not the user's any more.
+_LEFT_BEHIND = 5.0
+# Searches from there that are carried on after a first round.
+_CARRIED_ON = 2
 
 
 @dataclass(frozen=True)
@@ -72,7 +81,7 @@ def leap(
     pairs: bool = False,
     seed: int = 0,
 ) -> Leap | None:
-    """Look for an effect without parameters.
+    """Look for an effect without parameters, and for those of a coupling whose stiffness went astray without them.
 
     Parameters
     ----------
@@ -98,17 +107,21 @@ def leap(
     bases: list[Confirmed] = []
     count = 0
     for proposal in proposals(parent.model, effects):
+        own: list[Confirmed] = []
         if not proposal.effect.parameters:
             own = _bases(setting, parent, proposal, given, seed)
-            bases += own
-            count += len(own)
+        elif _astray(parent.model, proposal, given):
+            own = _from_the_users(setting, parent, proposal, given)
+        bases += own
+        count += len(own)
     bases.sort(key=lambda base: -base.gain)
     for base in bases:
         if _better(setting, parent, base, count, level, held_out):
             return Leap((_rung(setting, parent, base, count),), base.fit)
-    if not pairs or not bases or _white(parent):
+    bare = [base for base in bases if not base.proposal.effect.parameters]
+    if not pairs or not bare or _white(parent):
         return None
-    found = [(base, beside) for base in bases for beside in _beside(setting, base.fit, effects, seed)]
+    found = [(base, beside) for base in bare for beside in _beside(setting, base.fit, effects, seed)]
     found.sort(key=lambda pair: -pair[1].fit.log_likelihood)
     count += len(found)
     for base, best in found[:1]:
@@ -147,6 +160,28 @@ def _bases(
         if all(abs(gain - other.gain) > _SAME for other in found) and _acts(setting, fit, proposal.name):
             found.append(Confirmed(proposal, fit, gain, 0.0))
     return found[:_MOST_BASES]
+
+
+def _astray(model: Model, proposal: Proposal, given: Mapping[str, float]) -> bool:
+    """Whether the fit has left the user's stiffness of the coupling that an effect acts in far behind."""
+    if proposal.effect.site != COUPLING or proposal.replaces is not None:
+        return False
+    name = f"{proposal.at}.stiffness"
+    if name not in model.free or not given.get(name, 0.0) > 0.0:
+        return False
+    found = model.values[name] / given[name]
+    return not 1.0 / _LEFT_BEHIND < found < _LEFT_BEHIND
+
+
+def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
+    """Where the best search with a coupling's effect ends that starts from the values the user gave."""
+    near = {**parent.model.values, **given}
+    scales = Sizes(parent.model.with_values(near), setting).at(proposal.effect.site, proposal.at)
+    trials = [trial for alternative in proposal.alternatives(scales) for trial in alternative]
+    model = proposal.model(trials[0])
+    choices = [{**near, **{f"{proposal.name}.{name}": v for name, v in trial.items()}} for trial in trials]
+    fits = _ends(setting, model, choices, most=_CARRIED_ON)
+    return [Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0) for fit in fits[:1]]
 
 
 def _acts(setting: Setting, fit: Refit, name: str) -> bool:
