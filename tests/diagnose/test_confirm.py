@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.diagnose.confirm import without_long_memory, confirm_behind_noise
+from idloop.diagnose.confirm import confirm_behind_noise, without_long_memory
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import FAN, LONG_MEMORY, refit
 from idloop.diagnose.screen import Screen
