@@ -56,6 +56,30 @@ def test_empty_cells_do_not_become_messages(tmp_path):
     assert {finding.kind for finding in result.findings} == {"not_measured"}
 
 
+def test_how_a_file_is_written_is_found_out_and_told(tmp_path):
+    source = tmp_path / "messung.csv"
+    text = "t;Spannung;Winkel\ns;V;°\n0,00;1,5;10\n0,01;-1,5;20\n0,02;2,5;30\n"
+    source.write_bytes(text.encode("latin-1"))
+    mapping = _mapping(command={"column": "Spannung", "unit": "V"}, position={"column": "Winkel", "unit": "deg"})
+    result = import_bag(source, tmp_path / "bag", mapping)
+    assert result.samples == 3
+    streams = read_streams(tmp_path / "bag")
+    np.testing.assert_allclose(streams["/joint_command"].effort[:, 0], [1.5, -1.5, 2.5])
+    np.testing.assert_allclose(np.degrees(streams["/joint_states"].position[:, 0]), [10.0, 20.0, 30.0])
+    told = " ".join(finding.text for finding in result.findings)
+    for words in ("Windows-1252", "decimal commas", "taken for units and left out: s, V, °"):
+        assert words in told
+    assert {finding.level for finding in result.findings} == {"note"}
+
+
+@pytest.mark.parametrize("more", ({"position": []}, {"position": [], "effort": "y"}))
+def test_a_record_without_motion_is_imported_with_a_warning(tmp_path, more):
+    source = _csv(tmp_path, t=[0, 1, 2], u=[1, 2, 3], y=[4, 5, 6])
+    (finding,) = import_bag(source, tmp_path / "bag", _mapping(**more)).findings
+    assert (finding.kind, finding.level) == ("no_measurement", "warning")
+    assert "add `position:` or `velocity:` to the mapping" in finding.text
+
+
 def test_two_joints(tmp_path):
     source = _csv(tmp_path, t=[0, 1, 2], u=[1, 2, 3], a=[4, 5, 6], b=[7, 8, 9])
     import_bag(source, tmp_path / "bag", _mapping(position=["a", {"column": "b", "joint": "load"}]))

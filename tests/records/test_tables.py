@@ -23,6 +23,7 @@ CSV = {
     "trailing comma, quotes": '"t","u",\n0,1,\n0.1,-1,\n0.2,2.5,\n',
     "tab": "t\tu\n0\t1\n0.1\t-1\n0.2\t2.5\n",
     "blanks": "t   u\n0   1\n0.1  -1\n0.2 2.5\n",
+    "a tabulator beside one comma": "t,u,\tv\n0,1,\t0\n0.1,-1,\t0\n0.2,2.5,\t0\n",
     "comments and empty lines": "# made by hand\n\nt;u\n0;1\n0.1;-1\n\n0.2;2.5\n",
     "byte order mark": "\ufefft,u\n0,1\n0.1,-1\n0.2,2.5\n",
 }
@@ -31,7 +32,8 @@ CSV = {
 @pytest.mark.parametrize("name", CSV)
 def test_csv_dialects(tmp_path, name):
     table = read_table(_csv(tmp_path / "a.csv", CSV[name]))
-    assert list(table.columns) == ["t", "u"]
+    assert list(table.columns)[:2] == ["t", "u"]
+    assert table.notes == []
     np.testing.assert_array_equal(table.numbers("t"), T)
     np.testing.assert_array_equal(table.numbers("u"), U)
 
@@ -40,6 +42,80 @@ def test_csv_without_header_and_with_decimal_commas(tmp_path):
     table = read_table(_csv(tmp_path / "a.csv", "0;1\n0,1;-1\n0,2;2,5\n"), options={"decimal": ","})
     np.testing.assert_array_equal(table.numbers(0), T)
     np.testing.assert_array_equal(table.numbers("1"), U)
+
+
+COMMAS = {
+    "semicolons": "t;u\n0,0;1\n0,1;-1,0\n0,2;2,5\n",
+    "semicolons without a header": "0,0;1,0\n0,1;-1,0\n0,2;2,5\n",
+    "tabulators": "t\tu\n0,0\t1\n0,1\t-1\n0,2\t2,5\n",
+    "blanks": "t    u\n0,0  1\n0,1 -1\n0,2  2,5\n",
+    "quotes": 't,u\n"0,0","1"\n"0,1","-1"\n"0,2","2,5"\n',
+    "exponents": "t;u\n0;1,0E+00\n1,0e-01;-1,0E0\n2,0E-1;2,5E0\n",
+    "three digits": "t;u\n0,000;1,000\n0,100;-1,000\n0,200;2,500\n",
+    "a row of units": "t;u\n[s];[V]\n0,0;1\n0,1;-1\n0,2;2,5\n",
+}
+
+
+@pytest.mark.parametrize("name", COMMAS)
+def test_decimal_commas_are_found_out_and_told(tmp_path, name):
+    table = read_table(_csv(tmp_path / "a.csv", COMMAS[name]))
+    np.testing.assert_array_equal(table.numbers(0), T)
+    np.testing.assert_array_equal(table.numbers(1), U)
+    assert "its numbers are read with decimal commas" in table.notes
+
+
+def test_what_may_be_thousands_is_asked_and_not_guessed(tmp_path):
+    path = _csv(tmp_path / "a.csv", "t;u\n0;1,234\n1;2,345\n")
+    with pytest.raises(
+        InputError, match=r"'1,234' may be a decimal number or a thousand; say `csv: \{decimal: \",\"\}`"
+    ):
+        read_table(path)
+    np.testing.assert_array_equal(read_table(path, options={"decimal": ","}).numbers("u"), [1.234, 2.345])
+
+
+def test_a_comma_beside_points_is_no_decimal_comma(tmp_path):
+    table = read_table(_csv(tmp_path / "a.csv", "t;u;state\n0.5;1;a,b\n1.5;2;0,5\n"))
+    assert table.notes == []
+    np.testing.assert_array_equal(table.numbers("t"), [0.5, 1.5])
+    with pytest.raises(InputError, match="if it has a decimal comma"):
+        table.numbers("state")
+
+
+@pytest.mark.parametrize("encoding", ("latin-1", "cp1252", "utf-8", "utf-16"))
+def test_letters_of_other_encodings(tmp_path, encoding):
+    path = tmp_path / "a.csv"
+    path.write_bytes("t [µs];Winkel [°]\r\n0,0;1\r\n0,1;-1\r\n0,2;2,5\r\n".encode(encoding))
+    table = read_table(path)
+    assert list(table.columns) == ["t [µs]", "Winkel [°]"]
+    np.testing.assert_array_equal(table.numbers("Winkel [°]"), U)
+    other = encoding in {"latin-1", "cp1252"}
+    assert ("it is not in UTF-8 and read as Windows-1252" in table.notes) is other
+
+
+UNITS = {
+    "in brackets": "t,u,w\n[s],[V],[rad/s]\n0,1,2\n0.1,-1,3\n",
+    "plain": "t,u,w\ns,V,rad/s\n0,1,2\n0.1,-1,3\n",
+    "one is missing": "t,u,w\ns,,rad/s\n0,1,2\n0.1,-1,3\n",
+    "with types above": "t,u,w\nREAL,INT,REAL\ns,V,rad/s\n0,1,2\n0.1,-1,3\n",
+}
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_a_row_of_units_below_the_header_is_left_out_and_told(tmp_path, name):
+    table = read_table(_csv(tmp_path / "a.csv", UNITS[name]))
+    for column, values in (("t", [0.0, 0.1]), ("u", [1.0, -1.0]), ("w", [2.0, 3.0])):
+        np.testing.assert_array_equal(table.numbers(column), values)
+    (note,) = table.notes
+    assert note.startswith("the row below the header is taken for units and left out: ")
+
+
+def test_a_first_row_with_a_number_is_data(tmp_path):
+    table = read_table(_csv(tmp_path / "a.csv", "t,u\n0,off\n0.1,3\n"))
+    assert table.notes == []
+    with pytest.raises(InputError, match="row 0 of column 'u' is 'off'"):
+        table.numbers("u")
+    # Columns of words alone have no units above them.
+    assert len(read_table(_csv(tmp_path / "b.csv", "a,b\nx,y\nz,w\n")).columns["a"]) == 2
 
 
 def test_empty_cells_are_not_measured(tmp_path):
@@ -76,6 +152,7 @@ BAD = {
     "header only": ("a.csv", b"t,u\n", "there are no rows of data"),
     "arrays of no length": ("a.json", b'{"t": [], "u": []}', "there are no rows of data"),
     "row cut off": ("a.csv", b"t,u\n0,1\n0.1", "row 1 has 1 cells instead of 2"),
+    "row too long": ("a.csv", b"t,u\n0,1\n0,1,2,5\n", "row 1 has 4 cells instead of 2; save it with ; between"),
     "column twice": ("a.csv", b"u,u\n0,1\n", "'u' occurs twice"),
     "no rows": ("a.csv", b"", "no rows"),
     "not text": ("a.csv", b"\xff\xfe\x00,\x91\n", "not a text file"),

@@ -274,10 +274,11 @@ def diagnose_fitted(
     null = calibrate(screened, seed + 1)
     share = single_share(setting.kind)
     bar = null.threshold(share * level)
-    # Of what the score test does not hold for significant, a ladder needs no refit.
-    chosen = promising(screened, bar, 0) if rungs else promising(screened, null.threshold(0.5))
-    chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
     swallowed = _swallowed(parent)
+    # Of what the score test does not hold for significant, a ladder needs no refit, unless the noise model has
+    # swallowed what the test looks at.
+    chosen = promising(screened, bar, 0) if rungs and not swallowed else promising(screened, null.threshold(0.5))
+    chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
     confirmed = confirm(
         setting,
         parent,

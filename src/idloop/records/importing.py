@@ -104,17 +104,19 @@ def import_bag(
     if bag.exists():
         raise InputError(f"{bag}: exists already and is not overwritten; choose another name or remove it")
     attributes: dict[str, float | str] = {}
+    findings: list[Finding] = []
     if mapping.format == "bag" or (mapping.format is None and (source.is_dir() or source.suffix in (".mcap", ".db3"))):
         read = signals_from_bag(source, mapping, signals)
     else:
         options = {**mapping.csv.model_dump(), "entries": mapping.entries}
         table = read_table(source, mapping.format, options)
+        findings += [Finding("how_it_is_written", f"{source.name}: {note}") for note in table.notes]
         attributes = {name: table.attributes[name] for name in mapping.attributes if name in table.attributes}
         read = signals_from_table(table, mapping, signals)
     _check(source, read)
     streams = _streams(read)
     channels = {f"{signal.topic} {signal.joint}.{signal.field}": signal.unit for signal in read}
-    findings = [
+    findings += [
         finding for stream in streams for finding in stamp_findings(stream.topic, stamp_statistics(stream.stamp_ns))
     ]
     findings += _value_findings(read)
@@ -205,4 +207,10 @@ def _value_findings(signals: list[Signal]) -> list[Finding]:
                 " from this record"
             )
             found.append(Finding("constant_input", text, where=name, level="warning"))
+    if not any(signal.topic == "joint_states" and signal.field in {"position", "velocity"} for signal in signals):
+        text = (
+            "neither a position nor a velocity is assigned: no model can be fitted to this record or compared with it;"
+            " add `position:` or `velocity:` to the mapping"
+        )
+        found.append(Finding("no_measurement", text, level="warning"))
     return found

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
+import contextlib
 import csv
+import io
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,11 +34,14 @@ class Table:
         Raw columns in the order of the file.
     attributes : dict of str to float or str
         Single values beside the columns.
+    notes : list of str
+        What had to be found out about how the file is written.
     """
 
     path: Path
     columns: dict[str, Any]
     attributes: dict[str, float | str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     def __contains__(self, name: str | int) -> bool:
         """Whether there is such a column, by name or by position from 0."""
@@ -72,9 +79,10 @@ class Table:
         try:
             return float(cell)
         except (TypeError, ValueError):
+            cure = ', say `csv: {decimal: ","}` if it has a decimal comma' if "," in str(cell) else ""
             raise InputError(
                 f"{self.path}: row {row} of column {name!r} is {str(cell)[:40]!r}, not a number;"
-                " mend the file or choose another column"
+                f" mend the file{cure} or choose another column"
             ) from None
 
 
@@ -99,6 +107,10 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     if not path.is_file():
         near = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
         raise InputError(f"{path}: no such file{did_you_mean(path.name, near) or '; check the path'}")
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     kind = kind or FORMATS.get(path.suffix.lower())
     readers = {"csv": _read_csv, "mat": _read_mat, "npz": _read_npz, "json": _read_json}
     if kind not in readers:
@@ -117,17 +129,15 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
 
 
 def _read_csv(path: Path, options: dict[str, Any]) -> Table:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [line for line in stream if line.strip() and not line.lstrip().startswith(("#", "%"))]
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: not a text file in UTF-8 ({error.reason} at byte {error.start}); convert it"
-        ) from None
+    text, notes = _decoded(path)
+    lines = [
+        line for line in io.StringIO(text, newline="") if line.strip() and not line.lstrip().startswith(("#", "%"))
+    ]
     lines = lines[int(options.get("skip_rows") or 0) :]
     if not lines:
         raise InputError(f"{path}: the file holds no rows; check that this is the data file")
-    delimiter = options.get("delimiter") or _delimiter(lines[0])
+    commas = options.get("decimal") == ","
+    delimiter = options.get("delimiter") or _delimiter(lines[:_LOOKED_AT], commas=commas)
     if delimiter == " ":
         rows = [line.split() for line in lines]
     else:
@@ -144,24 +154,121 @@ def _read_csv(path: Path, options: dict[str, Any]) -> Table:
         else [str(k) for k in range(width)]
     )
     body = rows[1:] if header else rows
-    short = next((number for number, row in enumerate(body) if len(row) < width), None)
-    if short is not None:
-        raise InputError(
-            f"{path}: row {short} has {len(body[short])} cells instead of {width}; the file is damaged or cut off there"
-        )
+    if header:
+        body, units = _without_units(body)
+        notes += [f"the row below the header is taken for units and left out: {listed(units, 12)}"] if units else []
+    _check_widths(path, body, width, delimiter)
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{path}: column {twice!r} occurs twice; rename one in the header")
     columns: dict[str, Any] = {name: [row[index] for row in body] for index, name in enumerate(names)}
-    if options.get("decimal") == ",":
+    if commas:
         columns = {name: [cell.replace(",", ".") for cell in column] for name, column in columns.items()}
-    return Table(path, columns)
+    elif (delimiter != "," or '"' in text) and "," in text and _has_decimal_commas(path, columns):
+        columns = {name: [_with_point(cell) for cell in column] for name, column in columns.items()}
+        notes.append("its numbers are read with decimal commas")
+    return Table(path, columns, notes=notes)
 
 
-def _delimiter(line: str) -> str:
-    counts = {candidate: line.count(candidate) for candidate in (";", "\t", ",")}
+# Lines from which the delimiter is told.
+_LOOKED_AT = 20
+# Rows of units, types or descriptions below a header, at most.
+_UNIT_ROWS = 3
+_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
+
+
+def _decoded(path: Path) -> tuple[str, list[str]]:
+    """Text of a file, and what had to be found out about how it is written."""
+    content = path.read_bytes()
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        with contextlib.suppress(UnicodeDecodeError):
+            text = content.decode("utf-16")
+            if "\n" in text or "\r" in text:
+                return text, []
+    try:
+        return content.decode("utf-8-sig"), []
+    except UnicodeDecodeError as error:
+        # Letters such as ° and µ of a program that writes as Windows does; nothing of it looks like that by chance.
+        if any(byte < 0x20 and byte not in b"\t\n\v\f\r\x1a" for byte in content):
+            raise InputError(
+                f"{path}: not a text file ({error.reason} at byte {error.start}); check that this is the data file, "
+                "or save it as CSV in UTF-8"
+            ) from None
+    try:
+        return content.decode("cp1252"), ["it is not in UTF-8 and read as Windows-1252"]
+    except UnicodeDecodeError:
+        return content.decode("latin-1"), ["it is not in UTF-8 and read as Latin-1"]
+
+
+def _delimiter(lines: Sequence[str], *, commas: bool) -> str:
+    """What stands between the cells.
+
+    Of what every line has as often, that which leaves most numbers in a line of data: decimal commas, and blanks beside
+    a delimiter, may be as many.
+    """
+    candidates = (";", "\t") if commas else (";", "\t", ",")
+    even = []
+    for candidate in candidates:
+        first, *others = (line.count(candidate) for line in lines)
+        if first and all(count == first for count in others):
+            even.append(candidate)
+    if even:
+        return max(even, key=lambda candidate: sum(map(_is_number, lines[-1].split(candidate))))
+    counts = {candidate: lines[0].count(candidate) for candidate in candidates}
     best = max(counts, key=lambda candidate: counts[candidate])
     return best if counts[best] else " "
+
+
+def _without_units(body: list[list[str]]) -> tuple[list[list[str]], list[str]]:
+    """Rows of data, and the cells of a row of units above them: no number stands there where the next row has some."""
+    for count in range(1, min(_UNIT_ROWS, len(body) - 1) + 1):
+        above, below = body[count - 1], body[count]
+        told = [cell.strip() for cell in above if cell.strip()]
+        if not told or any(_is_number(cell) for cell in told):
+            break
+        if any(_is_number(cell) for cell in below if cell.strip()):
+            return body[count:], [cell.strip() for row in body[:count] for cell in row if cell.strip()]
+    return body, []
+
+
+def _check_widths(path: Path, body: list[list[str]], width: int, delimiter: str) -> None:
+    for number, row in enumerate(body):
+        if len(row) < width:
+            raise InputError(
+                f"{path}: row {number} has {len(row)} cells instead of {width}; the file is damaged or cut off there"
+            )
+        if any(cell.strip() for cell in row[width:]):
+            cure = (
+                "save it with ; between the columns if its numbers have decimal commas"
+                if delimiter == ","
+                else "say `csv: {delimiter: ...}` in the mapping, or mend the row"
+            )
+            raise InputError(f"{path}: row {number} has {len(row)} cells instead of {width}; {cure}")
+
+
+def _has_decimal_commas(path: Path, columns: Mapping[str, Sequence[str]]) -> bool:
+    """Whether numbers are written as 0,5; refused where they could be thousands as well."""
+    found, sure = "", False
+    for column in columns.values():
+        for cell in column:
+            match = _COMMA.fullmatch(cell)
+            if match is None:
+                if "," not in cell and "." in cell and _is_number(cell):
+                    return False  # a point is the decimal sign here
+                continue
+            found = found or cell.strip()
+            # 1,234 may be a thousand; 0,234 and 1,23 are none.
+            sure = sure or len(match[2]) != 3 or match[1].lstrip("0") == "" or len(match[1]) > 3
+    if found and not sure:
+        raise InputError(
+            f'{path}: {found!r} may be a decimal number or a thousand; say `csv: {{decimal: ","}}` in the mapping, or '
+            "save the file without separators of thousands"
+        )
+    return sure
+
+
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell
 
 
 def _is_number(text: str) -> bool:
