@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -95,3 +96,22 @@ def test_two_effects_that_show_only_together_are_named_together(missing_pair, ca
     assert "only together: gain_asymmetry@input and load_torque@axis" in out
     assert "load_torque@axis: Something pulls." in out
     assert "cannot tell load_torque@axis from input_offset@input" in out
+
+
+def test_what_was_passed_over_is_told_with_the_reason(missing_pair, capsys):
+    print_diagnosis(
+        replace(missing_pair, set=(), pair=None, verdict="adequate", slight={"imbalance@axis": "too slight"})
+    )
+    out = capsys.readouterr().out
+    assert "nothing significant is left\npassed over: imbalance@axis: too slight\n" in out
+
+
+def test_a_tie_that_no_motion_resolves_gets_a_check_by_hand(missing_pair, capsys):
+    names = ("load_torque@axis", "input_offset@input")
+    load = missing_pair.candidates[1]
+    print_diagnosis(replace(missing_pair, candidates=(load,), set=names, pair=None))
+    out = capsys.readouterr().out
+    assert "this data cannot tell load_torque@axis from input_offset@input (marked =)\n" in out
+    assert "no motion can tell load_torque@axis and input_offset@input apart" in out
+    assert "  by hand: " in out
+    assert "idloop suggest" not in out

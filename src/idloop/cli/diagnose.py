@@ -97,6 +97,8 @@ def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everyth
             click.echo(found.unknown.text)
         for line in remainder_lines(found.verdict, left):
             click.echo(line)
+    for name, why in found.slight.items():
+        click.echo(f"passed over: {name}: {why}")
     hidden = [name for name in found.untestable if name not in found.set]
     if hidden:
         click.echo()
