@@ -1,7 +1,5 @@
 """The whole way from records to a named effect, on machines that hide one."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import assume, example, given
@@ -9,13 +7,12 @@ from hypothesis import strategies as st
 
 from idloop.diagnose import Ladder, add_effect, diagnose, refine
 from idloop.diagnose.confirm import Confirmed
-from idloop.diagnose.diagnosis import _alike, _same_footing
+from idloop.diagnose.diagnosis import _alike
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import Refit, refit, transfer
+from idloop.diagnose.refit import refit
 from idloop.diagnose.screen import SKETCH, Screened, Trace
-from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.setting import prepare_setting
 from idloop.errors import InputError
-from idloop.estimate.innovations import WALK
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
@@ -96,74 +93,6 @@ def test_only_effects_that_leave_the_trace_of_the_best_one_are_alike(correlation
     found = _alike(Confirmed(best.proposal, None, 1.0, 1.0), [best, rival, plane, aside, leaving("saturation")])  # type: ignore[arg-type]
     # The side to which a trace points is its sign's; a plane can leave every trace that lies in it.
     assert found == ([rival, plane] if abs(correlation) > 0.95 else [plane])
-
-
-@pytest.fixture(scope="module")
-def footing(start: Model) -> tuple[Setting, Refit]:
-    """A machine with dry friction under a disturbance, and the plain model with its noise at its best."""
-    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)"])
-    setting = prepare_setting(start, [record_of(machine, 4, seconds=5.0, disturbance=0.03)], "prediction")
-    return setting, refit(setting, start)
-
-
-def with_poor_noise(setting: Setting, fit: Refit) -> Refit:
-    """The same model with a disturbance that is far too weak and never forgotten."""
-    poor = transfer(setting, replace(fit, point=np.array([*fit.point[: fit.parameters], -4.0, WALK])))
-    assert poor is not None
-    return poor
-
-
-def confirmed_with(name: str, setting: Setting, parent: Refit, beside: Refit, statistic: float) -> Confirmed:
-    """An effect refitted beside one model, its gain counted from another."""
-    (proposal,) = proposals(beside.model, [name])
-    fit = refit(setting, proposal.model({spec.name: 0.01 for spec in proposal.effect.parameters}), None, beside)
-    return Confirmed(proposal, fit, 0.0, statistic).refitted(fit, parent)
-
-
-def test_a_gain_that_is_the_noise_models_goes_to_the_parent(footing: tuple[Setting, Refit]) -> None:
-    setting, good = footing
-    poor = with_poor_noise(setting, good)
-    idle = confirmed_with("quadratic_drag", setting, poor, good, statistic=1.0)
-    real = confirmed_with("coulomb_friction", setting, poor, good, statistic=1.0)
-    worth = real.fit.log_likelihood - good.log_likelihood
-    assert worth > 20.0
-    assert idle.gain > 100.0
-    parent, (after_idle, after_real) = _same_footing(setting, poor, [idle, real], threshold=20.0)
-    assert parent.log_likelihood == pytest.approx(good.log_likelihood, abs=1.0)
-    assert parent.model.effect_names == ()
-    assert after_idle.gain < 2.0
-    assert after_real.gain == pytest.approx(worth, abs=1.0)
-
-
-def test_a_gain_that_is_beyond_doubt_or_short_of_the_threshold_is_left_alone(footing: tuple[Setting, Refit]) -> None:
-    setting, good = footing
-    poor = with_poor_noise(setting, good)
-    # As much as the score test promised, and less than could matter.
-    found = [confirmed_with("coulomb_friction", setting, poor, good, statistic=1e6)]
-    for threshold in (20.0, 2.0 * found[0].gain + 1.0):
-        parent, after = _same_footing(setting, poor, found, threshold)
-        assert parent is poor
-        assert after == found
-    # Near the threshold the score test's word is not enough.
-    parent, _ = _same_footing(setting, poor, found, 2.0 * found[0].gain - 1.0)
-    assert parent.log_likelihood > poor.log_likelihood + 100.0
-
-
-@pytest.mark.parametrize("statistic", [1e6, 1.0])
-def test_what_the_score_test_promised_is_refitted_with_the_noise_of_a_lifted_parent(
-    statistic: float, footing: tuple[Setting, Refit]
-) -> None:
-    setting, good = footing
-    poor = with_poor_noise(setting, good)
-    lifting = confirmed_with("quadratic_drag", setting, poor, good, statistic=1.0)
-    real = confirmed_with("coulomb_friction", setting, poor, good, statistic)
-    stuck = real.refitted(with_poor_noise(setting, real.fit), poor)
-    _, (_, after) = _same_footing(setting, poor, [lifting, stuck], threshold=20.0)
-    if statistic > 20.0:
-        assert after.gain == pytest.approx(real.fit.log_likelihood - good.log_likelihood, abs=1.0)
-    else:
-        assert after.gain == 0.0
-        assert after.fit is stuck.fit
 
 
 def test_the_ladder_climbs_to_both_effects_and_back(start: Model) -> None:

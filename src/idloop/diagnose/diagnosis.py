@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from idloop.diagnose.calibrate import Null, calibrate
+from idloop.diagnose.calibrate import calibrate
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising, without_long_memory
-from idloop.diagnose.evidence import consistent, explained, holds, may_decide, rank, statistic, tied
+from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.evidence import consistent, holds, may_decide, rank, statistic, tied
+from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.listing import all_candidates, p_value_of, pair_candidates
 from idloop.diagnose.pairs import (
     MissingPair,
     Pairs,
@@ -25,9 +27,8 @@ from idloop.diagnose.pairs import (
     single_share,
     tied_members,
 )
-from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, refit_or_none
+from idloop.diagnose.refit import LONG_MEMORY, Refit, refit
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.slight import same_motion, too_slight
@@ -292,13 +293,13 @@ def diagnose_fitted(
         )
         confirmed = list({c.proposal.name: c for c in sorted(confirmed, key=lambda c: c.gain)}.values())
     if confirmed:
-        confirmed = _beside_the_noise_of(max(confirmed, key=lambda c: c.gain), setting, parent, confirmed)
+        confirmed = beside_the_noise_of(max(confirmed, key=lambda c: c.gain), setting, parent, confirmed)
     if swallowed:
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
-    parent, confirmed = _same_footing(setting, parent, confirmed, bar)
+    parent, confirmed = same_footing(setting, parent, confirmed, bar)
     ranked = rank(confirmed, null, share * level)
     significant = [
-        c for c in ranked if _p_value(null, statistic(c), share) < level and consistent(parent, c, setting.kind)
+        c for c in ranked if p_value_of(null, statistic(c), share) < level and consistent(parent, c, setting.kind)
     ]
     if held_out is not None:
         significant = [c for c in significant if holds(held_out, parent, c)]
@@ -308,10 +309,11 @@ def diagnose_fitted(
     rivals = tied(best, significant[1:]) if best is not None else []
     if best is not None:
         # What leaves the same trace is as likely, whatever the score said of the two.
-        tried = {c.proposal.name for c in confirmed}
-        alike = [s for s in _alike(best, screened) if s.proposal.name not in tried]
-        if alike:
-            rivals += tied(best, _beside_the_noise_of(best, setting, parent, confirm(setting, parent, alike)))
+        alike = {s.proposal.name for s in _alike(best, screened)} - {c.proposal.name for c in significant}
+        tried = [c for c in confirmed if c.proposal.name in alike]
+        rest = alike - {c.proposal.name for c in tried}
+        untried = confirm(setting, parent, [s for s in screened if s.proposal.name in rest])
+        rivals += tied(best, beside_the_noise_of(best, setting, parent, tried + untried))
     pair: MissingPair | None = None
     if best is None and share < 1.0:
         pairs = Pairs(screened, seed + 2)
@@ -320,18 +322,18 @@ def diagnose_fitted(
             setting, parent, joined, lambda share, text: tell(0.85 + 0.1 * share, f"refitting with {text}")
         )
         before = parent.log_likelihood
-        parent, both = _same_footing(setting, parent, [p.together for p in refitted], pairs.threshold(level))
+        parent, both = same_footing(setting, parent, [p.together for p in refitted], pairs.threshold(level))
         lift = parent.log_likelihood - before
         ranked = [replace(c, gain=max(c.gain - lift, 0.0)) for c in ranked]
         refitted = [replace(p, together=c) for p, c in zip(refitted, both, strict=True)]
         pair = judge_pairs(setting, parent, refitted, pairs, level=level, bar=bar, held_out=held_out)
     gated = gate(parent.model, setting, screened, bar)
     unknown = unknown_structure(screen, level) if best is None and pair is None else None
-    candidates = _candidates(setting, parent, ranked, best, rivals, screened, null, gated, share)
+    candidates = all_candidates(setting, parent, ranked, best, rivals, screened, null, gated, share)
     names = tuple(c.proposal.name for c in ([best, *rivals] if best else []))
     alone = None
     if pair is not None:
-        members = _pair_candidates(setting, parent, pair, gated)
+        members = pair_candidates(setting, parent, pair, gated)
         named = {c.name for c in members}
         candidates = (*members, *(c for c in candidates if c.name not in named))
         names = pair.ties(0)
@@ -389,11 +391,6 @@ def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
     return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]
 
 
-def _p_value(null: Null, value: float, share: float) -> float:
-    """Family-wise, divided by the share of the error rate that single effects have."""
-    return min(null.p_value(value) / share, 1.0)
-
-
 def _alike(best: Confirmed, screened: list[Screened]) -> list[Screened]:
     """Effects that can leave the trace of the best one, by one direction or by several together."""
     own = [
@@ -441,143 +438,3 @@ def _plainest(significant: list[Confirmed]) -> Confirmed:
         if (name in rich.contains and c.proposal.at == best.proposal.at) or name in rich.degenerates_to:
             return c
     return best
-
-
-def _same_footing(
-    setting: Setting, parent: Refit, confirmed: list[Confirmed], threshold: float
-) -> tuple[Refit, list[Confirmed]]:
-    """Let the parent profit from a better noise model, or optimum, that a candidate's search has found.
-
-    Near the threshold, or far above what the score test promised, a gain may be the noise model's. Beside
-    a play or a filter it may always be that of a better optimum: there are many.
-    """
-    near = [
-        c
-        for c in sorted(confirmed, key=lambda c: -c.gain)
-        if 2.0 * c.gain > threshold
-        and (2.0 * c.gain < threshold + 60.0 or 2.0 * c.gain > 4.0 * c.statistic or _rough(parent.model))
-    ]
-    if not near:
-        return parent, confirmed
-    free, lifted = set(parent.model.free), False
-    for c in near[:2]:
-        start = np.array([v for n, v in zip(c.fit.model.free, c.fit.point, strict=False) if n in free])
-        if len(start) == parent.parameters:
-            again = refit(setting, parent.model, [start, parent.point[: parent.parameters]], c.fit)
-            if again.log_likelihood > parent.log_likelihood:
-                lift = again.log_likelihood - parent.log_likelihood
-                parent, lifted = again, True
-                confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
-    if lifted:
-        lifted_parent = parent
-        confirmed = list(
-            in_parallel(
-                lambda c: _beside(setting, lifted_parent, c) if c.statistic > max(threshold, 2.0 * c.gain) else c,
-                confirmed,
-            )
-        )
-    return parent, confirmed
-
-
-def _rough(model: Model) -> bool:
-    """Whether a model has effects that remember, whose likelihood has many local optima."""
-    return any(active.effect.lags for active in model.effects)
-
-
-def _beside_the_noise_of(
-    best: Confirmed, setting: Setting, parent: Refit, confirmed: list[Confirmed]
-) -> list[Confirmed]:
-    """Rivals of a constant force refitted with the shorter memory that it was found beside."""
-    if not isinstance(parent.criterion, InnovationCriterion):
-        return confirmed
-    own = best.fit.criterion
-    forgets = isinstance(own, InnovationCriterion) and own.memory < LONG_MEMORY <= parent.criterion.memory
-    if not best.proposal.effect.slow or not forgets:
-        return confirmed
-    return list(in_parallel(lambda c: c if c.proposal.effect.slow else _forgetting(setting, parent, c), confirmed))
-
-
-def _forgetting(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
-    """A candidate refitted by way of a disturbance with a short memory, if that explains more."""
-    again = confirmed.refitted(without_long_memory(setting, parent, confirmed.fit), parent)
-    return again if again.gain > confirmed.gain else confirmed
-
-
-def _beside(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
-    """A candidate refitted with the noise of a parent that has been lifted."""
-    fit = refit_or_none(setting, confirmed.fit.model, None, parent)
-    again = confirmed if fit is None else confirmed.refitted(fit, parent)
-    return again if again.gain > confirmed.gain else confirmed
-
-
-def _candidates(
-    setting: Setting,
-    parent: Refit,
-    ranked: list[Confirmed],
-    best: Confirmed | None,
-    rivals: list[Confirmed],
-    screened: list[Screened],
-    null: Null,
-    gated: Gate,
-    share: float,
-) -> tuple[Candidate, ...]:
-    found = []
-    precise = {id(c) for c in ([best, *rivals] if best else ranked[:1])}
-    for c in ranked:
-        name = c.proposal.name
-        model = with_stderr(c.fit, setting.records) if id(c) in precise else c.fit.model
-        found.append(
-            Candidate(
-                effect=c.proposal.effect.name,
-                at=c.proposal.at,
-                testable=gated.testable.get(name, "yes"),
-                why=gated.why.get(name, ""),
-                text=c.proposal.effect.text,
-                gain=c.gain,
-                p_value=_p_value(null, statistic(c), share),
-                explains=explained(parent, c.fit),
-                parameters=effect_parameters(model, name),
-                model=model,
-                replaces=c.proposal.replaces,
-            )
-        )
-    done = {c.name for c in found}
-    rest = sorted((s for s in screened if s.proposal.name not in done), key=lambda s: -s.statistic)
-    for s in rest:
-        name = s.proposal.name
-        found.append(
-            Candidate(
-                effect=s.proposal.effect.name,
-                at=s.proposal.at,
-                testable=gated.testable.get(name, "yes"),
-                why=gated.why.get(name, ""),
-                text=s.proposal.effect.text,
-                p_value=max(_p_value(null, s.statistic, share), 1e-300) if not best else 1.0,
-                replaces=s.proposal.replaces,
-            )
-        )
-    return tuple(found)
-
-
-def _pair_candidates(setting: Setting, parent: Refit, found: MissingPair, gated: Gate) -> tuple[Candidate, ...]:
-    """Both effects of the missing pair, then those of its rivals, all with the evidence of their pair."""
-    members: dict[str, Candidate] = {}
-    for pair in (found.best, *found.rivals):
-        fit = pair.together.fit
-        model = with_stderr(fit, setting.records)
-        for proposal, other in ((pair.first, pair.second), (pair.second, pair.first)):
-            if proposal.name not in members:
-                members[proposal.name] = Candidate(
-                    effect=proposal.effect.name,
-                    at=proposal.at,
-                    testable=gated.testable.get(proposal.name, "yes"),
-                    why=f"it shows together with {other.name} only",
-                    text=proposal.effect.text,
-                    gain=pair.together.gain,
-                    p_value=found.p_values[pair.names],
-                    explains=explained(parent, fit),
-                    parameters=effect_parameters(model, proposal.name),
-                    model=model,
-                    replaces=proposal.replaces,
-                )
-    return tuple(members.values())

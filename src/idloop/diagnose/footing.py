@@ -1,0 +1,107 @@
+"""Models that are compared stand on the same footing: what one search found of the noise, the others may use."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idloop.diagnose.confirm import Confirmed, without_long_memory
+from idloop.diagnose.parallel import in_parallel
+from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, refit_or_none
+from idloop.diagnose.setting import Setting
+from idloop.estimate.innovations import InnovationCriterion
+from idloop.physics.model import Model
+
+
+def same_footing(
+    setting: Setting, parent: Refit, confirmed: list[Confirmed], threshold: float
+) -> tuple[Refit, list[Confirmed]]:
+    """Let the parent profit from a better noise model, or optimum, that a candidate's search has found.
+
+    Near the threshold, or far above what the score test promised, a gain may be the noise model's. Beside
+    a play or a filter it may always be that of a better optimum: there are many.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+    confirmed : list of Confirmed
+    threshold : float
+        Statistic from which on an effect is significant.
+
+    Returns
+    -------
+    tuple
+        The parent, better or as it was, and the candidates with what they gain above it.
+    """
+    near = [
+        c
+        for c in sorted(confirmed, key=lambda c: -c.gain)
+        if 2.0 * c.gain > threshold
+        and (2.0 * c.gain < threshold + 60.0 or 2.0 * c.gain > 4.0 * c.statistic or _rough(parent.model))
+    ]
+    if not near:
+        return parent, confirmed
+    free, lifted = set(parent.model.free), False
+    for c in near[:2]:
+        start = np.array([v for n, v in zip(c.fit.model.free, c.fit.point, strict=False) if n in free])
+        if len(start) == parent.parameters:
+            again = refit(setting, parent.model, [start, parent.point[: parent.parameters]], c.fit)
+            if again.log_likelihood > parent.log_likelihood:
+                lift = again.log_likelihood - parent.log_likelihood
+                parent, lifted = again, True
+                confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
+    if lifted:
+        lifted_parent = parent
+        confirmed = list(
+            in_parallel(
+                lambda c: _beside(setting, lifted_parent, c) if c.statistic > max(threshold, 2.0 * c.gain) else c,
+                confirmed,
+            )
+        )
+    return parent, confirmed
+
+
+def _rough(model: Model) -> bool:
+    """Whether a model has effects that remember, whose likelihood has many local optima."""
+    return any(active.effect.lags for active in model.effects)
+
+
+def beside_the_noise_of(
+    best: Confirmed, setting: Setting, parent: Refit, confirmed: list[Confirmed]
+) -> list[Confirmed]:
+    """Refit rivals of a constant force with the shorter memory that it was found beside.
+
+    Parameters
+    ----------
+    best : Confirmed
+        Any effect; the rivals of another than a slow one are returned as they are.
+    setting : Setting
+    parent : Refit
+    confirmed : list of Confirmed
+
+    Returns
+    -------
+    list of Confirmed
+    """
+    if not isinstance(parent.criterion, InnovationCriterion):
+        return confirmed
+    own = best.fit.criterion
+    forgets = isinstance(own, InnovationCriterion) and own.memory < LONG_MEMORY <= parent.criterion.memory
+    if not best.proposal.effect.slow or not forgets:
+        return confirmed
+    return list(in_parallel(lambda c: c if c.proposal.effect.slow else _forgetting(setting, parent, c), confirmed))
+
+
+def _forgetting(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
+    """A candidate refitted by way of a disturbance with a short memory, if that explains more."""
+    again = confirmed.refitted(without_long_memory(setting, parent, confirmed.fit), parent)
+    return again if again.gain > confirmed.gain else confirmed
+
+
+def _beside(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
+    """A candidate refitted with the noise of a parent that has been lifted."""
+    fit = refit_or_none(setting, confirmed.fit.model, None, parent)
+    again = confirmed if fit is None else confirmed.refitted(fit, parent)
+    return again if again.gain > confirmed.gain else confirmed
