@@ -40,6 +40,7 @@ def test_what_repeats_and_is_in_no_catalogue_is_told_with_its_period_and_strengt
     assert unknown.variable == "axis.position"
     assert unknown.period == pytest.approx(PERIOD, rel=0.01)
     assert unknown.at[-1] - unknown.at[0] == pytest.approx(unknown.period)
+    assert unknown.along == "axis.position within a period"
     wave = unknown.force - np.mean(unknown.force[:-1])
     assert np.sqrt(2.0) * np.std(wave) == pytest.approx(AMPLITUDE, rel=0.15)
     assert "repeat every" in unknown.text

@@ -49,6 +49,11 @@ class UnknownStructure:
     text: str
     period: float | None = None
 
+    @property
+    def along(self) -> str:
+        """The variable as the label of an axis."""
+        return self.variable if self.period is None else f"{self.variable} within a period"
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         return {

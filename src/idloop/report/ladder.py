@@ -155,7 +155,7 @@ def _draw_unknown(axes: Any, unknown: UnknownStructure) -> None:
     axes.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     axes.fill_between(at, force - band, force + band, color=drawing.BAND, alpha=0.35, linewidth=0, label="95 % band")
     axes.plot(at, force, color=colour, label="remaining force")
-    axes.set_xlabel(drawing.label(unknown.variable, unknown.unit))
+    axes.set_xlabel(drawing.label(unknown.along, unknown.unit))
     axes.set_ylabel(drawing.label("force", unknown.force_unit))
     axes.set_title(f"explains {100.0 * unknown.share:.0f} % of what is left", loc="left")
     _legend_beside(axes)

@@ -28,7 +28,7 @@ def unknown_figure(unknown: UnknownStructure, theme: Theme = LIGHT) -> figure:
     """
     at, force, half = (np.asarray(v, dtype=float) for v in (unknown.at, unknown.force, unknown.band))
     kind = "command" if unknown.variable == "command" else "force"
-    plot = new_figure(theme, (unknown.variable, unknown.unit), (f"remaining {kind}", unknown.force_unit), height=240)
+    plot = new_figure(theme, (unknown.along, unknown.unit), (f"remaining {kind}", unknown.force_unit), height=240)
     data = source(x=at, y=force, low=force - half, high=force + half)
     band = plot.varea("x", "low", "high", source=data, fill_color=theme.band, fill_alpha=0.35)
     line = plot.line("x", "y", source=data, color=theme.found, line_width=2.2)
