@@ -100,10 +100,10 @@ def test_two_effects_that_show_only_together_are_named_together(missing_pair, ca
 
 def test_what_was_passed_over_is_told_with_the_reason(missing_pair, capsys):
     print_diagnosis(
-        replace(missing_pair, set=(), pair=None, verdict="adequate", slight={"imbalance@axis": "too slight"})
+        replace(missing_pair, set=(), pair=None, verdict="adequate", passed_over={"imbalance@axis": "too slight"})
     )
     out = capsys.readouterr().out
-    assert "nothing significant is left\npassed over: imbalance@axis: too slight\n" in out
+    assert "nothing significant is left\nsignificant, yet passed over: imbalance@axis: too slight\n" in out
 
 
 def test_a_tie_that_no_motion_resolves_gets_a_check_by_hand(missing_pair, capsys):

@@ -42,7 +42,7 @@ def test_a_difference_that_moves_nothing_is_not_named_however_clean_the_data(del
     assert ("moves no output" in too_slight(parent, found, records)) is not missing
     diagnosis = diagnose(start, records, effects=[DELAY])
     assert (diagnosis.best is not None) is missing
-    assert (DELAY in diagnosis.slight) is not missing
+    assert (DELAY in diagnosis.passed_over) is not missing
     assert ("moves no output" in diagnosis.summary()) is not missing
 
 

@@ -10,7 +10,7 @@ from idloop.diagnose import Candidate, Ladder
 from idloop.diagnose.ladder import Step
 from idloop.physics import load_model
 from idloop.report.estimates import parameter_estimates
-from idloop.report.remains import Remainder, passed_over, remainder_lines
+from idloop.report.remains import Remainder, also_significant, remainder_lines
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def test_what_was_significant_and_not_added_is_named():
     )
     step = Step(Candidate("dead_zone", "input", "yes", "", ""), last, set=("dead_zone@input", "coulomb_friction@motor"))
     ladder = Ladder((Step(None, start), step), "adequate", candidates=cases)
-    assert [one.name for one in passed_over(ladder)] == ["input_offset@input", "saturation@input"]
+    assert [one.name for one in also_significant(ladder)] == ["input_offset@input", "saturation@input"]
 
 
 def test_the_parameters_are_those_of_a_fit_with_their_intervals():

@@ -97,8 +97,8 @@ def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everyth
             click.echo(found.unknown.text)
         for line in remainder_lines(found.verdict, left):
             click.echo(line)
-    for name, why in found.slight.items():
-        click.echo(f"passed over: {name}: {why}")
+    for name, why in found.passed_over.items():
+        click.echo(f"significant, yet passed over: {name}: {why}")
     hidden = [name for name in found.untestable if name not in found.set]
     if hidden:
         click.echo()
@@ -109,7 +109,7 @@ def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everyth
 
 def _print_tie(text: str, model: Model, tied: Sequence[str], replaces: str | None = None) -> None:
     """Print a tie, and what would resolve it: an experiment, or a check by hand where no motion can."""
-    from idloop.report.twins import find_twins, one_of_each
+    from idloop.diagnose.twins import find_twins, one_of_each
 
     if len(tied) < 2:
         return

@@ -106,10 +106,10 @@ def command(
     residual that no effect explains, or where the data cannot tell; effects that tie are reported together, and
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
+    from idloop.diagnose.twins import ladder_twins
     from idloop.report.contents import FITTED
     from idloop.report.estimates import parameter_estimates
     from idloop.report.remains import compared, remainders
-    from idloop.report.twins import ladder_twins
     from idloop.report.unshown import unshown
 
     if undo and resume is None:
@@ -270,9 +270,6 @@ def _next(
 # ---------------------------------------------------------------- the table
 
 
-_NOT_ADDED = "harmful on the validation data, at odds with the force balance, or too slight to matter"
-
-
 def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
     """Print one line a step, the verdict with its physics and what speaks against it, and what would be next.
 
@@ -282,8 +279,8 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
     left : sequence of Remainder
         Residual tests of the last model on the fitted data.
     """
-    from idloop.report.remains import passed_over, remainder_lines
-    from idloop.report.twins import ladder_twins
+    from idloop.diagnose.twins import ladder_twins
+    from idloop.report.remains import also_significant, remainder_lines
     from idloop.report.unshown import unshown
 
     for line in ladder.findings:
@@ -322,11 +319,11 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
         click.echo(ladder.unknown.text)
     for line in remainder_lines(ladder.verdict, left):
         click.echo(line)
-    over = ", ".join(f"{one.name} (p {p_text(one.p_value)})" for one in passed_over(ladder))
+    over = ", ".join(f"{one.name} (p {p_text(one.p_value)})" for one in also_significant(ladder))
     if over and ladder.verdict == "missing":
         click.echo(f"significant as well: {over}")
-    elif over:
-        click.echo(f"significant on the fitted data, yet not added: {over}: {_NOT_ADDED}")
+    for name, why in ladder.passed_over.items():
+        click.echo(f"significant on the fitted data, yet not added: {name}: {why}")
     hidden = unshown(ladder)
     if hidden:
         click.echo(f"this data cannot show: {', '.join(hidden)}")

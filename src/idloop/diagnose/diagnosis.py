@@ -86,8 +86,8 @@ class Diagnosis:
         Pairs that this data cannot tell from it.
     alone : Candidate or None
         The first effect of the pair with the model that has no other: where a ladder comes by.
-    slight : mapping of str to str
-        Effects that are significant and were passed over, and why they are too slight to be missing physics.
+    passed_over : mapping of str to str
+        Effects that are significant on the fitted data and not missing physics, and why.
     """
 
     model: Model
@@ -103,7 +103,7 @@ class Diagnosis:
     pair: tuple[str, str] | None = None
     rival_pairs: tuple[tuple[str, str], ...] = ()
     alone: Candidate | None = None
-    slight: Mapping[str, str] = field(default_factory=dict)
+    passed_over: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def best(self) -> Candidate | None:
@@ -144,7 +144,7 @@ class Diagnosis:
             "untestable": list(self.untestable),
             "gate": {"findings": list(self.gate.findings), "testable": self.gate.testable, "why": self.gate.why},
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
-            "slight": dict(self.slight),
+            "passed_over": dict(self.passed_over),
         }
 
     def summary(self) -> str:
@@ -169,7 +169,7 @@ class Diagnosis:
             lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
         else:
             lines.append("nothing significant is left")
-        lines += [f"passed over: {name}: {why}" for name, why in self.slight.items()]
+        lines += [f"significant, yet passed over: {name}: {why}" for name, why in self.passed_over.items()]
         return "\n".join(lines)
 
 
@@ -298,11 +298,16 @@ def diagnose_fitted(
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = same_footing(setting, parent, confirmed, bar)
     ranked = rank(confirmed, null, share * level)
-    significant = [
-        c for c in ranked if p_value_of(null, statistic(c), share) < level and consistent(parent, c, setting.kind)
-    ]
-    if held_out is not None:
-        significant = [c for c in significant if holds(held_out, parent, c)]
+    significant, refused = [], {}
+    for c in ranked:
+        if p_value_of(null, statistic(c), share) >= level:
+            continue
+        if not consistent(parent, c, setting.kind):
+            refused[c.proposal.name] = "what it explains is not steady from one stretch of the data to the next"
+        elif held_out is not None and not holds(held_out, parent, c):
+            refused[c.proposal.name] = "it does harm on the validation data"
+        else:
+            significant.append(c)
     best, slight = _missing(setting, parent, significant, rungs=rungs)
     significant.sort(key=lambda c: c is not best)
     ranked.sort(key=lambda c: c is not best)
@@ -355,7 +360,7 @@ def diagnose_fitted(
         pair=pair.best.names if pair else None,
         rival_pairs=tuple(p.names for p in pair.rivals) if pair else (),
         alone=alone,
-        slight=slight,
+        passed_over={**refused, **slight},
     )
 
 

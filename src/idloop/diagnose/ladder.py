@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,8 @@ class Ladder:
     suggested_experiment : dict or None
     criterion : str
     level : float
+    passed_over : mapping of str to str
+        Effects that were significant on the fitted data in the end and were not added, and why.
     """
 
     steps: tuple[Step, ...]
@@ -94,6 +97,7 @@ class Ladder:
     suggested_experiment: dict[str, Any] | None = None
     criterion: str = "auto"
     level: float = 0.01
+    passed_over: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -116,8 +120,9 @@ class Ladder:
         if len(self.steps) < 2:
             raise InputError("nothing to undo: no effect was added yet")
         return replace(
-            self, steps=self.steps[:-1], verdict="missing", candidates=(), unknown=None, suggested_experiment=None
-        )
+            self, steps=self.steps[:-1], verdict="missing", candidates=(), unknown=None, suggested_experiment=None,
+            passed_over={},
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """The document of schema ``idloop/refine/1``."""
@@ -132,6 +137,7 @@ class Ladder:
             "findings": list(self.findings),
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
             "suggested_experiment": self.suggested_experiment,
+            "passed_over": dict(self.passed_over),
         }
 
     @classmethod
@@ -179,6 +185,7 @@ class Ladder:
             suggested_experiment=document.get("suggested_experiment"),
             criterion=document.get("criterion", "auto"),
             level=document.get("level", 0.01),
+            passed_over=document.get("passed_over", {}),
         )
 
     def summary(self) -> str:

@@ -174,6 +174,7 @@ class _Climb:
             untestable=diagnosis.untestable,
             findings=diagnosis.gate.findings,
             unknown=diagnosis.unknown,
+            passed_over=diagnosis.passed_over,
         )
 
     def _with(self, ladder: Ladder, rung: Rung) -> Ladder:

@@ -53,9 +53,9 @@ def too_slight(parent: Refit, confirmed: Confirmed, records: Sequence[Record]) -
         return ""
     without = fitted.without_effect(proposal.name) if proposal.replaces is None else parent.model
     if same_motion(fitted, without, records):
-        return f"significant, but it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
+        return f"it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
     if proposal.replaces is None and not _tells_from_none(with_stderr(confirmed.fit, records), proposal):
-        return "significant, but the 95 % interval of its strength holds the value at which it does nothing"
+        return "the 95 % interval of its strength holds the value at which it does nothing"
     return ""
 
 

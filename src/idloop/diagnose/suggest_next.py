@@ -10,6 +10,7 @@ from idloop.diagnose.suggest import Suggestion, suggest
 from idloop.diagnose.suggest_effect import effect_rivals
 from idloop.diagnose.suggest_limits import Limits
 from idloop.diagnose.suggest_words import listed
+from idloop.diagnose.twins import find_twins, one_of_each
 from idloop.errors import IdloopError
 from idloop.physics.effect import catalogue
 
@@ -113,6 +114,8 @@ def open_question(
 ) -> Question | None:
     """The latest tie as models, each with one of the tied effects fitted; None without a tie.
 
+    Of effects that are one equation only the first counts: no experiment tells them apart.
+
     Parameters
     ----------
     found : Diagnosis or Ladder
@@ -124,19 +127,27 @@ def open_question(
 
     if isinstance(found, Diagnosis):
         # Of a pair, either effect may be tied.
-        tied = [rung.set for rung in found.rungs if len(rung.set) > 1]
-        return _question(found, tied[0] if tied else found.set)
+        tied = [_different(found.model, rung.set, rung.added.replaces) for rung in found.rungs]
+        return _question(found, next((names for names in tied if len(names) > 1), found.set[:1]))
     model = found.model
     for step in reversed(found.steps):
-        if step.added is None or len(step.set) < 2 or step.added.name not in model.effect_names:
+        if step.added is None or step.added.name not in model.effect_names:
+            continue
+        names = _different(model, (step.added.name, *step.set), step.added.replaces)
+        if len(names) < 2:
             continue
         bare = model.without_effect(step.added.name)
         again = diagnose(
-            bare, records, level=found.level, criterion=found.criterion, effects=step.set, seed=seed, progress=progress
+            bare, records, level=found.level, criterion=found.criterion, effects=names, seed=seed, progress=progress
         )
         # More may be known by now than when the step was taken.
-        return _question(again, again.set)
+        return _question(again, _different(bare, again.set, None))
     return None
+
+
+def _different(model: Model, tied: Sequence[str], replaces: str | None) -> tuple[str, ...]:
+    """Tied effects without those that are the same equation as one before them."""
+    return one_of_each(tuple(dict.fromkeys(tied)), find_twins(model, tied, replaces))
 
 
 def _question(found: Diagnosis, names: Sequence[str]) -> Question | None:

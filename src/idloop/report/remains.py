@@ -1,4 +1,4 @@
-"""What is left beside a verdict: errors that are no white noise, effects that were significant and not added."""
+"""What is left beside a verdict: errors that are no white noise, effects that are significant as well."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _p_text(value: float) -> str:
     return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
 
 
-def passed_over(ladder: Ladder) -> list[Candidate]:
+def also_significant(ladder: Ladder) -> list[Candidate]:
     """Effects that are significant on the fitted data and that the ladder did not add.
 
     Parameters

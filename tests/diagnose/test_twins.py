@@ -8,8 +8,8 @@ import pytest
 
 from idloop.diagnose import Candidate, Ladder
 from idloop.diagnose.ladder import Step
+from idloop.diagnose.twins import find_twins, ladder_twins, one_of_each, rival_twins
 from idloop.physics import load_model
-from idloop.report.twins import find_twins, ladder_twins, one_of_each, rival_twins
 from idloop.report.unshown import unshown
 
 OFFSET, LOAD, ASYMMETRIC = "input_offset@input", "load_torque@motor", "asymmetric_friction@motor"
