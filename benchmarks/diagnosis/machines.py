@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -32,6 +33,8 @@ class MachineKind:
         Usual reference in closed loop: peak, and limits of smooth moves.
     controller : mapping
         Controller of the closed loop; its sample time is that of the case.
+    delay : float
+        Samples by which the command may come late before the closed loop swings up.
     """
 
     preset: str
@@ -43,6 +46,7 @@ class MachineKind:
     speed: float
     acceleration: float
     controller: Mapping[str, Any]
+    delay: float = math.inf
     outputs: tuple[str, ...] = ()
     free: tuple[str, ...] = ()
 
@@ -87,6 +91,7 @@ MACHINES: dict[str, MachineKind] = {
             "kd": 0.15,
             "derivative_filter": 0.01,
         },
+        delay=0.5,
     ),
     "torsion_fast": MachineKind(
         preset="torsion",

@@ -65,7 +65,8 @@ def _share(index: int) -> float:
 
 def _late(p: Place, index: int, samples: tuple[float, ...], most: float) -> float:
     """A time of so many samples, at most a share of the machine's own, on a grid of twentieths of a sample."""
-    count = min(samples[index], most * p.kind.tempo * p.rate)
+    stands = p.kind.delay if p.at == "input" and p.model.controller is not None else math.inf
+    count = min(samples[index], most * p.kind.tempo * p.rate, stands)
     return max(round(20.0 * count), 1) / (20.0 * p.rate)
 
 

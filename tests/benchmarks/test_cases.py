@@ -7,8 +7,8 @@ from collections import Counter
 import numpy as np
 import pytest
 from cases import all_cases
-from experiment import experiment, start_model, true_model
-from machines import base_model
+from experiment import experiment, record, start_model, true_model
+from machines import MACHINES, base_model
 from plan import SINGLES
 
 from idloop.physics import catalogue
@@ -69,3 +69,11 @@ def test_one_seed_gives_one_experiment(cases, simulator):
     assert not np.array_equal(first.training[0].output, other.training[0].output)
     assert np.all(np.isfinite(first.training[0].output))
     assert first.training[0].reference is not None
+
+
+def test_no_closed_loop_swings_up_because_the_command_comes_late(cases):
+    late = [c for c in cases if c.loop == "closed" and any(h.at == "input" and "delay" in h.values for h in c.hidden)]
+    assert len(late) > 3
+    for case in late:
+        drive = record(case, case.training[0], 1, "train0")
+        assert np.max(np.abs(drive.input)) < 100.0 * MACHINES[case.machine].command, case.id
