@@ -11,6 +11,8 @@ from idloop.physics import load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
 
+from .conftest import record_of
+
 
 @pytest.fixture(scope="module")
 def screen() -> Screen:
@@ -67,3 +69,16 @@ def test_what_a_direction_shares_with_a_plane() -> None:
     assert plane.reaches(axes[:, 4]) == pytest.approx(0.0)
     invisible = Trace([{}], 0.0, np.zeros(1), 0.0, 0.0, False, sketch=np.zeros((6, 0)), scores=np.zeros(0))
     assert invisible.reaches(axes[:, 0]) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_nothing_disturbs_the_disturbances_strength_takes_no_direction(seed: int) -> None:
+    # Its slope there is that of a bound, along which the errors lie: what was projected on it looked like effects.
+    model = load_model("axis").with_effects(["dead_zone@input(width=0.1)"])
+    setting = prepare_setting(model, [record_of(model, seed, seconds=8.0)], "prediction")
+    parent = refit(setting, model)
+    screen = Screen(setting, parent, 0)
+    disturbed = parent.criterion.exponent > -5.0
+    assert screen.basis.shape[1] <= parent.parameters + 2 * disturbed
+    if not disturbed:
+        assert screen.basis.shape[1] == parent.parameters
