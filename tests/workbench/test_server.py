@@ -15,6 +15,7 @@ from fake import MISSING, FakeSource
 
 from idloop.errors import InputError
 from idloop.report.figures.ladder import words
+from idloop.workbench import server
 from idloop.workbench.server import KEY_HEADER, Place, Site
 
 
@@ -42,6 +43,23 @@ def ask(address, body=None, **headers):
     except urllib.error.HTTPError as error:
         with error:
             return error.code, error.read().decode()
+
+
+# Tornado leaves the socket of the failed try to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_free_port_that_somebody_else_was_quicker_to_take_is_not_the_end(source, monkeypatch):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken, free = other.getsockname()[1], server._free_port("127.0.0.1")
+        ports = iter([taken, free])
+        monkeypatch.setattr(server, "_free_port", lambda address: next(ports))
+        one = Site(source, Place())
+        try:
+            assert f":{free}/" in one.address
+            assert ask(f"{one.address}state")[0] == 200
+        finally:
+            one.close()
 
 
 def test_the_state_is_told_once_for_each_version(site):

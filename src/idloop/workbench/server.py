@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import functools
 import ipaddress
 import json
@@ -30,6 +31,7 @@ from idloop.workbench.strips import Question, answer
 
 ASSETS = Path(__file__).with_name("assets")
 KEY_HEADER = "X-Idloop-Key"
+TRIES = 20  # free ports that are tried
 START_TIMEOUT = 120.0
 UNUSED_SESSION = 5_000  # milliseconds after which a closed browser's figures are forgotten
 
@@ -127,7 +129,7 @@ class Site:
         asyncio.set_event_loop(asyncio.new_event_loop())
         self._loop = IOLoop.current()
         try:
-            self._server = self._make(self._loop)
+            self._server = self._found_a_place(self._loop)
             self._server.start()
         except Exception as error:  # noqa: BLE001  (told to the one who waits for this thread)
             self._failure = error
@@ -137,9 +139,20 @@ class Site:
         self._loop.start()
         self._loop.close()
 
-    def _make(self, loop: IOLoop) -> Server:
+    def _found_a_place(self, loop: IOLoop) -> Server:
+        """The server at the port asked for, or at any: one that was free may be taken by somebody who was quicker."""
+        port = self.place.port
+        tries = 1 if port else TRIES
+        while True:
+            tries -= 1
+            try:
+                return self._make(loop, port or _free_port(self.place.address))
+            except OSError as error:
+                if tries == 0 or error.errno != errno.EADDRINUSE:
+                    raise
+
+    def _make(self, loop: IOLoop, port: int) -> Server:
         place = self.place
-        port = place.port or _free_port(place.address)
         name = f"[{place.address}]" if ":" in place.address else place.address
         self.hosts = {f"{name}:{port}"} | ({f"localhost:{port}", f"127.0.0.1:{port}"} if place.local else set())
         anywhere = place.address in ("0.0.0.0", "::")  # noqa: S104  (only with a token in the address)
