@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idloop.diagnose.refit import Refit, residual_or_infinite
+from idloop.diagnose.refit import Refit, felt, residual_or_infinite
 from idloop.estimate import fit as fit_model
 from idloop.estimate.force import ForceCriterion
 from idloop.estimate.levenberg import difference_jacobian
@@ -46,6 +46,7 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
         scale,
     )
     jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
+    jacobian = jacobian[:, (np.arange(jacobian.shape[1]) < k) | felt(jacobian, k, size)]
     covariance = problem_covariance(problem, point, residual, jacobian)
     spread = np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))
     names = fit.model.free

@@ -33,6 +33,8 @@ _COLD = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
 _NONE = (LEAST_EXPONENT, WHITE)
 # Decades by which a missing effect that is added may weaken the disturbance.
 _WEAKER = -2.0
+# Change of the whitened errors, in all, below which a unit of a parameter, a typical change of a nuisance, is not felt.
+_LEAST_SLOPE, _FELT = 1e-6, 0.1
 # Parts of an effect's strength at which a search may start as well.
 FAN = (0.25, 0.35, 0.5, 0.6, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8)
 # How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
@@ -132,6 +134,26 @@ def log_likelihood(problem: Problem) -> float:
     for instants, order, weight in zip(problem.instants, problem.orders, problem.weights, strict=True):
         value += instants * float(np.sum(np.log(np.diag(weight)))) - order * len(weight) ** 2
     return value if np.isfinite(value) else -np.inf
+
+
+def felt(slopes: Array, parameters: int, size: Array) -> NDArray[np.bool_]:
+    """Which columns of a Jacobian the errors feel.
+
+    A disturbance that is not there has no strength to be uncertain of: its slope is rounding, or that of a bound,
+    along which the errors may lie.
+
+    Parameters
+    ----------
+    slopes : array, shape (n, k + m)
+        Of the whitened errors, by the model's parameters and the nuisance parameters.
+    parameters : int
+        k.
+    size : array, shape (m,)
+        Typical change of each nuisance parameter.
+    """
+    norms = np.linalg.norm(slopes, axis=0)
+    least = np.concatenate([np.full(parameters, _LEAST_SLOPE), _FELT / np.maximum(np.abs(size), 1e-300)])
+    return np.asarray(np.isfinite(norms) & (norms > least))
 
 
 def residual_or_infinite(problem: Problem, point: Array) -> Array:

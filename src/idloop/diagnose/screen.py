@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import Refit, residual_or_infinite
+from idloop.diagnose.refit import Refit, felt, residual_or_infinite
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.unevenness import unevenness
@@ -33,8 +33,6 @@ SKETCH = 4096
 LEAST_LEFT = 1e-8
 # Trials worth more than this are made weaker, where an effect has a strength that can be.
 MOST_DETECTABLE = 1e5
-# Change of the whitened errors, in all, by which a typical change of a nuisance parameter is felt.
-_FELT = 0.1
 # Least part of its usual strength that an effect is tried at.
 _LEAST_SHARE = 1e-9
 
@@ -157,10 +155,7 @@ class Screen:
         )
         slopes[:, ~np.all(np.isfinite(slopes), axis=0)] = 0.0
         self._back = np.linalg.pinv(slopes[:, :k], rcond=1e-6)
-        norms = np.linalg.norm(slopes, axis=0)
-        # A disturbance that is not there has no strength to be uncertain of: its slope is rounding, or a bound's.
-        felt = np.concatenate([np.full(k, 1e-6), _FELT / np.maximum(np.abs(size), 1e-300)])
-        slopes = slopes[:, np.isfinite(norms) & (norms > felt)]
+        slopes = slopes[:, felt(slopes, k, size)]
         left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
         # Parameters that the data cannot tell apart span fewer directions than they are.
         self.basis = left[:, weight > 1e-6 * max(float(np.max(weight, initial=0.0)), 1e-300)]
