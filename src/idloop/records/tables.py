@@ -282,6 +282,14 @@ def _is_number(text: str) -> bool:
 def _read_mat(path: Path, _: dict[str, Any]) -> Table:
     from scipy.io import loadmat
 
+    from idloop.records.mat_structure import mat_damage
+
+    try:
+        damage = mat_damage(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if damage:
+        raise InputError(f"{path}: not a readable MAT file ({damage}); check the copy of the file")
     try:
         content = loadmat(path, simplify_cells=True)
     except NotImplementedError:

@@ -1,0 +1,128 @@
+"""Whether a MAT file of version 5 to 7 is put together as the format says.
+
+The reader of scipy is compiled and trusts the tags in the file: one that names no type ends the process instead of
+raising an error. So the tags are looked at first.
+
+Format: MathWorks, *MAT-File Format*, chapter "Version 5 MAT-File Format".
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import NamedTuple
+
+_HEADER = 128
+_MATRIX, _COMPRESSED = 14, 15
+_NUMBERS = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13})
+_TEXT = frozenset({16, 17, 18})
+_CELL, _STRUCT, _OBJECT, _CHARS, _SPARSE = 1, 2, 3, 4, 5
+_NUMERIC = range(6, 16)
+_COMPLEX = 0x0800
+_DEEPEST = 100
+
+
+class _DamagedError(Exception):
+    """The file is not put together as the format says."""
+
+
+class _Element(NamedTuple):
+    kind: int
+    content: memoryview
+
+
+def mat_damage(data: bytes) -> str:
+    """Say what is wrong with the tags of a MAT file; empty when nothing is.
+
+    Parameters
+    ----------
+    data : bytes
+        The whole file. One of version 4 or 7.3 has no such tags and nothing is said of it.
+    """
+    if len(data) < _HEADER:
+        return "" if 0 in data[:4] else "it ends within its header"
+    order = "<" if data[126:128] == b"IM" else ">"
+    if 0 in data[:4] or data[124 + (order == "<")] != 1:
+        return ""
+    try:
+        for one in _elements(memoryview(data)[_HEADER:], order):
+            if one.kind == _COMPRESSED:
+                for inner in _elements(memoryview(zlib.decompress(one.content)), order):
+                    _check(inner, order, 0)
+            else:
+                _check(one, order, 0)
+    except _DamagedError as error:
+        return str(error)
+    except zlib.error as error:
+        return f"compressed data damaged: {error}"
+    return ""
+
+
+def _elements(data: memoryview, order: str) -> Iterator[_Element]:
+    """Split a stretch of the file into its elements."""
+    place = 0
+    while place < len(data):
+        if len(data) - place < 8:
+            raise _DamagedError("a tag is cut off")
+        kind, size = struct.unpack_from(f"{order}II", data, place)
+        if kind >> 16:  # up to four bytes lie within the tag
+            kind, size = kind & 0xFFFF, kind >> 16
+            if size > 4:
+                raise _DamagedError(f"a short element of {size} bytes")
+            yield _Element(kind, data[place + 4 : place + 4 + size])
+            place += 8
+            continue
+        place += 8
+        if size > len(data) - place:
+            raise _DamagedError(f"an element of {size} bytes where {len(data) - place} are left")
+        yield _Element(kind, data[place : place + size])
+        place += size if kind in (_MATRIX, _COMPRESSED) else -(-size // 8) * 8
+
+
+def _check(matrix: _Element, order: str, depth: int) -> None:
+    """Raise when a variable is not put together as its class says."""
+    if matrix.kind != _MATRIX:
+        raise _DamagedError(f"type {matrix.kind} where a variable is due")
+    if depth > _DEEPEST:
+        raise _DamagedError(f"variables within variables, more than {_DEEPEST} deep")
+    if not matrix.content and depth:
+        return
+    parts = list(_elements(matrix.content, order))
+    strange = next((one.kind for one in parts if one.kind not in _NUMBERS | _TEXT | {_MATRIX}), None)
+    if strange is not None:
+        raise _DamagedError(f"unknown type {strange}")
+    if not parts or len(parts[0].content) != 8:
+        raise _DamagedError("a variable without its flags")
+    flags = struct.unpack(f"{order}II", parts[0].content)[0]
+    kind, values = flags & 0xFF, parts[3:]
+    if kind in _NUMERIC or kind in (_CHARS, _SPARSE):
+        least = 3 if kind == _SPARSE else 1
+        allowed = _NUMBERS | _TEXT if kind == _CHARS else _NUMBERS
+        if len(values) < least + bool(flags & _COMPLEX and kind != _CHARS):
+            raise _DamagedError("a variable without its values")
+        if any(one.kind not in allowed for one in values):
+            raise _DamagedError("values of another type than their variable")
+        return
+    inner = [one for one in values if one.kind == _MATRIX]
+    if kind in (_CELL, _STRUCT, _OBJECT) and len(inner) != _due(kind, parts, order):
+        raise _DamagedError(f"{len(inner)} variables within one that has another number")
+    for one in inner:
+        _check(one, order, depth + 1)
+
+
+def _due(kind: int, parts: list[_Element], order: str) -> int:
+    """Number of variables within a cell array, a structure or an object."""
+    if len(parts) < 2 or len(parts[1].content) % 4:
+        raise _DamagedError("a variable without its size")
+    count = math.prod(struct.unpack(f"{order}{len(parts[1].content) // 4}i", parts[1].content))
+    if kind == _CELL:
+        return int(count)
+    first = 3 if kind == _STRUCT else 4  # an object's class comes first
+    if len(parts) < first + 2 or len(parts[first].content) != 4:
+        raise _DamagedError("a structure without its names")
+    (length,) = struct.unpack(f"{order}i", parts[first].content)
+    if length < 1:
+        raise _DamagedError(f"names of {length} bytes")
+    return int(count) * (len(parts[first + 1].content) // length)
