@@ -30,6 +30,7 @@ launch:
         - {name: text, value: "'3'"}
         - {name: empty, value: "''"}
         - {name: home, value: $(env IDLOOP_NOT_SET nowhere)}
+        - {name: side_by_side, value: $(var speed)/$(env IDLOOP_NOT_SET nowhere)}
         - {name: nested, value: [$(var speed), 1.5]}
       remap:
         - {from: chatter, to: /words}
@@ -55,6 +56,7 @@ def test_a_launch_file_is_read_as_ros_reads_it(launch_file):
         "text": "3",
         "empty": "",
         "home": "nowhere",
+        "side_by_side": "3/nowhere",
         "nested": [3, 1.5],
     }
     assert node.parameter_files == (launch_file.parent / "talker.yaml",)

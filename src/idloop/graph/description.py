@@ -14,7 +14,7 @@ from idloop.graph.find import graph_path, package_share
 from idloop.spelling import did_you_mean
 
 _MOST_SUBSTITUTIONS = 100
-_SUBSTITUTION = re.compile(r"\$\((\S+)((?:\s+[^()]*)?)\)")
+_SUBSTITUTION = re.compile(r"\$\(([^\s()]+)((?:\s+[^()]*)?)\)")
 _NODE_KEYS = frozenset(
     {"pkg", "exec", "name", "namespace", "param", "remap", "args", "ros_args", "output", "on_exit", "if", "unless"}
 )
