@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -155,14 +156,8 @@ def inspect_bag(
     InputError
         Bag missing, empty, damaged, or `command` not in it.
     """
-    # Only here: validation of mapping files is slow to load.
-    from idloop.records.mapping import load_mapping, ready_mappings
-
     path = Path(path)
-    known_definitions = {
-        name: text for ready in ready_mappings() for name, text in load_mapping(ready).definitions.items()
-    }
-    with Bag(path, distro, known_definitions | dict(definitions or {})) as bag:
+    with Bag(path, distro, _ready_definitions() | dict(definitions or {})) as bag:
         streams = read_streams(bag)
         read = set(readable_topics(bag))
         receive = bag.receive_stamps([topic for topic in bag.topics if topic not in streams])
@@ -223,6 +218,15 @@ def inspect_bag(
         imported=imported(custom),
         streams=streams,
     )
+
+
+@functools.cache
+def _ready_definitions() -> dict[str, str]:
+    """Message types that the ready mappings define; read once, for reading them takes longer than many a bag."""
+    # Only here: validation of mapping files is slow to load.
+    from idloop.records.mapping import load_mapping, ready_mappings
+
+    return {name: text for ready in ready_mappings() for name, text in load_mapping(ready).definitions.items()}
 
 
 def _command_topic(
