@@ -7,6 +7,7 @@ A reader takes a folder with one input in it and reads it as a verb or a node wo
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 import re
@@ -15,10 +16,15 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-STAMPS = np.arange(1, 201, dtype=np.int64) * 5_000_000
+if TYPE_CHECKING:
+    from idloop.records.mapping import Mapping
+
+# Small inputs are read quickly, and more of their damage hits what matters.
+STAMPS = np.arange(1, 41, dtype=np.int64) * 5_000_000
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,8 @@ class Reader:
         Modules whose branches guide the search.
     words : tuple of str
         What a valid input is made of.
+    share : float
+        Inputs of this reader for one of the others: a quick reader gets more.
     """
 
     name: str
@@ -46,11 +54,12 @@ class Reader:
     seeds: Callable[[], list[bytes]]
     packages: tuple[str, ...]
     words: tuple[str, ...] = ()
+    share: float = 1.0
 
 
 def _signals() -> dict[str, np.ndarray]:
     time = STAMPS * 1e-9
-    return {"t": time, "u": np.sign(np.sin(9.0 * time)), "angle": np.sin(5.0 * time), "speed": np.cos(5.0 * time)}
+    return {"t": time, "u": np.sign(np.sin(90.0 * time)), "angle": np.sin(50.0 * time), "speed": np.cos(50.0 * time)}
 
 
 # model, mapping, launch files
@@ -77,10 +86,14 @@ def _read_mapping(path: Path, target: Path) -> object:
     return load_mapping(path)
 
 
-def _mappings() -> list[bytes]:
+def _ready_mappings() -> list[bytes]:
     from idloop.records.mapping import ready_mappings
 
     return [path.read_bytes() for path in ready_mappings().values()]
+
+
+def _mappings() -> list[bytes]:
+    return sorted(_ready_mappings(), key=len)[:4]
 
 
 def _read_graph(path: Path, target: Path) -> object:
@@ -89,7 +102,34 @@ def _read_graph(path: Path, target: Path) -> object:
     return load_graph(str(path), {}, to_run=False)
 
 
+# Everything that a launch file may have, once: ours repeat it.
+_GRAPH = b"""
+launch:
+  - arg: {name: mode, default: lockstep, description: "lockstep or realtime"}
+  - arg: {name: config, default: $(find-pkg-share idloop_bringup)/config/dc_motor.yaml}
+  - let: {name: place, value: $(dirname)/$(env HOME nowhere)}
+  - node:
+      pkg: idloop_nodes
+      exec: plant
+      name: plant
+      namespace: axis
+      if: "true"
+      on_exit: shutdown
+      args: --one $(var place)
+      param:
+        - from: $(var config)
+        - {name: mode, value: $(var mode)}
+        - {name: effects, value: "['']"}
+      remap:
+        - {from: joint_states, to: /joint_states}
+"""
+
+
 def _graphs() -> list[bytes]:
+    return [_GRAPH, _GRAPH.replace(b"if:", b"unless:").replace(b'"true"', b"$(env IDLOOP_SAYS false)")]
+
+
+def _ready_graphs() -> list[bytes]:
     from idloop.graph.find import graph_names, graph_path
 
     return [graph_path(name).read_bytes() for name in graph_names()]
@@ -114,11 +154,18 @@ def _read_table(kind: str) -> Callable[[Path, Path], object]:
     def read(path: Path, target: Path) -> object:
         from idloop.records.importing import import_bag
 
-        mapping = path.parent / "mapping.yaml"
-        mapping.write_text(_MAPPING.format(format=kind), encoding="utf-8")
-        return import_bag(path, target / "bag", str(mapping))
+        return import_bag(path, target / "bag", _mapping(kind))
 
     return read
+
+
+@functools.cache
+def _mapping(kind: str) -> Mapping:
+    from ruamel.yaml import YAML
+
+    from idloop.records.mapping import parse_mapping
+
+    return parse_mapping(YAML(typ="safe").load(_MAPPING.format(format=kind)), "mapping.yaml")
 
 
 def _csvs() -> list[bytes]:
@@ -294,7 +341,7 @@ def readers() -> list[Reader]:
     """All of them."""
     records, rosbags = "idloop.records", "rosbags"
     bags = [
-        Reader(f"{name}_{storage}", ".bin", one, one.seeds, (records, rosbags))
+        Reader(f"{name}_{storage}", ".bin", one, one.seeds, (records, rosbags), share=0.25)
         for name, use in (("bag", _use_bag), ("recover", _recover))
         for storage in ("mcap", "sqlite3")
         for one in [_BagReader(storage, use)]
@@ -302,15 +349,16 @@ def readers() -> list[Reader]:
     return [
         Reader("model", ".yaml", _read_model, _models, ("idloop.physics.model", "idloop.physics.model_file",
                "idloop.physics.schema"), _names_in(_models())),
-        Reader("mapping", ".yaml", _read_mapping, _mappings, ("idloop.records.mapping",), _names_in(_mappings())),
-        Reader("graph", ".yaml", _read_graph, _graphs, ("idloop.graph.description",), _names_in(_graphs())),
-        Reader("csv", ".csv", _read_table("csv"), _csvs, (records,)),
-        Reader("mat", ".mat", _read_table("mat"), _mats, (records, "scipy.io.matlab")),
-        Reader("npz", ".npz", _read_table("npz"), _npzs, (records,)),
-        Reader("json", ".json", _read_table("json"), _jsons, (records,)),
+        Reader("mapping", ".yaml", _read_mapping, _mappings, ("idloop.records.mapping",),
+               _names_in(_ready_mappings())),
+        Reader("graph", ".yaml", _read_graph, _graphs, ("idloop.graph.description",), _names_in(_ready_graphs())),
+        Reader("csv", ".csv", _read_table("csv"), _csvs, (records,), share=2.0),
+        Reader("mat", ".mat", _read_table("mat"), _mats, (records, "scipy.io.matlab"), share=2.0),
+        Reader("npz", ".npz", _read_table("npz"), _npzs, (records,), share=2.0),
+        Reader("json", ".json", _read_table("json"), _jsons, (records,), share=2.0),
         *bags,
         Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnose.ladder", "idloop.cli._ladder_folder"),
                _names_in(_ladders())),
-        Reader("linear", ".json", _read_linear, _linears, ("idloop.estimate.linear.model_file",)),
-        Reader("message", ".bin", _read_message, _messages, ("idloop_nodes.codec", records)),
+        Reader("linear", ".json", _read_linear, _linears, ("idloop.estimate.linear.model_file",), share=3.0),
+        Reader("message", ".bin", _read_message, _messages, ("idloop_nodes.codec", records), share=4.0),
     ]  # fmt: skip

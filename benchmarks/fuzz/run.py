@@ -11,13 +11,13 @@ guide the search; without it, inputs are damaged at random. What breaks a reader
 from __future__ import annotations
 
 import argparse
-import atexit
 import importlib.util
 import json
 import logging
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,6 +26,7 @@ import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("NUMBA_DISABLE_JIT", "1")
@@ -33,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from damage import LONGEST, damaged
 from readers import Reader, readers
-from trial import ForbiddenError, Trial, emptied
+from trial import ForbiddenError, Trial
 
 # How long an input may take [s].
 _HANG = 60
@@ -56,9 +57,16 @@ def at_random(reader: Reader, trial: Callable[[bytes], None], inputs: int, seed:
         signal.alarm(0)
 
 
-def guided(reader: Reader, trial: Callable[[bytes], None], inputs: int, seed: int, folder: Path) -> None:
+def guided(reader: Reader, trial: Trial, inputs: int, seed: int, folder: Path, tell: Callable[[], None]) -> None:
     """With the branches that an input reaches as a guide; ends the process."""
     import atheris
+
+    def one(data: bytes) -> None:
+        trial(data)
+        if trial.inputs >= inputs:
+            # The fuzzer would end the process without a word of ours.
+            tell()
+            os._exit(0)
 
     corpus = folder / "corpus"
     corpus.mkdir()
@@ -73,20 +81,19 @@ def guided(reader: Reader, trial: Callable[[bytes], None], inputs: int, seed: in
         return damaged(data, reader.words, seeds, chance)[:most]
 
     options = [
-        f"-runs={inputs}", f"-seed={seed + 1}", f"-max_len={LONGEST}", f"-timeout={_HANG}",
+        "-runs=-1", f"-seed={seed + 1}", f"-max_len={LONGEST}", f"-timeout={_HANG}",
         f"-artifact_prefix={folder}/", "-verbosity=0", str(corpus),
     ]  # fmt: skip
-    atheris.Setup([reader.name, *options], trial, custom_mutator=change, enable_python_coverage=True)
+    atheris.Setup([reader.name, *options], one, custom_mutator=change, enable_python_coverage=True)
     atheris.Fuzz()
 
 
-def one_reader(reader: Reader, inputs: int, seed: int, keep: Path, guide: bool) -> None:
+def one_reader(reader: Reader, inputs: int, seed: int, folder: Path, keep: Path, guide: bool) -> None:
     """In this process; the counts go to standard output when it ends."""
     warnings.simplefilter("ignore")
     logging.disable()
     # An input that asks for more is an error of the reader, not the end of the machine.
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
-    folder = Path(tempfile.mkdtemp(prefix="idloop_fuzz_"))
     trial = Trial(reader, folder, keep)
     begin = time.monotonic()
 
@@ -94,30 +101,53 @@ def one_reader(reader: Reader, inputs: int, seed: int, keep: Path, guide: bool) 
         found = {"inputs": trial.inputs, "refused": trial.refused, "seconds": round(time.monotonic() - begin, 1),
                  "findings": sorted(trial.findings.values())}  # fmt: skip
         print(json.dumps(found), flush=True)
-        emptied(folder)
 
-    atexit.register(tell)
     if guide:
         import atheris
 
         with atheris.instrument_imports(include=list(reader.packages), enable_loader_override=False):
             for one in reader.seeds():
                 trial(one)
-        guided(reader, trial, inputs, seed, folder)
+        guided(reader, trial, inputs, seed, folder, tell)
     else:
         at_random(reader, trial, inputs, seed)
+        tell()
+
+
+def _in_a_process(reader: Reader, arguments: argparse.Namespace) -> tuple[dict[str, Any], str]:
+    """Counts of one reader, and how its process ended where it did not end well."""
+    with tempfile.TemporaryDirectory(prefix="idloop_fuzz_") as folder:
+        ended = subprocess.run(
+            [sys.executable, __file__, "--one", folder, "--only", reader.name, "--inputs",
+             str(round(arguments.inputs * reader.share)), "--seed", str(arguments.seed), "--keep", str(arguments.keep),
+             *(["--plain"] if arguments.plain else [])],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        line = next((one for one in reversed(ended.stdout.splitlines()) if one.startswith('{"inputs"')), None)
+        found = json.loads(line) if line else {"inputs": 0, "refused": 0, "seconds": 0.0, "findings": []}
+        if line and ended.returncode == 0:
+            return found, ""
+        kept = ""
+        last = Path(folder, "input", f"input{reader.suffix}")
+        if last.exists():
+            arguments.keep.mkdir(parents=True, exist_ok=True)
+            kept = f"{reader.name}-last"
+            shutil.copyfile(last, arguments.keep / kept)
+        return found, f"{kept}: ended with {ended.returncode}: {' '.join(ended.stderr.split())[-200:]}"
 
 
 def main() -> int:
     """Run the campaign from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--inputs", type=int, default=10_000, help="for each reader (default 10000)")
+    parser.add_argument(
+        "--inputs", type=int, default=10_000, help="for a reader; quick ones get more, slow ones fewer (default 10000)"
+    )
     parser.add_argument("--only", nargs="+", metavar="READER", help="some readers; all when left out")
     parser.add_argument("--seed", type=int, default=0, help="of the damage (default 0)")
     parser.add_argument("--keep", type=Path, default=Path("findings"), help="folder for what breaks a reader")
     parser.add_argument("--plain", action="store_true", help="damage at random, even where atheris is installed")
     parser.add_argument("--again", type=Path, metavar="FILE", help="read this input once, with its traceback")
-    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     known = {reader.name: reader for reader in readers()}
     strange = [name for name in arguments.only or [] if name not in known]
@@ -133,31 +163,19 @@ def main() -> int:
         return 0
     guide = not arguments.plain and _has_atheris()
     if arguments.one:
-        one_reader(known[names[0]], arguments.inputs, arguments.seed, arguments.keep.resolve(), guide)
+        one_reader(known[names[0]], arguments.inputs, arguments.seed, arguments.one, arguments.keep.resolve(), guide)
         return 0
     print(
         f"{'reader':>16} {'inputs':>8} {'refused':>8} {'seconds':>8}  findings ({'guided' if guide else 'at random'})"
     )
     total = broken = 0
     for name in names:
-        ended = subprocess.run(
-            [sys.executable, __file__, "--one", "--only", name, "--inputs", str(arguments.inputs), "--seed",
-             str(arguments.seed), "--keep", str(arguments.keep), *(["--plain"] if arguments.plain else [])],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        line = next((one for one in reversed(ended.stdout.splitlines()) if one.startswith('{"inputs"')), None)
-        if line is None:
-            print(f"{name:>16}  ended with {ended.returncode}: {ended.stderr.strip()[-300:]}")
-            broken += 1
-            continue
-        found = json.loads(line)
-        total, broken = total + found["inputs"], broken + len(found["findings"])
-        hung = [] if ended.returncode == 0 else [f"ended with {ended.returncode}: {ended.stderr.strip()[-200:]}"]
-        broken += len(hung)
+        found, last_words = _in_a_process(known[name], arguments)
+        total, broken = total + found["inputs"], broken + len(found["findings"]) + bool(last_words)
         print(
             f"{name:>16} {found['inputs']:8d} {found['refused']:8d} {found['seconds']:8.1f}  {len(found['findings'])}"
         )
-        for one in [*found["findings"], *hung]:
+        for one in [*found["findings"], *([last_words] if last_words else [])]:
             print(f"{'':>16}  {one}")
         sys.stdout.flush()
     print(f"{total} inputs, {broken} findings")
