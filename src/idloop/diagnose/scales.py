@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,8 @@ from idloop.diagnose.proposals import dry_level
 from idloop.diagnose.setting import Setting
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.linear.propagate import respond
+from idloop.estimate.observer import discretise
 from idloop.physics.effect import BODY, COUPLING, OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales
@@ -84,7 +88,7 @@ class Sizes:
         elif kind == COUPLING:
             body = model.couplings.index(site) + 1
             stiffness = max(values[f"{site}.stiffness"], 1e-12)
-            torque, torque_most = self._torque(body)
+            torque, torque_most = self._torques[body - 1]
             twist = torque / stiffness
         speed, most, middle, span = self.bodies[body]
         name = model.bodies[body]
@@ -111,39 +115,35 @@ class Sizes:
             turns=span / (2.0 * np.pi) if angle else 0.0,
         )
 
-    def _torque(self, body: int) -> tuple[float, float]:
-        """Typical and largest torque through the coupling before a body, in a free run of the linear part."""
-        model = self.model
-        engine = RememberingEngine(model)
+    @cached_property
+    def _torques(self) -> list[tuple[float, float]]:
+        """Typical and largest torque of every coupling, in a free run of the linear part."""
+        engine = RememberingEngine(self.model)
         linear = engine.linearise(None)
+        layout = engine.layout(None)
+        stiffness, damping = layout.axis.stiffness, layout.axis.damping
         n = len(linear.A) // 2
-        joint = engine.layout(None).body_of[body] - 1
-        axis = engine.layout(None).axis
-        row = np.zeros(2 * n)
-        row[joint], row[joint + 1] = axis.stiffness[joint], -axis.stiffness[joint]
-        row[n + joint], row[n + joint + 1] = axis.damping[joint], -axis.damping[joint]
-        from scipy.signal import dlsim
-
-        from idloop.estimate.observer import discretise
-
-        most, power, count = 0.0, 0.0, 0
+        joints = [body - 1 for body in layout.body_of[1:]]
+        carried = np.zeros((len(joints), 2 * n))
+        for row, joint in zip(carried, joints, strict=True):
+            row[joint], row[joint + 1] = stiffness[joint], -stiffness[joint]
+            row[n + joint], row[n + joint + 1] = damping[joint], -damping[joint]
+        nothing = np.zeros((len(joints), 1))
+        found = []
         for d in self.setting.data:
             transition, _ = discretise(
                 np.block([[linear.A, linear.B[:, None]], [np.zeros((1, 2 * n + 1))]]),
                 np.zeros((2 * n + 1, 2 * n + 1)),
                 d.sample_time,
             )
-            _, torque, _ = dlsim(
-                (transition[:-1, :-1], transition[:-1, -1:], row[None, :], np.zeros((1, 1)), d.sample_time),
-                d.held_input()[:, None],
-            )
+            a, b = np.ascontiguousarray(transition[:-1, :-1]), np.ascontiguousarray(transition[:-1, -1:])
+            found.append(respond(a, b, carried, nothing, np.zeros(2 * n), d.held_input()[:, None]))
+        sizes = []
+        for torque in np.concatenate(found).T:
             seen = torque[np.isfinite(torque)]
-            most, power, count = (
-                max(most, float(np.max(np.abs(seen)))),
-                power + float(np.sum(seen**2)),
-                count + len(seen),
-            )
-        return max(np.sqrt(power / max(count, 1)), 1e-12), max(most, 1e-12)
+            typical, most = np.sqrt(np.sum(seen**2) / max(len(seen), 1)), np.max(np.abs(seen), initial=0.0)
+            sizes.append((max(float(typical), 1e-12), max(float(most), 1e-12)))
+        return sizes
 
 
 def _finite(values: Array) -> Array:

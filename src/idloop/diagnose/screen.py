@@ -252,7 +252,7 @@ class Screen:
         """Trace of changes of the errors, one for each trial; `sides` says which sizes must not be negative."""
         if any(c is None for c in columns) or not columns:
             return None
-        raw = np.column_stack([c for c in columns if c is not None])
+        raw = np.stack([c for c in columns if c is not None]).T
         with np.errstate(over="ignore"):
             power = np.sum(raw**2, axis=0)
         if not np.all(np.isfinite(power)):

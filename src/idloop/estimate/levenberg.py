@@ -81,7 +81,7 @@ def difference_jacobian(
         Steps used.
     """
     k = len(point)
-    jacobian = np.empty((len(residual), k))
+    jacobian = np.empty((len(residual), k), order="F")  # written by columns
     step = step.copy()
     for i in range(k):
         if known is not None and np.all(np.isfinite(known[:, i])):
@@ -262,7 +262,8 @@ def _update(jacobian: Array, move: Array, change: Array, hessian: Array) -> None
     """Make a Jacobian agree with the change along a move, in coordinates that all weigh the same."""
     size = np.maximum(np.diag(hessian), 1e-300)
     direction = size * move
-    jacobian += np.outer(change - jacobian @ move, direction / max(float(direction @ move), 1e-300))
+    # the transpose has the order of memory of the Jacobian
+    jacobian += np.outer(direction / max(float(direction @ move), 1e-300), change - jacobian @ move).T
 
 
 def _half_square(residual: Array) -> float:

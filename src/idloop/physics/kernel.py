@@ -254,9 +254,8 @@ def single_acceleration(
 
 
 @inner
-def single_step(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
-    """As `runge_kutta` for a body without others."""
-    mode, a1 = work[2, 0], work[3, 0]
+def single_step(axis: Axis, command: float, step: float, state: Any, mode: float, a1: float) -> Any:
+    """As `runge_kutta` for a body without others: position and velocity at the end."""
     x, v1 = state[FIRST], state[FIRST + 1]
     half, inverse = 0.5 * step, 1.0 / axis.inertia[0]
     v2 = v1 + half * a1
@@ -265,8 +264,8 @@ def single_step(axis: Axis, command: float, step: float, state: Any, work: Any) 
     a3 = single_acceleration(axis, command, x + half * v2, v3, half, state, mode, inverse)
     v4 = v1 + step * a3
     a4 = single_acceleration(axis, command, x + step * v3, v4, step, state, mode, inverse)
-    work[0, 0] = x + step / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4)
-    work[1, 0] = v1 + step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    sixth = step / 6.0
+    return x + sixth * (v1 + 2.0 * v2 + 2.0 * v3 + v4), v1 + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
 
 @inner
@@ -278,7 +277,7 @@ def runge_kutta(axis: Axis, command: float, step: float, state: Any, work: Any) 
     """
     n = axis.inertia.shape[0]
     if n == 1:
-        single_step(axis, command, step, state, work)
+        work[0, 0], work[1, 0] = single_step(axis, command, step, state, work[2, 0], work[3, 0])
         return
     position, velocity, mode, first = work[0], work[1], work[2], work[3]
     net, transmitted = work[4], work[5]
@@ -475,9 +474,26 @@ def forces_beyond(
 @inner
 def add_rows(matrix: Any, first: int, weights: Any, to: Any) -> None:
     """Add rows of a matrix, each times its weight."""
-    for row in range(weights.shape[0]):
-        for column in range(to.shape[0]):
-            to[column] += matrix[first + row, column] * weights[row]
+    for column in range(0, to.shape[0], 2):  # positions and velocities: always even
+        one, two = to[column], to[column + 1]
+        for row in range(weights.shape[0]):
+            one += matrix[first + row, column] * weights[row]
+            two += matrix[first + row, column + 1] * weights[row]
+        to[column], to[column + 1] = one, two
+
+
+@inner
+def is_bare(axis: Axis) -> bool:
+    """Whether no effect acts on the motion: the chain's own flow and held forces are all there is."""
+    hooks = axis.input_hooks.shape[0] + axis.body_hooks.shape[0] + axis.coupling_hooks.shape[0]
+    return hooks + axis.friction_hooks.shape[0] == 0
+
+
+@inner
+def pays(axis: Axis, steps: float, duration: float) -> bool:
+    """Whether exact steps over a duration cost less than Runge-Kutta's: of bodies that nothing else moves, always."""
+    needed = axis.constants[RATE] * duration
+    return needed < np.inf and (2.0 * steps <= needed or (is_bare(axis) and axis.inertia.shape[0] > 1))
 
 
 @inner
@@ -495,8 +511,7 @@ def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, f
     for i in range(2 * n):
         end[i] = whole[i]
     add_rows(matrix, 8 * n, f0, end)
-    hooks = axis.input_hooks.shape[0] + axis.body_hooks.shape[0] + axis.coupling_hooks.shape[0]
-    if hooks + axis.friction_hooks.shape[0] > 0:
+    if not is_bare(axis):
         add_rows(matrix, 2 * n, start, half)
         for i in range(2 * n):
             first[i] = half[i]
@@ -552,7 +567,7 @@ def advance_exactly(axis: Axis, command: float, duration: float, state: Any, wor
     while level < LEVELS and pieces < rate * duration:
         level += 1
         pieces *= 2
-    if level == LEVELS or not 2.0 * pieces <= axis.constants[RATE] * duration:
+    if level == LEVELS or not pays(axis, float(pieces), duration):
         return 0.0
     dry = axis.friction_hooks.shape[0] > 0
     step, covered = duration / pieces, 0.0
@@ -573,9 +588,35 @@ def advance_exactly(axis: Axis, command: float, duration: float, state: Any, wor
 
 
 @inner
+def advance_single(axis: Axis, command: float, duration: float, state: Any) -> bool:
+    """One step of a body without others in which nothing begins or ends; False, and nothing done, where it might."""
+    velocity = state[FIRST + 1]
+    if not max(axis.constants[RATE], axis.spatial_rate[0] * abs(velocity)) * duration <= 1.0:
+        return False
+    mode = 0.0
+    if axis.has_friction[0]:
+        if velocity == 0.0:
+            return False
+        mode = 1.0 if velocity > 0.0 else -1.0
+    start = single_acceleration(
+        axis, command, state[FIRST], velocity, 0.0, state, mode, 1.0 / axis.inertia[0]
+    )  # fmt: skip
+    position, velocity = single_step(axis, command, duration, state, mode, start)
+    if velocity * mode < 0.0:
+        return False
+    state[FIRST], state[FIRST + 1], state[FIRST + 2] = position, velocity, start
+    state[TIME] += duration
+    settle_effects(axis, command, duration, state)
+    return True
+
+
+@inner
 def advance(axis: Axis, command: float, duration: float, state: Any, history: Any, work: Any, flow: Flow) -> None:
     """Integrate over a stretch of constant command."""
     n = axis.inertia.shape[0]
+    followed = history.shape[0] > 0 or axis.output_hooks.shape[0] > 0
+    if n == 1 and not followed and advance_single(axis, command, duration, state):
+        return
     end = state[TIME] + duration
     remaining = duration - advance_exactly(axis, command, duration, state, work, flow)
     events = 0
@@ -686,14 +727,16 @@ def recall(axis: Axis, output: int, time: float, state: Any, history: Any) -> An
     n = axis.inertia.shape[0]
     size = history.shape[0]
     body = axis.outputs[output, BODY]
-    late = int(state[HEAD])
-    kept = int(state[COUNT])
-    early = late
-    for _ in range(kept - 1):
-        early = (late - 1 + size) % size
-        if history[early, 0] <= time:
-            break
-        late = early
+    head = int(state[HEAD])
+    # entries back from the last one: younger than the time, and not younger (unless all are)
+    young, old = 0, max(int(state[COUNT]) - 1, 0)
+    while old - young > 1:
+        middle = (young + old) // 2
+        if history[(head - middle + size) % size, 0] <= time:
+            old = middle
+        else:
+            young = middle
+    early, late = (head - old + size) % size, (head - young + size) % size
     t0, t1 = history[early, 0], history[late, 0]
     column = 1 + 3 * n + output
     if t1 <= t0 or time <= t0:  # before the record: the oldest motion kept
@@ -763,7 +806,7 @@ def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
         if axis.output_hooks[row, SETTLE] != 0:  # a play or filter follows the motion between samples
             return none
     even = (time[-1] - time[0]) / (time.shape[0] - 1)
-    if not 2.0 <= even * axis.constants[RATE] < np.inf:
+    if not pays(axis, 1.0, even):
         return none
     duration = np.array([even, 0.0])
     if command_time.shape[0] > 0:
