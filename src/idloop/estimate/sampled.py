@@ -69,7 +69,7 @@ class SampledData:
                 )
             if not np.all(np.isfinite(value)):
                 raise InputError(f"{self.name}: {what} holds NaN or infinite samples; cut them out first")
-            size = float(np.max(np.abs(value), initial=0.0))
+            size = float(max(np.max(value, initial=0.0), -np.min(value, initial=0.0)))  # no copy of a long record
             if size and not _SIZES[0] < size < _SIZES[1]:
                 raise InputError(
                     f"{self.name}: {what} of size {size:.3g}, whose squares no number holds; give it another unit"

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
 from idloop.estimate.subspace import compression as compression_module
+from idloop.estimate.subspace import correlations as correlations_module
 from idloop.estimate.subspace.compression import compress
 from idloop.estimate.subspace.future import toeplitz
 from idloop.estimate.subspace.projection import regress, row_basis
@@ -12,10 +13,13 @@ from idloop.estimate.subspace.realisation import Noise, reflected
 from idloop.estimate.subspace.ridge import evidence_regression
 
 
-def test_compression_has_the_moments_of_all_windows(true, made, monkeypatch):
+@pytest.mark.parametrize("exact", [True, False])
+def test_compression_has_the_moments_of_all_windows(true, made, monkeypatch, exact):
     monkeypatch.setattr(compression_module, "_SMALLEST_BLOCK", 64)
+    monkeypatch.setattr(correlations_module, "_BLOCK", 64)
     parts = [made(true, 300, 0.1, seed) for seed in range(2)]
-    found = compress(parts, 4)
+    found = compress(parts, 4, exact=exact)
+    assert found.squared is not exact
     windows = []
     for part in parts:
         joint = np.hstack([part.input / found.input_scale, part.output / found.output_scale])

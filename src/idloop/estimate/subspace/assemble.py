@@ -23,6 +23,7 @@ def assembled(
     singular_values: Array,
     feedthrough: bool,
     notes: tuple[str, ...],
+    covariance: Array | None = None,
 ) -> LinearModel:
     """Model in the signals' own units; its innovation covariance is that of its errors on the data.
 
@@ -36,6 +37,8 @@ def assembled(
     feedthrough : bool
         Whether D was estimated.
     notes : tuple of str
+    covariance : ndarray, shape (p, p), optional
+        Of the prediction errors in scaled units, where it is known; else the data are predicted.
 
     Returns
     -------
@@ -52,7 +55,7 @@ def assembled(
         c=matrices.c * measure[:, None],
         d=matrices.d * measure[:, None] / command,
         gain=matrices.gain / measure,
-        covariance=np.zeros((p, p)),
+        covariance=np.zeros((p, p)) if covariance is None else covariance * np.outer(measure, measure),
         **first.labels,
         samples=compression.samples,
         # Of all entries n squared are the choice of the states' coordinates.
@@ -60,4 +63,6 @@ def assembled(
         singular_values=singular_values,
         notes=notes,
     )
+    if covariance is not None:
+        return model
     return replace(model, covariance=error_covariance(model, compression.experiments))

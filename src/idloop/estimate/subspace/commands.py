@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimate.linear.sensitivity import Matrices, compressed_errors
 from idloop.estimate.subspace.compression import Compression
+from idloop.estimate.subspace.modal_regression import modal_regression
 
 Array = NDArray[np.float64]
 
 
 def command_matrices(
     compression: Compression, a: Array, c: Array, gain: Array, feedthrough: bool
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array | None]:
     """B and D that make the predicted outputs closest to the measured ones, first states included.
 
     For given A, C and K the prediction is linear in B, D and the first state (Ljung, System Identification, 2nd ed.,
@@ -31,6 +32,8 @@ def command_matrices(
     Returns
     -------
     b, d : ndarray, shapes (n, m), (p, m)
+    covariance : ndarray, shape (p, p), or None
+        Of the errors in scaled units, where they came out on the way.
 
     Raises
     ------
@@ -38,6 +41,10 @@ def command_matrices(
         The response overflows: an unstable model without a Kalman gain.
     """
     n, m, p = len(a), compression.inputs, compression.outputs
+    if compression.squared:  # moments carry enough digits
+        fit = modal_regression(a, c, gain, compression, feedthrough)
+        if fit is not None:
+            return fit.b, fit.d, fit.covariance
     base = Matrices(a, np.zeros((n, m)), c, np.zeros((p, m)), gain)
     count = n * m + (p * m if feedthrough else 0)
     everything = np.zeros((base.flat().size, count))
@@ -51,4 +58,4 @@ def command_matrices(
     scale[scale == 0.0] = 1.0
     solution = -np.linalg.lstsq(jacobian / scale, residual, rcond=1e-12)[0] / scale
     found = base.like(everything @ solution)
-    return found.b, found.d
+    return found.b, found.d, None

@@ -58,7 +58,11 @@ def default_horizon(
 
 
 def halved_windows(
-    data: SampledData | Sequence[SampledData], horizon: int | None, order: int | None, feedthrough: bool
+    data: SampledData | Sequence[SampledData],
+    horizon: int | None,
+    order: int | None,
+    feedthrough: bool,
+    exact: bool = False,
 ) -> Compression:
     """Windows of past and future of one length: the user's, or the longest by the rule that the commands excite.
 
@@ -69,6 +73,8 @@ def halved_windows(
     order : int or None
     feedthrough : bool
         As for `default_horizon`.
+    exact : bool
+        As for `compress`.
 
     Returns
     -------
@@ -78,11 +84,11 @@ def halved_windows(
     if horizon is not None:
         if horizon < 2:
             raise InputError(f"horizon of {horizon} samples; give at least 2")
-        return compress(data, 2 * horizon)
-    found = compress(data, 2 * default_horizon(data, order, feedthrough))
+        return compress(data, 2 * horizon, exact=exact)
+    found = compress(data, 2 * default_horizon(data, order, feedthrough), exact=exact)
     shown = found.excited() // (2 * found.inputs)
     # Narrow excitation: shorter windows are told apart where long ones are not.
-    return found if 2 * shown >= found.length else compress(data, 2 * max(shown, 2))
+    return found if 2 * shown >= found.length else compress(data, 2 * max(shown, 2), exact=exact)
 
 
 def _arx_order(compression: Compression, feedthrough: bool) -> int:

@@ -95,8 +95,10 @@ def pbsid(
     if np.max(np.abs(np.linalg.eigvals(a - gain @ c))) >= 1.0:
         rest = following - a @ states - coefficients[:, chosen : chosen + m] @ commands
         gain, notes = realisation.kalman_gain(realisation.noise(np.concatenate([rest, errors]), chosen), a, c)
-    b, d = command_matrices(compression, a, c, gain, feedthrough)
-    return assembled("pbsid", compression, Matrices(a, b, c, d, gain), regression.values, feedthrough, notes)
+    b, d, covariance = command_matrices(compression, a, c, gain, feedthrough)
+    return assembled(
+        "pbsid", compression, Matrices(a, b, c, d, gain), regression.values, feedthrough, notes, covariance
+    )
 
 
 @dataclass(frozen=True)
