@@ -129,6 +129,18 @@ BAD = {
     "infinite value": ({"y": [0, "inf", 1]}, {}, "infinite in row 1"),
     "empty column": ({"y": ["", "", ""]}, {}, "empty (NaN) in every row"),
     "time not a number": ({"t": [0, "", 1]}, {}, "no number in row 1"),
+    "time out of reach": ({"t": [0, 1, 3e231]}, {}, "3e+231 s in row 2, which is no time"),
+    "time far behind": ({"t": [0, 1, -3e300]}, {}, "in row 2, which is no time"),
+    "a date out of reach": (
+        {"t": ["2020-01-01", "2021-01-01", "9999-01-01"]},
+        {"time": {"column": "t", "unit": "iso8601"}},
+        "in row 2, which is no time",
+    ),
+    "a date too early": (
+        {"t": ["1960-01-01", "1961-01-01", "1962-01-01"]},
+        {"time": {"column": "t", "unit": "iso8601"}},
+        "begins before 1970",
+    ),
     "no ISO time": ({}, {"time": {"column": "t", "unit": "iso8601"}}, "no ISO 8601 time"),
     "rows outside": ({}, {"rows": {"start": 2, "stop": 9}}, "do not lie within its 3 rows"),
     "no time": ({}, {"time": None}, "say where time comes from"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timezone
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ Stamps = NDArray[np.int64]
 _START_NS = 1_000_000_000
 _TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ABSOLUTE = 946_684_800.0  # 2000-01-01: larger times are dates, not seconds since the start
+_LATEST_NS = 2**62  # in the year 2116: what is further away, on either side, is no time
 
 
 def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list[Signal]:
@@ -63,7 +65,8 @@ def _time(table: Table, time: Time, count: int) -> Stamps:
         period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
         return _START_NS + np.round(np.arange(count) * period * 1e9).astype(np.int64)
     if time.unit == "iso8601":
-        stamp = np.array([_iso(table, cell, row) for row, cell in enumerate(table.raw(time.column))], dtype=np.int64)
+        stamp = np.array([_iso(table, cell, row) for row, cell in enumerate(table.raw(time.column))], dtype=object)
+        stamp = _near(table, time.column, stamp)
     else:
         seconds = table.numbers(time.column)
         bad = np.flatnonzero(~np.isfinite(seconds))
@@ -72,10 +75,9 @@ def _time(table: Table, time: Time, count: int) -> Stamps:
                 f"{table.path}: time column {time.column!r} is no number in row {bad[0]}; leave this row out with"
                 " `rows:`"
             )
-        if time.unit == "ns":
-            stamp = np.round(seconds).astype(np.int64)
-        else:
-            stamp = np.round(seconds * _TO_SECONDS[time.unit] * 1e9).astype(np.int64)
+        with np.errstate(over="ignore"):
+            whole = np.round(seconds if time.unit == "ns" else seconds * _TO_SECONDS[time.unit] * 1e9)
+        stamp = _near(table, time.column, whole)
         if stamp.size and stamp.min() < _ABSOLUTE * 1e9:
             stamp = stamp + _START_NS - min(int(stamp[0]), 0)
     if stamp.size != count:
@@ -83,6 +85,8 @@ def _time(table: Table, time: Time, count: int) -> Stamps:
             f"{table.path}: time column {time.column!r} has {stamp.size} rows, the others {count}; choose columns"
             " of one record"
         )
+    if stamp.size and stamp[0] < 0:
+        raise InputError(f"{table.path}: time column {time.column!r} begins before 1970, which no stamp does")
     back = np.flatnonzero(np.diff(stamp) < 0)
     if back.size:
         raise InputError(
@@ -90,6 +94,17 @@ def _time(table: Table, time: Time, count: int) -> Stamps:
             " with `rows:`"
         )
     return stamp
+
+
+def _near(table: Table, column: str | int, nanoseconds: NDArray[Any]) -> Stamps:
+    """Times as stamps; InputError when one is out of reach of a stamp."""
+    far = np.flatnonzero(np.abs(nanoseconds) >= _LATEST_NS)
+    if far.size:
+        raise InputError(
+            f"{table.path}: time column {column!r} is {float(nanoseconds[far[0]]) / 1e9:g} s in row {far[0]}, which is"
+            " no time; mend the file or leave this row out with `rows:`"
+        )
+    return nanoseconds.astype(np.int64)
 
 
 def _iso(table: Table, cell: object, row: int) -> int:
