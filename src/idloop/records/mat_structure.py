@@ -125,4 +125,4 @@ def _due(kind: int, parts: list[_Element], order: str) -> int:
     (length,) = struct.unpack(f"{order}i", parts[first].content)
     if length < 1:
         raise _DamagedError(f"names of {length} bytes")
-    return int(count) * (len(parts[first + 1].content) // length)
+    return int(count * (len(parts[first + 1].content) // length))
