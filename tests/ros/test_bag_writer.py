@@ -118,3 +118,24 @@ def test_a_place_that_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be made"):
         BagWriter(tmp_path / "file" / "bag", TOPICS, "kilted")
+
+
+def test_a_folder_closed_for_new_files_still_says_what_was_recorded(tmp_path, monkeypatch):
+    writer = BagWriter(tmp_path / "bag", TOPICS, "kilted")
+    messages = fill(writer, 100)
+
+    def refused(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "replace", refused)
+    writer.close()
+    assert read(tmp_path / "bag") == messages
+
+
+def test_a_place_where_a_folder_can_be_made_and_no_file_is_one_line(tmp_path, monkeypatch):
+    def refused(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(BagWriter, "_open_file", refused)
+    with pytest.raises(InputError, match="cannot be made: No space left on device"):
+        BagWriter(tmp_path / "bag", TOPICS, "kilted")

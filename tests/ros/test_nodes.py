@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import pytest
 
@@ -174,3 +176,29 @@ def test_health_is_named_node_and_check(bench):
     one.until(lambda: one.got["/diagnostics"])
     _, statuses = decode_diagnostics(one.got["/diagnostics"][0])
     assert [status.name for status in statuses] == ["excitation: signal"]
+
+
+BROKEN_LOOP = """
+import sys
+from idloop_nodes.nodes.controller import ControllerNode
+from idloop_nodes.runtime import run
+
+def broken(self):
+    raise RuntimeError("the loop is broken")
+
+ControllerNode._run_by_clock = broken
+sys.exit(run("controller", ["controller", "--ros-args", "-p", "mode:=realtime"]))
+"""
+
+
+def test_a_node_whose_loop_breaks_ends_and_says_so(ros_environment):
+    done = subprocess.run(
+        [sys.executable, "-c", BROKEN_LOOP],
+        env=ros_environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=200,
+    )
+    assert done.returncode == 1
+    assert done.stderr.strip() == "controller: RuntimeError: the loop is broken"

@@ -112,14 +112,14 @@ class BagWriter:
             name: _Topic(name, kind, store.hash_rihs01(kind), store.generate_msgdef(kind, ros_version=2)[0])
             for name, kind in topics.items()
         }
-        try:
-            folder.mkdir(parents=True)
-        except OSError as error:
-            raise InputError(f"bag {folder} cannot be made: {error.strerror}; choose another place") from error
         self._files: list[_File] = []
         self._writer: Any = None
         self._stream: IO[bytes] | None = None
-        self._open_file()
+        try:
+            folder.mkdir(parents=True)
+            self._open_file()
+        except OSError as error:
+            raise InputError(f"bag {folder} cannot be made: {error.strerror}; choose another place") from error
 
     def write(self, topic: str, log_time: int, data: bytes, sequence: int = 0) -> None:
         """Append one message."""
@@ -211,9 +211,14 @@ class BagWriter:
                 "ros_distro": self._distribution,
             }
         }
-        temporary = self.folder / "metadata.yaml.tmp"
-        temporary.write_text(_dump(content), encoding="utf-8")
-        temporary.replace(self.folder / "metadata.yaml")
+        place, text = self.folder / "metadata.yaml", _dump(content)
+        temporary = place.with_suffix(".yaml.tmp")
+        try:
+            temporary.write_text(text, encoding="utf-8")
+            temporary.replace(place)
+        except PermissionError:
+            # No new file can be made here any more: what is there must still say what was recorded.
+            place.write_text(text, encoding="utf-8")
 
 
 class _Whole:

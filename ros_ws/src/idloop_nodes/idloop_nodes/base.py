@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -86,6 +87,7 @@ class StreamNode(Node):
         super().__init__(kind, **options)
         self.kind = kind
         self.finished = False
+        self.broken: BaseException | None = None
         self.parameters = NodeParameters(self, table)
         self.others = [peer for peer in self.parameters["peers"] if peer != kind]
         self.progress = Progress()
@@ -103,6 +105,20 @@ class StreamNode(Node):
     def subscriptions(self) -> Iterator[Any]:
         """Subscriptions the executor serves: the polled ones are not its business."""
         return (one for one in super().subscriptions if one not in self._polled)
+
+    def thread(self, run: Callable[[], None], name: str) -> threading.Thread:
+        """Return a thread for a loop of this node; when an error ends it, the node ends with that error, too.
+
+        A node whose loop is gone would otherwise stay there and do nothing, without a word.
+        """
+
+        def guarded() -> None:
+            try:
+                run()
+            except BaseException as error:  # noqa: BLE001  (handed on to the main thread)
+                self.broken = error
+
+        return threading.Thread(target=guarded, name=name, daemon=True)
 
     # streams
 

@@ -125,6 +125,8 @@ def _spin(kind: str, arguments: list[str]) -> None:
             # `spin` of the events executor in the PyPI wheels calls nothing; `spin_once` does.
             executor.spin_once(timeout_sec=node.poll_period)
             node.poll()
+            if node.broken is not None:
+                raise node.broken
     finally:
         if node is not None:
             node.close()

@@ -68,7 +68,7 @@ class BridgeNode(ManagedNode):
         )
         self._emergency = EmergencyStop(self, self._lock, self._stop_motor, self._gate.reset, "soft start")
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+        self._thread = self.thread(self._watch, "watchdog")
         self._thread.start()
         self.start_by_itself()
 

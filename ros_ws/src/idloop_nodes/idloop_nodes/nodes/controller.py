@@ -75,7 +75,7 @@ class ControllerNode(ManagedNode):
             self.listen(output_topic(model), self._on_measurement)
         else:
             self._measurements = self.poll_topic(output_topic(model))
-            self._thread = threading.Thread(target=self._run_by_clock, name="controller", daemon=True)
+            self._thread = self.thread(self._run_by_clock, "controller")
         self._emergency = EmergencyStop(self, self._lock, self._publish_zero, self._reset, "controller reset")
         self.start_by_itself()
         if self._thread is not None:

@@ -78,7 +78,7 @@ class PlantNode(StreamNode):
             self._urgent = False
             self._deadlines = Deadlines(self._period_ns)
             self._stop = threading.Event()
-            self._thread = threading.Thread(target=self._run_by_clock, name="plant", daemon=True)
+            self._thread = self.thread(self._run_by_clock, "plant")
         self._plant.measure()  # compiles before the clock runs
         self._plant.reset()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import queue
-import threading
 import time
 
 from idloop.errors import IdloopError
@@ -72,7 +71,7 @@ class RecorderNode(StreamNode):
         self._told = -1
         self._done = False
         self._failure = ""
-        self._thread = threading.Thread(target=self._write, name="writer", daemon=True)
+        self._thread = self.thread(self._write, "writer")
         self._thread.start()
         self.get_logger().info(f"recording {len(self._topics)} topics to {folder}")
 
@@ -154,22 +153,41 @@ class RecorderNode(StreamNode):
                 for topic, log_time, data in batch:
                     self._writer.write(topic, log_time, data)
             except OSError as error:
-                self._failure = f"recording to {self._writer.folder} failed: {error.strerror}"
+                self._failure = self._reason(error)
                 return
             self._waiting -= len(batch)
             self._written.count += len(batch)
 
+    def _reason(self, error: OSError) -> str:
+        return (
+            f"recording to {self._writer.folder} failed: {error.strerror}; what was written before is kept, "
+            "and `idloop recover` saves it where it cannot be read"
+        )
+
     def close(self) -> None:
-        """Take in what is still on its way, then finish the bag."""
+        """Take in what is still on its way, then finish the bag.
+
+        Raises
+        ------
+        IdloopError
+            When the bag could not be written to its end.
+        """
         quiet_since = started = time.monotonic()
         while (now := time.monotonic()) - quiet_since < DRAIN_QUIET and now - started < DRAIN_LIMIT:
+            if self._failure:
+                break  # nobody would write it
             if self._collect():
                 quiet_since = now
             time.sleep(0.005)
         self._hand_over(everything=True)
         self._batches.put(None)
         self._thread.join()
-        self._writer.close()
+        try:
+            self._writer.close()
+        except OSError as error:
+            self._failure = self._failure or self._reason(error)
+        if self._failure:
+            raise IdloopError(self._failure)
         lost = sum(check.lost for check in self._checks.values())
         self.get_logger().info(
             f"recorded {self._writer.count} messages to {self._writer.folder}, lost {lost}, dropped {self._overflow}"
