@@ -157,3 +157,15 @@ def test_absurd_stiffness_costs_bounded_time() -> None:
     model = load_model("axis").with_effect("imbalance", "axis", amplitude=1e12)
     output = Engine(model).simulate(None, np.array([0.0]), np.array([1.0]), TIME[:100])
     assert output.shape == (100, 2)
+
+
+def test_a_plant_that_has_fallen_behind_keeps_every_command_that_is_still_to_come():
+    behind, abreast = (Plant(load_model("dc_motor"), noise=False) for _ in range(2))
+    commands = np.sin(0.01 * np.arange(10_000))
+    for k, command in enumerate(commands):
+        behind.schedule(1e-3 * k, command)
+    for k, command in enumerate(commands):
+        abreast.schedule(1e-3 * k, command)
+        abreast.advance(1e-3 * (k + 1))
+    behind.advance(10.0)
+    assert np.allclose(behind.measure(), abreast.measure(), rtol=1e-9)

@@ -13,6 +13,7 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 
 from idloop.errors import IdloopError, InputError
 from idloop_nodes.codec import JointSample, decode_diagnostics, decode_joint_state, encode_joint_state, encode_time
+from idloop_nodes.nodes.plant import effective
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 MS = 1_000_000
@@ -202,3 +203,18 @@ def test_a_node_whose_loop_breaks_ends_and_says_so(ros_environment):
     )
     assert done.returncode == 1
     assert done.stderr.strip() == "controller: RuntimeError: the loop is broken"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "received", "when"),
+    [(105, 101, 105), (95, 101, 101), (95, 3_700_101, 100), (95, -3_599_899, 100)],
+    ids=["in time", "late", "the clock was set forth", "the clock was set back"],
+)
+def test_a_simulated_command_takes_effect_at_its_stamp_or_on_arrival(stamp, received, when):
+    milliseconds = [10**6 * one for one in (stamp, received, 100)]
+    assert effective(*milliseconds) == 10**6 * when
+
+
+def test_a_command_for_an_hour_ahead_holds_up_nobody():
+    with pytest.raises(InputError, match="3600 s ahead"):
+        effective(3_601 * 10**9, 10**9, 10**9)

@@ -104,7 +104,7 @@ class Plant:
         stamp = max(stamp, self.time)
         if self._commands and stamp < self._command_time[self._commands - 1]:
             stamp = float(self._command_time[self._commands - 1])
-        if self._commands == COMMANDS_KEPT:
+        if self._commands == len(self._command):
             self._forget()
         self._command_time[self._commands] = stamp
         self._command[self._commands] = command
@@ -132,9 +132,12 @@ class Plant:
         self.advance(until)
 
     def _forget(self) -> None:
-        half = COMMANDS_KEPT // 2
+        half = len(self._command) // 2
         if self._state[kernel.COMMAND] < half:
-            raise InputError("the input delay holds more commands than the plant keeps: shorten it")
+            # A long delay, or a plant that has fallen behind its commands: most of them are still to come.
+            self._command_time = np.concatenate((self._command_time, np.zeros(2 * half)))
+            self._command = np.concatenate((self._command, np.zeros(2 * half)))
+            return
         self._command_time[:half] = self._command_time[half:]
         self._command[:half] = self._command[half:]
         self._commands -= half

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from idloop.errors import IdloopError
+from idloop.errors import IdloopError, InputError
 from idloop.physics import Machine, Plant, load_model
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
@@ -16,6 +16,7 @@ from idloop_nodes.pace import Pace
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, BackPressure
 from idloop_nodes.rates import RateCounter
+from idloop_nodes.stream_watch import JUMP_NS
 from idloop_nodes.tables import PLANT
 
 SECOND = 1_000_000_000
@@ -30,6 +31,28 @@ def simulated(values: NodeParameters) -> Plant:
         disturbance_std=values["disturbance_std"],
         disturbance_time_constant=values["disturbance_time_constant"],
     )
+
+
+def effective(stamp: int, received: int, now: int) -> int:
+    """Return when a command takes effect: at its stamp, or on arrival when it is late.
+
+    Parameters
+    ----------
+    stamp, received : int
+        Of the command, by the clock of the system [ns].
+    now : int
+        The plant's own time, which goes on evenly when that clock is set [ns].
+
+    Raises
+    ------
+    InputError
+        It would hold up all that follow: a stranger's, or from a clock that was set.
+    """
+    if abs(received - now) >= JUMP_NS:
+        received = now
+    if stamp - received >= JUMP_NS:
+        raise InputError(f"a command for {(stamp - received) / SECOND:.0f} s ahead")
+    return max(stamp, received)
 
 
 class PlantNode(StreamNode):
@@ -174,12 +197,12 @@ class PlantNode(StreamNode):
             for data, information in self._commands.take():
                 try:
                     stamp, (command,) = self._reader.read(data)
-                    received = information.get("received_timestamp") or now
-                    self._plant.schedule((max(stamp, received) - self._start_ns) / SECOND, command)
+                    when = effective(stamp, information.get("received_timestamp") or now, now)
+                    self._plant.schedule((when - self._start_ns) / SECOND, command)
                 except (CdrError, IdloopError):
                     self._bad_commands += 1
                     continue
-                self._late_commands += received > stamp
+                self._late_commands += when > stamp
                 last_command, applied = now, applied + 1
             if applied and now - last_command > self.parameters["command_timeout"] * SECOND:
                 self._plant.schedule(self._plant.time, 0.0)
