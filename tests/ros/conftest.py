@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import sys
 import time
 import warnings
+from pathlib import Path
 
 import pytest
+
+# The files of a benchmark are scripts beside each other: they are found where they lie.
+sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks" / "graph_faults"))
 
 with warnings.catch_warnings(), contextlib.suppress(ImportError):
     warnings.simplefilter("ignore")

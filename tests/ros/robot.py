@@ -2,8 +2,8 @@
 
 It publishes JointState on ``/robot/joint_states`` and takes Float64MultiArray on ``/robot/commands``, as a robot with
 a controller of ros2_control does; a simulated motor moves the joint in the middle. Orders on stdin: ``quiet``,
-``nan``, ``jump SECONDS`` and ``good`` change what it measures, ``end`` ends it. It writes one line for each order and
-for each command, with the time of its own steady clock, into LOG.
+``nan``, ``jump SECONDS``, ``pace FACTOR`` and ``good`` change what it measures, ``end`` ends it. It writes one line for
+each order, each command and each measurement, with the time of its own steady clock, into LOG.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Robot:
 
     def __init__(self, log, period):
         self.log, self.period = log, period
-        self.mood, self.shift_ns = "good", 0
+        self.mood, self.shift_ns, self.pace = "good", 0, 1.0
         self.commanded = 0.0
         self.ended = threading.Event()
         self.plant = Plant(load_model("dc_motor"), noise=False)
@@ -54,7 +54,10 @@ class Robot:
     def obey(self):
         for line in sys.stdin:
             self.mood, *words = line.split()
-            self.shift_ns += int(float(words[0]) * 1e9) if words else 0
+            if self.mood == "pace":
+                self.pace = float(words[0])
+            elif words:
+                self.shift_ns += int(float(words[0]) * 1e9)
             self.write("order", self.mood)
             if self.mood == "end":
                 break
@@ -70,7 +73,7 @@ class Robot:
             if now < due:
                 executor.spin_once(timeout_sec=due - now)
                 continue
-            due = max(due + self.period, now)
+            due = max(due + self.period / self.pace, now)
             self.plant.step(self.commanded, now)
             if self.mood != "quiet":
                 position, velocity = self.plant.measure()
@@ -78,6 +81,7 @@ class Robot:
                 stamp = time.time_ns() + self.shift_ns
                 sample = JointSample(stamp, NAMES, (0.0, position + bad, 0.0), (0.0, velocity, 0.0), (0.0, 0.0, 0.0))
                 self.states.publish(encode_joint_state(sample))
+                self.write("sent", stamp)
 
 
 if __name__ == "__main__":

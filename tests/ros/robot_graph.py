@@ -35,11 +35,11 @@ NODES = {
 class RobotGraph:
     """Excitation, controller, bridge and robot as processes, and an own node among them."""
 
-    def __init__(self, folder: Path, bridge):
+    def __init__(self, folder: Path, bridge, more=None):
         self.folder = folder
         self.log = folder / "robot.log"
         self.environment = node_environment()
-        self.parameters = {name: dict(values) for name, values in NODES.items()}
+        self.parameters = {name: dict(values) for name, values in (NODES | (more or {})).items()}
         self.parameters["bridge"] |= bridge
         self.processes = {}
         self.start_robot()
@@ -109,6 +109,10 @@ class RobotGraph:
         return next(
             (int(row[0]), float(row[2]), float(row[3])) for row in reversed(self._rows()) if row[1] == "command"
         )
+
+    def sent(self):
+        """(steady time, stamp) of every measurement."""
+        return [(int(row[0]), int(row[2])) for row in self._rows() if row[1] == "sent"]
 
     def obeyed(self):
         """Steady times at which the robot took the orders."""
