@@ -25,6 +25,7 @@ from sensor_msgs.msg import JointState
 from idloop.errors import IdloopError
 from idloop.records import read_streams
 from idloop.records.recover import recover_bag
+from idloop.records.recover_mcap import mcap_messages
 from idloop_nodes import qos
 from idloop_nodes.bag_writer import CHUNK_SIZE
 from idloop_nodes.codec import peek_stamp
@@ -81,6 +82,7 @@ class LiveGraph(RobotGraph):
         self.prefixes = dict(prefixes or {})
         self.bag = folder / "bag_0"
         self.number = 0
+        self._seen: Path | None = None
         self.windows: list[tuple[int, int]] = []
         super().__init__(folder, {}, WATCHERS)
         self.listener = Listener()
@@ -119,6 +121,15 @@ class LiveGraph(RobotGraph):
         self.until(lambda: self.listener.count > heard + 10)
         size = self.recorded()
         self.until(lambda: self.recorded() > size)
+        # A recorder that has just joined may not have found the bridge yet.
+        self.until(self._measured)
+
+    def _measured(self) -> bool:
+        """Whether the recording has a measurement in it."""
+        if self.bag != self._seen:
+            topics = (one.channel.topic for file in self.bag.glob("*.mcap") for one in mcap_messages(file) if one)
+            self._seen = self.bag if "/joint_states" in topics else None
+        return self._seen is not None
 
     def recorded(self) -> int:
         """Size of the recording [bytes]."""

@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-FULL = 400_000  # bytes until a full disk is full
+FULL = 1_000_000  # bytes until a full disk is full
 
 
 def _done(*words: str) -> bool:
