@@ -31,7 +31,11 @@ SECTIONS = {
     "n4sid": "subspace identification against SLICOT, SIPPY and nfoursid",
     "simulation": "free runs against solve_ivp, MuJoCo and plain C",
     "greybox": "grey-box fits against compiled and plain least squares, jax-sysid and MuJoCo's sysid",
+    "diagnosis": "the whole catalogue, a ladder of three, four bodies, growth with the record",
+    "narx": "training of a network against scikit-learn, to the same error",
+    "live": "the graph in real time and in lock-step: shares of a core, losses, ages, steps a second",
     "command_line": "help, compare, and the reading of bags against rosbags",
+    "scaling": "our time and memory against samples, order, outputs and effects",
 }
 
 

@@ -48,7 +48,7 @@ def run(contest: Contest) -> Section:
             "time of the compiled yardstick over ours", 3.0, section.ratio(FIVE, YARDSTICK),
             limit="the number of free runs: ours estimates the first state and standard errors as well, by differences",
         ),
-        Claim("time of solve_ivp over ours", 300.0, section.ratio(FIVE, SCIPY), limit="as above"),
+        Claim("time of solve_ivp over ours", 300.0, section.ratio(FIVE, SCIPY), limit="the same free runs"),
         Claim("time of MuJoCo sysid over ours", 5.0, section.ratio(TWO, "MuJoCo sysid")),
         Claim("time of jax-sysid over ours", 5.0, section.ratio(TWO, "jax-sysid")),
         Claim(
