@@ -37,12 +37,15 @@ class Contest:
         Scaling up to 10^7 samples.
     live_seconds : float
         Length of the live run [s].
+    processor : bool
+        Whether processor time counts instead of the time that passes.
     """
 
     peers: Path | None
     quick: bool = False
     long: bool = False
     live_seconds: float = 30.0
+    processor: bool = False
 
     def runs(self, usual: int) -> int:
         """Runs behind a median."""
@@ -98,7 +101,7 @@ class Contest:
             if "times" in report:
                 with np.load(folder / "answer.npz") as file:
                     answer = {key: file[key] for key in file.files}
-        return filled(row, report), answer
+        return filled(row, report, processor=self.processor), answer
 
 
 def run_worker(command: list[str], timeout: float) -> dict[str, Any]:
@@ -114,14 +117,16 @@ def run_worker(command: list[str], timeout: float) -> dict[str, Any]:
     return dict(json.loads(lines[-1]))
 
 
-def filled(row: Row, report: Mapping[str, Any]) -> Row:
+def filled(row: Row, report: Mapping[str, Any], *, processor: bool = False) -> Row:
     """Row with what a process reported."""
     if "missing" in report:
         row.note = f"not installed: {report['missing']}"
     elif "failed" in report:
         row.note = str(report["failed"])
     else:
-        row.seconds, row.runs, row.memory = median(report["times"]), len(report["times"]), report["memory"]
+        row.passed, row.processor = median(report["times"]), median(report["busy"])
+        row.seconds = row.processor if processor else row.passed
+        row.runs, row.memory = len(report["times"]), report["memory"]
     if row.note:
         say(f"  {row.note}")
     elif row.seconds is not None:

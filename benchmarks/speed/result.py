@@ -18,6 +18,8 @@ class Row:
         Contestant; ``idloop`` is ours.
     seconds : float or None
         Median time; none where it could not be done.
+    passed, processor : float or None
+        Median of the time that passed and of processor time; `seconds` is the one that counts in this run.
     runs : int
         Runs behind the median.
     memory : float or None
@@ -38,6 +40,8 @@ class Row:
     answer: dict[str, float] = field(default_factory=dict)
     agrees: bool | None = None
     note: str = ""
+    passed: float | None = None
+    processor: float | None = None
 
 
 @dataclass

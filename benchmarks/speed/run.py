@@ -68,6 +68,12 @@ def parse() -> argparse.Namespace:
         metavar="FOLDER",
         help="where results go (default runs/benchmark)",
     )
+    parser.add_argument(
+        "--clock",
+        choices=("wall", "processor"),
+        default="wall",
+        help="what counts: time that passes (default), or processor time where others use the machine",
+    )
     parser.add_argument("--without-peers", action="store_true", help="ours alone: installs nothing")
     return parser.parse_args()
 
@@ -78,7 +84,7 @@ def main() -> int:
     if not given.live_seconds > 0.0:
         raise SystemExit(f"--live-seconds {given.live_seconds:g}: give more than 0")
     peers = None if given.without_peers else peers_python()
-    contest = Contest(peers, given.quick, given.long, given.live_seconds)
+    contest = Contest(peers, given.quick, given.long, given.live_seconds, given.clock == "processor")
     load = f"{os.getloadavg()[0]:.1f}"
     sections: list[Section] = []
     about: dict[str, Any] = {}
@@ -86,7 +92,7 @@ def main() -> int:
         say(f"== {name}: {SECTIONS[name]}")
         sections.append(importlib.import_module(f"speed.sections.{name}").run(contest))
         about = {
-            "when": time.strftime("%Y-%m-%d"), "machine": machine(), "quick": given.quick,
+            "when": time.strftime("%Y-%m-%d"), "machine": machine(), "quick": given.quick, "clock": given.clock,
             "load": f"{load} before and {os.getloadavg()[0]:.1f} at the end",
         }  # fmt: skip
         # After each section, so that an interrupted run leaves what it has.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from speed.contest import WORK, filled, octave
+from speed.contest import WORK, Contest, filled, octave
 from speed.progress import say
 from speed.result import Row
 
@@ -19,7 +19,7 @@ NAME = "SLICOT (Octave control)"
 
 
 def n4sid_by_slicot(
-    work: str, data: Mapping[str, Array], order: int, horizon: int, runs: int
+    contest: Contest, work: str, data: Mapping[str, Array], order: int, horizon: int, runs: int
 ) -> tuple[Row, dict[str, Array]]:
     """Let SLICOT identify; the same clock and the same measure of memory as for the others."""
     from scipy.io import loadmat, savemat
@@ -32,7 +32,7 @@ def n4sid_by_slicot(
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         savemat(folder / "data.mat", dict(data))
-        numbers = [str(order), str(horizon), str(runs)]
+        numbers = [str(order), str(horizon), str(contest.runs(runs))]
         command = [
             program,
             "-q",
@@ -47,5 +47,5 @@ def n4sid_by_slicot(
             said = (done.stderr.strip().splitlines() or ["no answer"])[-1]
             return filled(row, {"failed": said[:200]}), {}
         found = loadmat(folder / "answer.mat")
-    report = {"times": found["times"].ravel().tolist(), "memory": float(found["memory"].item())}
-    return filled(row, report), {key: found[key] for key in "abcd"}
+    report = {key: found[key].ravel().tolist() for key in ("times", "busy")} | {"memory": found["memory"].item()}
+    return filled(row, report, processor=contest.processor), {key: found[key] for key in "abcd"}

@@ -22,7 +22,7 @@ def duration(seconds: float | None) -> str:
 
 def markdown(sections: Sequence[Section], about: dict[str, Any]) -> str:
     """All sections: what was measured beside each other, and targets with what was reached."""
-    text = [f"Measured {about['when']} on {about['machine']}; load {about['load']} beside it.", ""]
+    text = [f"Measured {about['when']} on {about['machine']}; load {about['load']}; {about['clock']} time.", ""]
     for section in sections:
         text += [f"## {section.title}", "", *_rows(section), "", *_claims(section.claims), ""]
         text += [line for remark in section.remarks for line in (remark, "")]

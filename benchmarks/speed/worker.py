@@ -67,16 +67,18 @@ def main() -> int:
             module.work(warm, settings)()
         act = module.work(data, settings)
         times: list[float] = []
+        busy: list[float] = []
         answer: dict[str, Any] = {}
         _forget_peak()
         before = _status("VmRSS")
         spent = 0.0
         while len(times) < settings["runs"] and (not times or spent < settings.get("patience", 60.0)):
-            begin = time.perf_counter()
+            begin, used = time.perf_counter(), time.process_time()
             answer = act()
             times.append(time.perf_counter() - begin)
+            busy.append(time.process_time() - used)
             spent += times[-1]
-        report = {"times": times, "memory": max(_status("VmHWM") - before, 0.0)}
+        report = {"times": times, "busy": busy, "memory": max(_status("VmHWM") - before, 0.0)}
         np.savez(answer_path, **{key: np.asarray(value) for key, value in answer.items()})
     except ImportError as error:
         report = {"missing": str(error.name or error)}

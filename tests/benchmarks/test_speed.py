@@ -91,7 +91,7 @@ def test_octave_that_is_absent_is_one_line(monkeypatch):
     from speed import slicot
 
     monkeypatch.setattr(slicot, "octave", lambda: None)
-    row, answer = slicot.n4sid_by_slicot("w", {}, 8, 28, 1)
+    row, answer = slicot.n4sid_by_slicot(Contest(None), "w", {}, 8, 28, 1)
     assert row.note == "not installed: apt install octave octave-control"
     assert not answer
 
@@ -127,7 +127,7 @@ def example():
 
 
 def test_tables_say_what_was_reached_and_what_not(tmp_path):
-    about = {"when": "today", "machine": "this", "load": "0"}
+    about = {"when": "today", "machine": "this", "load": "0", "clock": "wall"}
     table.write([example()], about, tmp_path)
     text = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
     assert "| work | idloop | 10 ms | 1 | 3 MB | FIT [%] 99 |" in text

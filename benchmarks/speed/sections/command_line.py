@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
-from statistics import median
 
 import numpy as np
-from speed.contest import Contest
+from speed.contest import Contest, filled
 from speed.motor import PERIOD, TRUTH, experiment, motor
 from speed.progress import say
 from speed.result import Claim, Row, Section
@@ -39,7 +39,7 @@ def run(contest: Contest) -> Section:
         model.save(Path(place) / "motor.yaml")
         verbs = ((HELP, ["--help"]), (compare, ["compare", str(Path(place) / "motor.yaml"), str(bag)]))
         for work, arguments in verbs:
-            section.rows.append(whole_process(work, [*COMMAND, *arguments], contest.runs(9)))
+            section.rows.append(whole_process(contest, work, [*COMMAND, *arguments], 9))
         settings = {"bag": str(bag)}
         none = {"nothing": np.zeros(1)}
         own, ours = contest.enter(reading, "idloop", "reading_idloop", none, settings, ours=True, runs=9)
@@ -63,17 +63,22 @@ def run(contest: Contest) -> Section:
     return section
 
 
-def whole_process(work: str, command: list[str], runs: int) -> Row:
+def whole_process(contest: Contest, work: str, command: list[str], runs: int) -> Row:
     """Median time of a process; one run before is not counted."""
     say(f"{work}")
-    row, times = Row(work, "idloop"), []
-    for _ in range(runs + 1):
-        begin = time.perf_counter()
+    row, times, busy = Row(work, "idloop"), [], []
+    for _ in range(contest.runs(runs) + 1):
+        begin, used = time.perf_counter(), _used()
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         times.append(time.perf_counter() - begin)
+        busy.append(_used() - used)
         if done.returncode:
             row.note = (done.stderr.strip().splitlines() or ["failed"])[-1]
             return row
-    row.seconds, row.runs = median(times[1:]), runs
-    say(f"  {row.seconds:.4g} s")
-    return row
+    return filled(row, {"times": times[1:], "busy": busy[1:], "memory": None}, processor=contest.processor)
+
+
+def _used() -> float:
+    """Processor time of all processes that were waited for [s]."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime

@@ -50,7 +50,7 @@ def run(contest: Contest) -> Section:
         if loudness == 1.0:
             exact = settings | {"exact": True}
             found.append(contest.enter(work, "idloop, QR", "n4sid_idloop", data, exact, ours=True, runs=3))
-        found.append(n4sid_by_slicot(work, data, ORDER, HORIZON, contest.runs(9)))
+        found.append(n4sid_by_slicot(contest, work, data, ORDER, HORIZON, 9))
         for who, module in PEERS.items():
             if loudness > 1.0:  # SLICOT is the one to compare with; these would take minutes more
                 continue

@@ -21,12 +21,14 @@ if file > 0
   fclose(file);
 end
 before = status('VmRSS');
-times = zeros(1, runs);
+times = busy = zeros(1, runs);
 for k = 1:runs
+  used = cputime();
   start = tic();
   found = n4sid(dat, order, 's', horizon);
   times(k) = toc(start);
+  busy(k) = cputime() - used;
 end
 memory = max(status('VmHWM') - before, 0) / 1024;
 [a, b, c, d] = ssdata(found);
-save('-mat7-binary', arguments{5}, 'times', 'memory', 'a', 'b', 'c', 'd');
+save('-mat7-binary', arguments{5}, 'times', 'busy', 'memory', 'a', 'b', 'c', 'd');
