@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
@@ -10,11 +11,20 @@ from idloop.records import Record
 RATE = 200.0
 
 
-def record_of(machine: Model, seed: int, seconds: float = 12.0, disturbance: float = 0.0, name: str = "run") -> Record:
-    """Open-loop record of a machine under random steps of many sizes."""
+def record_of(
+    machine: Model,
+    seed: int,
+    seconds: float = 12.0,
+    disturbance: float = 0.0,
+    name: str = "run",
+    command: NDArray[np.float64] | None = None,
+) -> Record:
+    """Open-loop record of a machine under random steps of many sizes, or a command of one's own."""
     rng = np.random.default_rng(seed)
-    time = np.arange(0.0, seconds, 1.0 / RATE)
-    command = rng.normal(size=int(4 * seconds) + 1)[(4 * time).astype(int)]
+    if command is None:
+        time = np.arange(0.0, seconds, 1.0 / RATE)
+        command = rng.normal(size=int(4 * seconds) + 1)[(4 * time).astype(int)]
+    time = np.arange(len(command)) / RATE
     torque = np.zeros_like(time)
     for k in range(1, len(time)):
         torque[k] = 0.9 * torque[k - 1] + rng.normal()

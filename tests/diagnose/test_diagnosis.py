@@ -120,6 +120,22 @@ def test_the_ladder_climbs_to_both_effects_and_back(start: Model) -> None:
         back.undo().undo()
 
 
+def test_a_limit_that_falls_with_speed_takes_the_place_of_one_that_does_not() -> None:
+    # The command peaks far above the limit, so the size of the peaks says nothing of it.
+    motor = load_model("dc_motor")
+    machine = motor.with_effects(["speed_limit_voltage@input(supply=2.0,back_emf=0.207)"])
+    rng = np.random.default_rng(3)
+    command = np.where(np.arange(4000) % 100 < 3, 8.0, 1.5) * np.repeat(rng.choice([-1.0, -0.5, 0.5, 1.0], 40), 100)
+    limited = motor.with_effects(["saturation@input(limit=1.2)"])
+    found = diagnose(
+        limited, [record_of(machine, 4, command=command)], effects=["speed_limit_voltage", "quadratic_drag"]
+    )
+    assert found.set == ("speed_limit_voltage@input",)
+    assert found.best is not None
+    assert found.best.parameters["supply"]["value"] == pytest.approx(2.0, rel=0.05)
+    assert found.best.parameters["back_emf"]["value"] == pytest.approx(0.207, rel=0.1)
+
+
 def test_equal_seeds_give_equal_answers(start: Model) -> None:
     record = record_of(load_model("axis"), 7, seconds=6.0)
     first, second = (diagnose(start, [record], effects=["dead_zone", "coulomb_friction"], seed=4) for _ in range(2))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from idloop.diagnose import diagnose
@@ -52,6 +53,23 @@ def test_an_effect_whose_interval_holds_none_is_not_told_from_none() -> None:
     parent, found, records = confirmed_with(start, machine, name)
     # Whatever the likelihood says of it.
     assert "95 %" in too_slight(parent, found, records)
+
+
+@pytest.mark.parametrize(("amplitude", "named"), [(3e-4, False), (0.05, True)])
+def test_what_a_coarse_sensor_rounds_off_is_no_ripple(amplitude: float, named: bool) -> None:
+    name, start = "sensor_ripple@position[axis]", load_model("axis")
+    machine = start.with_effects([f"{name}(amplitude={amplitude},harmonic=6,phase=0.4)"])
+    (exact,) = [record_of(machine, 4, seconds=8.0)]
+    column = [o.site for o in start.outputs].index("position[axis]")
+    output = exact.output.copy()
+    output[:, column] = 0.02 * np.round(output[:, column] / 0.02)
+    records = [replace(exact, output=output)]
+    setting = prepare_setting(start, records, "prediction")
+    parent = refit(setting, start)
+    proposal = next(p for p in proposals(parent.model, [name]) if p.name == name)
+    fit = refit(setting, proposal.model({"amplitude": amplitude, "harmonic": 6.0, "phase": 0.4}), None, parent)
+    confirmed = Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0)
+    assert ("rounding" in too_slight(parent, confirmed, records)) is not named
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-8, 1e-6])

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,12 +7,26 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from idloop.estimate.covariance import jackknife, long_run_covariance, sandwich, white_covariance, widest
+from idloop.estimate.spread import problem_covariance
 
 
 def test_long_run_variance_of_an_autoregression() -> None:
     rng = np.random.default_rng(0)
     g = lfilter([1.0], [1.0, -0.8], rng.normal(size=50_000))[:, None]
     assert long_run_covariance([g])[0, 0] == pytest.approx(1.0 / (1.0 - 0.8) ** 2, rel=0.15)
+
+
+def test_a_parameter_that_moves_nothing_has_no_standard_error() -> None:
+    rng = np.random.default_rng(2)
+    jacobian, residual = rng.normal(size=(400, 3)), rng.normal(size=400)
+    jacobian[:, 1] = 0.0
+    rows = np.array_split(np.arange(400), 40)
+    problem = SimpleNamespace(scores=lambda _, e, j: [j * e[:, None]], stretches=lambda _, count: rows)
+    covariance = problem_covariance(problem, np.zeros(3), residual, jacobian)
+    alone = problem_covariance(problem, np.zeros(2), residual, jacobian[:, [0, 2]])
+    assert np.isnan(covariance[1]).all()
+    assert np.isnan(covariance[:, 1]).all()
+    assert covariance[np.ix_([0, 2], [0, 2])] == pytest.approx(alone)
 
 
 def test_regression_interval_under_coloured_noise() -> None:

@@ -43,7 +43,7 @@ def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = No
         name = f"{EFFECT}@{output.site}"
         if name in model.effect_names or not (effects is None or EFFECT in effects or name in effects):
             continue
-        step = _step(setting.records, column)
+        step = rounding_step(setting.records, column)
         if step <= 0.0:
             continue
         effect = find_effect(EFFECT, OUTPUT)
@@ -63,7 +63,7 @@ def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = No
     return sorted(found, key=lambda c: -float(c.parameters["resolution"]["value"]))
 
 
-def _step(records: Sequence[Record], column: int) -> float:
+def rounding_step(records: Sequence[Record], column: int) -> float:
     """Quantum of one output in all records; 0 without one that stands above the noise."""
     steps = []
     for record in records:

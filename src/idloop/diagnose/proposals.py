@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from idloop.errors import InputError
-from idloop.physics.effect import BODY, OUTPUT, Effect, catalogue
+from idloop.physics.effect import INPUT, OUTPUT, Effect, catalogue
 from idloop.physics.model import Model
 from idloop.physics.schema import Value
 from idloop.physics.trial import Scales, Trial
@@ -177,15 +177,18 @@ def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
 
 def dry_level(model: Model, body: str) -> float:
     """Dry friction that a model has at a body at speed, 0 without any."""
-    level = 0.0
+    return sum(_values_as(model, body, "coulomb_friction", "level"))
+
+
+def command_limit(model: Model) -> float:
+    """Command from which on a model cuts it at rest, infinite without such a limit."""
+    return min(_values_as(model, INPUT, "saturation", "limit"), default=float("inf"))
+
+
+def _values_as(model: Model, at: str, plain: str, parameter: str) -> Iterator[float]:
+    """Values of a plain effect's parameter at a site, and of richer effects that contain it."""
     for active in model.effects:
-        if active.at == body and active.effect.site == BODY:
-            names = {"coulomb_friction": "level", **_dry_names(active.effect)}
-            if active.effect.name in names:
-                level += model.values[f"{active.name}.{names[active.effect.name]}"]
-    return level
-
-
-def _dry_names(effect: Effect) -> dict[str, str]:
-    part = effect.contains.get("coulomb_friction")
-    return {effect.name: part["level"]} if part else {}
+        if active.at == at:
+            name = parameter if active.effect.name == plain else active.effect.contains.get(plain, {}).get(parameter)
+            if name is not None:
+                yield model.values[f"{active.name}.{name}"]

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.proposals import dry_level
+from idloop.diagnose.proposals import command_limit, dry_level
 from idloop.diagnose.setting import Setting
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
@@ -96,6 +96,7 @@ class Sizes:
         return Scales(
             command=self.command,
             command_most=self.command_most,
+            limit=command_limit(model),
             force=self.setting.force,
             speed=speed,
             speed_most=most,

@@ -9,21 +9,26 @@ missing physics, however small its p-value.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.confirm import Confirmed
 from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.lattice import rounding_step
 from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import Refit
 from idloop.errors import IdloopError
-from idloop.estimate.dataset import prepare
+from idloop.estimate.dataset import Data, prepare
 from idloop.estimate.engine import RememberingEngine
+from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validate.free_run import free_runs
+
+Array = NDArray[np.float64]
 
 # Share of an output's deviation that an effect moves it by at least: 0.002 points of FIT.
 NEGLIGIBLE = 2e-5
@@ -54,6 +59,8 @@ def too_slight(parent: Refit, confirmed: Confirmed, records: Sequence[Record]) -
     without = fitted.without_effect(proposal.name) if proposal.replaces is None else parent.model
     if same_motion(fitted, without, records):
         return f"it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
+    if proposal.effect.site == OUTPUT and _within_rounding(fitted, without, proposal.at, records):
+        return "it moves the reading by less than half a step of its rounding"
     if proposal.replaces is None and not _tells_from_none(with_stderr(confirmed.fit, records), proposal):
         return "the 95 % interval of its strength holds the value at which it does nothing"
     return ""
@@ -74,16 +81,33 @@ def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
     bool
         False where a simulation fails.
     """
+    try:
+        return all(
+            np.all(np.sqrt(np.nanmean(apart**2, axis=0)) <= NEGLIGIBLE * np.nanstd(data.output, axis=0))
+            for data, apart in _apart(model, other, records)
+        )
+    except IdloopError:
+        return False
+
+
+def _within_rounding(model: Model, other: Model, output: str, records: Sequence[Record]) -> bool:
+    """Whether two models of the same motion read a sensor apart by no more than its own rounding does."""
+    column = next(i for i, o in enumerate(model.outputs) if o.site == output)
+    step = rounding_step(records, column)
+    if step == 0.0:
+        return False
+    try:
+        return all(np.all(np.abs(apart[:, column]) <= 0.5 * step) for _, apart in _apart(model, other, records))
+    except IdloopError:
+        return False
+
+
+def _apart(model: Model, other: Model, records: Sequence[Record]) -> Iterator[tuple[Data, Array]]:
+    """Records, and how far the free runs of two models of the same bodies come apart in them, shape (n, p)."""
     engine, second = RememberingEngine(model), RememberingEngine(other)
     for data in prepare(model, records):
-        try:
-            one, two = free_runs(engine, data, second)
-        except IdloopError:
-            return False
-        apart = np.sqrt(np.nanmean((one - two) ** 2, axis=0))
-        if not np.all(apart <= NEGLIGIBLE * np.nanstd(data.output, axis=0)):
-            return False
-    return True
+        one, two = free_runs(engine, data, second)
+        yield data, one - two
 
 
 def _tells_from_none(fitted: Model, proposal: Proposal) -> bool:

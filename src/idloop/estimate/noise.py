@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 _THIRD_DIFFERENCE_VARIANCE = 20.0
 # Median absolute value of a standard normal variable.
 _MEDIAN_OF_NORMAL = 0.6744897501960817
+# Fewer gaps may be multiples of one by chance.
+_ENOUGH_GAPS = 20
 
 
 def resolution(values: ArrayLike) -> float:
@@ -24,17 +26,28 @@ def resolution(values: ArrayLike) -> float:
     Returns
     -------
     float
-        Quantum in the output's unit; 0 when values hardly ever repeat.
+        Quantum in the output's unit; 0 when values hardly ever repeat and lie on no lattice.
     """
     y = np.asarray(values, dtype=float)
     y = y[np.isfinite(y)]
     levels = np.unique(y)
-    if len(levels) < 2 or len(levels) > 0.5 * len(y):
-        return 0.0
     gaps = np.diff(levels)
     # Rounding in the file format makes gaps of one quantum differ in the last digits.
-    gaps = gaps[gaps > 1e-9 * (levels[-1] - levels[0])]
-    return float(np.percentile(gaps, 5.0)) if len(gaps) else 0.0
+    gaps = gaps[gaps > 1e-9 * np.ptp(y)] if len(gaps) else gaps
+    if not len(gaps):
+        return 0.0
+    if len(levels) > 0.5 * len(y) and not _on_lattice(gaps):
+        return 0.0
+    return float(np.percentile(gaps, 5.0))
+
+
+def _on_lattice(gaps: Array) -> bool:
+    """Whether gaps between values that hardly repeat are whole multiples of the smallest: a fast sweep of a scale."""
+    if len(gaps) < _ENOUGH_GAPS:
+        return False
+    multiples = gaps / np.min(gaps)
+    off = np.abs(multiples - np.round(multiples))
+    return bool(np.percentile(multiples, 5.0) < 1.5 and np.mean(off < 0.02) > 0.99)
 
 
 def noise_std(values: ArrayLike) -> float:

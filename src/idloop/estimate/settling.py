@@ -134,7 +134,7 @@ def _room(most: int) -> int:
     return _SLOWLY + (2 * _HELD + 2) * (int(np.log2(most)) + 2)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def scalings_to_last(covariance: Any) -> Any:
     """Matrices that bring vectors of given covariances to the last one of these.
 
@@ -211,7 +211,7 @@ def _leaps(transition: Any, output: Any, process: Any, count: int) -> Any:
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")  # a matrix that has lost its rank makes gains that are no numbers
 def _recursion(
     transition: Any, output: Any, process: Any, covariance: Any, samples: int, gains: Any, innovations: Any, place: Any
 ) -> int:

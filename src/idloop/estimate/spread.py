@@ -32,12 +32,17 @@ def problem_covariance(problem: Problem, point: Array, residual: Array, jacobian
     Returns
     -------
     array, shape (m, m)
+        NaN in the rows and columns of parameters that move nothing.
     """
+    told = np.any(jacobian != 0.0, axis=0)
+    told_of = jacobian[:, told]
+    covariance = np.full((len(told), len(told)), np.nan)
     # Each of the three is too small somewhere in short records, none is too large by much.
-    return widest(
+    covariance[np.ix_(told, told)] = widest(
         [
-            sandwich(jacobian.T @ jacobian, problem.scores(point, residual, jacobian)),
-            white_covariance(jacobian),
-            jackknife(jacobian, residual, problem.stretches(point, _STRETCHES)),
+            sandwich(told_of.T @ told_of, problem.scores(point, residual, told_of)),
+            white_covariance(told_of),
+            jackknife(told_of, residual, problem.stretches(point, _STRETCHES)),
         ]
     )
+    return covariance

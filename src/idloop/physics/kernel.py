@@ -490,13 +490,6 @@ def is_bare(axis: Axis) -> bool:
 
 
 @inner
-def pays(axis: Axis, steps: float, duration: float) -> bool:
-    """Whether exact steps over a duration cost less than Runge-Kutta's: of bodies that nothing else moves, always."""
-    needed = axis.constants[RATE] * duration
-    return needed < np.inf and (2.0 * steps <= needed or (is_bare(axis) and axis.inertia.shape[0] > 1))
-
-
-@inner
 def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, flow: Flow, matrix: Any) -> bool:
     """One step of the chain's exact flow; the end goes to ``work`` as in `runge_kutta`. False beside a corner."""
     n = axis.inertia.shape[0]
@@ -567,7 +560,7 @@ def advance_exactly(axis: Axis, command: float, duration: float, state: Any, wor
     while level < LEVELS and pieces < rate * duration:
         level += 1
         pieces *= 2
-    if level == LEVELS or not pays(axis, float(pieces), duration):
+    if level == LEVELS or not 2.0 * pieces <= axis.constants[RATE] * duration:
         return 0.0
     dry = axis.friction_hooks.shape[0] > 0
     step, covered = duration / pieces, 0.0
@@ -806,7 +799,7 @@ def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
         if axis.output_hooks[row, SETTLE] != 0:  # a play or filter follows the motion between samples
             return none
     even = (time[-1] - time[0]) / (time.shape[0] - 1)
-    if not pays(axis, 1.0, even):
+    if not 2.0 <= even * axis.constants[RATE] < np.inf:
         return none
     duration = np.array([even, 0.0])
     if command_time.shape[0] > 0:

@@ -19,6 +19,8 @@ class Scales:
     ----------
     command, command_most : float
         Root mean square and largest command [input unit].
+    limit : float
+        Command at which the model cuts it already; infinite where it does not.
     force : float
         Root mean square force of the drive.
     speed, speed_most : float
@@ -43,6 +45,7 @@ class Scales:
 
     command: float
     command_most: float
+    limit: float
     force: float
     speed: float
     speed_most: float

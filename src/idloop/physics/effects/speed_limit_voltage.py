@@ -4,6 +4,7 @@ from typing import Any
 
 from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import Scales, Trial
 
 
 @hook
@@ -13,6 +14,17 @@ def command(value: float, velocity: float, sent: float, elapsed: float, state: A
     high = (supply - back_emf * velocity) / resistance
     low = (-supply - back_emf * velocity) / resistance
     return min(max(value, low), high)
+
+
+def _trials(s: Scales) -> list[list[Trial]]:
+    if s.limit < float("inf"):  # what is cut at a usual speed stays
+        backs = [share * s.limit / s.speed for share in (0.1, 0.4, 1.0)]
+        return [[{"supply": s.limit + back * s.speed, "back_emf": back}] for back in backs]
+    return [
+        [{"supply": supply * s.command_most, "back_emf": back * s.command_most / s.speed_most}]
+        for supply in (0.7, 1.0, 1.4)
+        for back in (0.3, 0.7, 1.2)
+    ]
 
 
 EFFECT = Effect(
@@ -32,11 +44,7 @@ EFFECT = Effect(
     command=command,
     order=70,
     looks_like=("saturation",),
-    trials=lambda s: [
-        [{"supply": supply * s.command_most, "back_emf": back * s.command_most / s.speed_most}]
-        for supply in (0.7, 1.0, 1.4)
-        for back in (0.3, 0.7, 1.2)
-    ],
+    trials=_trials,
     contains={"saturation": {"limit": "supply"}},
     not_cancelled="no command brings back what the supply cuts off",
 )
