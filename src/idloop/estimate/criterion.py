@@ -62,7 +62,7 @@ class InitialStates:
         for d in data:
             span = travel(model, d)
             speed = max(10.0 * span / float(d.time[-1] - d.time[0]), 1e-9)
-            scales = [np.full(bodies, span), np.full(bodies, speed), np.full(len(force), force_scale)]
+            scales = [np.full(bodies, span), np.full(bodies, speed), np.full(len(force), force_scale or 0.0)]
             sizes.append(np.concatenate(scales))
         self.scale = np.concatenate(sizes)
 
