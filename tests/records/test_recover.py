@@ -64,3 +64,21 @@ def test_an_existing_bag_is_never_written_over(bag: Path) -> None:
 def test_a_folder_without_a_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no recording"):
         recover_bag(tmp_path, tmp_path / "new")
+
+
+def test_a_bag_of_many_files_keeps_its_order(tmp_path: Path) -> None:
+    from mcap.stream_reader import StreamReader
+
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    stamps = np.arange(1, 121, dtype=np.int64) * 10**9
+    for number in range(12):
+        part = stamps[10 * number : 10 * number + 10]
+        one = write_bag(tmp_path / "one", [make_stream("joint_states", part, {"m": {"position": part * 1e-9}})])
+        next(one.glob("*.mcap")).rename(bag / f"bag_{number}.mcap")
+        (one / "metadata.yaml").unlink()
+        one.rmdir()
+    recover_bag(bag, tmp_path / "saved")
+    with next((tmp_path / "saved").glob("*.mcap")).open("rb") as stream:
+        written = [one.log_time for one in StreamReader(stream).records if hasattr(one, "publish_time")]
+    assert written == stamps.tolist()

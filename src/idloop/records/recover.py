@@ -38,10 +38,16 @@ class Recovered:
     cut: tuple[Path, ...]
 
 
+def _number(file: Path) -> tuple[int, str]:
+    """Files of a bag in the order of their numbers: the eleventh, name_10, comes after name_9."""
+    number = file.stem.rpartition("_")[2]
+    return (int(number) if number.isascii() and number.isdigit() else -1), file.name
+
+
 def _files(bag: Path) -> list[Path]:
     if not bag.exists():
         raise InputError(f"{bag}: no such bag: check the path")
-    files = [bag] if bag.is_file() else sorted(one for one in bag.iterdir() if one.suffix in _READERS)
+    files = [bag] if bag.is_file() else sorted((one for one in bag.iterdir() if one.suffix in _READERS), key=_number)
     if not files or files[0].suffix not in _READERS:
         raise InputError(f"{bag}: no recording: give a folder with .mcap or .db3 files, or such a file")
     return files
