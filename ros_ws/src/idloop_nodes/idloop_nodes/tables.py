@@ -170,7 +170,8 @@ RECORDER: Table = (
     P("bag", "str", "", "Folder of the recording; refused when it exists. Empty: named by time.", read_only=True),
     P("directory", "str", "bags", "Where recordings named by time go.", read_only=True),
     P("prefix", "str", "run", "First part of a name by time.", read_only=True),
-    P("split_size", "float", 0.0, "New file after this much data; 0 never.", unit="MB", minimum=0.0),
+    # The index of a file is in memory until the file ends: without an end it would grow by 0.1 GB in an hour at 1 kHz.
+    P("split_size", "float", 1000.0, "New file after this much data; 0 never.", unit="MB", minimum=0.0),
     P("split_duration", "float", 0.0, "New file after this long; 0 never.", unit="s", minimum=0.0),
     P(
         "queue_limit",
