@@ -12,6 +12,7 @@ STEP = 0.01  # s, of the torsion records
 PROPORTIONAL, DERIVATIVE = 2.0, 4.0
 NOISE = 1.0 / 15.0  # degrees; twenty times that is the thesis's own
 TORSION_OUTPUTS = ("motor", "load1", "load2", "load3")
+ORDER_OF_FILTER = 2  # a steeper one leaves correlations so nearly singular that fast algorithms fall back on QR
 QUIET = 500  # samples before the record, in which the filters settle
 
 
@@ -39,7 +40,9 @@ def torsion_record(samples: int, seed: int, noise: float = NOISE) -> tuple[Array
     linear = Engine(load_model("torsion")).linearise()
     plant = c2d(control.ss(linear.A, linear.B[:, None], linear.C, np.zeros((4, 1))), STEP)
     random = np.random.default_rng(seed)
-    reference = sosfilt(butter(5, 10.0, fs=1.0 / STEP, output="sos"), random.standard_normal(samples + QUIET))[QUIET:]
+    reference = sosfilt(
+        butter(ORDER_OF_FILTER, 10.0, fs=1.0 / STEP, output="sos"), random.standard_normal(samples + QUIET)
+    )[QUIET:]
     reference *= np.deg2rad(30.0) / reference.std()
     errors = np.deg2rad(noise) * random.standard_normal((samples, 4))
     # u = P (r - y1) - D (y1 - y1 before): linear in (r, e), with the last y1 as a ninth state.

@@ -15,6 +15,11 @@ Array = NDArray[np.float64]
 
 ORDER, HORIZON = 8, 28
 LOUD = 20.0
+TOLD = "idloop, told that it integrates"
+BIASED = (
+    "in closed loop N4SID errs by a bias, which moves the pole that integrates; a user who knows that it does says so"
+)
+FIT = "FIT, fresh data [%]"
 LARGE = 10_000_000
 PEERS = {"SIPPY": "n4sid_sippy", "nfoursid": "n4sid_nfoursid"}
 
@@ -32,8 +37,9 @@ def free_run_fit(answer: dict[str, Array], u: Array, y: Array) -> float:
     model = LinearModel(
         "peer", **matrices, gain=none, covariance=np.eye(p), sample_time=STEP, **names, samples=0, free=0
     )
-    error = y - model.simulate(SampledData("fresh", u, y, STEP, **names))
-    return float(100.0 * np.mean(1.0 - np.linalg.norm(error, axis=0) / np.linalg.norm(y - y.mean(axis=0), axis=0)))
+    with np.errstate(all="ignore"):
+        error = y - model.simulate(SampledData("fresh", u, y, STEP, **names))
+        return float(100.0 * np.mean(1.0 - np.linalg.norm(error, axis=0) / np.linalg.norm(y - y.mean(axis=0), axis=0)))
 
 
 def run(contest: Contest) -> Section:
@@ -47,9 +53,9 @@ def run(contest: Contest) -> Section:
         data = dict(zip("uy", torsion_record(samples, 1, noise), strict=True))
         fresh = torsion_record(8000, 2, noise)
         found = [contest.enter(work, "idloop", "n4sid_idloop", data, settings, ours=True, runs=9)]
-        if loudness == 1.0:
-            exact = settings | {"exact": True}
-            found.append(contest.enter(work, "idloop, QR", "n4sid_idloop", data, exact, ours=True, runs=3))
+        for who, options, runs in ((TOLD, {"integrates": True}, 9), ("idloop, QR", {"exact": True}, 3)):
+            more = settings | {"options": options}
+            found.append(contest.enter(work, who, "n4sid_idloop", data, more, ours=True, runs=runs))
         found.append(n4sid_by_slicot(contest, work, data, ORDER, HORIZON, 9))
         for who, module in PEERS.items():
             if loudness > 1.0:  # SLICOT is the one to compare with; these would take minutes more
@@ -58,9 +64,13 @@ def run(contest: Contest) -> Section:
         best = None
         for row, answer in found:
             if answer:
-                row.answer["FIT, fresh data [%]"] = free_run_fit(answer, *fresh)
-                best = row.answer["FIT, fresh data [%]"] if best is None else best
-                row.agrees = abs(row.answer["FIT, fresh data [%]"] - best) < 5.0
+                found_fit = free_run_fit(answer, *fresh)
+                best = found_fit if best is None else best
+                row.agrees = bool(abs(found_fit - best) < 5.0)
+                if np.isfinite(found_fit):
+                    row.answer[FIT] = found_fit
+                else:
+                    row.note = "its free run overflows"
             section.rows.append(row)
     if not contest.quick:
         section.rows.append(longest(contest, LARGE if contest.long else LARGE // 10))
@@ -80,7 +90,7 @@ def longest(contest: Contest, samples: int) -> Row:
     settings = {"order": ORDER, "horizon": HORIZON}
     row, answer = contest.enter(work, "idloop", "n4sid_idloop", data, settings, ours=True, runs=1)
     if answer:
-        row.answer["FIT, fresh data [%]"] = free_run_fit(answer, *torsion_record(8000, 2))
+        row.answer[FIT] = free_run_fit(answer, *torsion_record(8000, 2))
     return row
 
 
@@ -98,9 +108,10 @@ def claims(section: Section, sizes: tuple[int, int]) -> list[Claim]:
         grown = own[1].memory - own[0].memory
     found.append(Claim("memory that ten times the samples add", 16.0, grown, "MB", at_least=False))
     for work in (large, loud):
-        ours, theirs = (section.find(work, who) for who in ("idloop", SLICOT))
-        apart = None
-        if ours and theirs and ours.answer and theirs.answer:
-            apart = ours.answer["FIT, fresh data [%]"] - theirs.answer["FIT, fresh data [%]"]
-        found.append(Claim(f"FIT, ours less SLICOT's, {work}", 0.0, apart, "points"))
+        for who in ("idloop", TOLD):
+            ours, theirs = section.find(work, who), section.find(work, SLICOT)
+            apart = None
+            if ours and theirs and FIT in ours.answer and FIT in theirs.answer:
+                apart = ours.answer[FIT] - theirs.answer[FIT]
+            found.append(Claim(f"FIT, {who} less SLICOT's, {work}", 0.0, apart, "points", limit=BIASED))
     return found

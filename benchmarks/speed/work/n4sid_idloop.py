@@ -22,7 +22,7 @@ def work(data: dict[str, Any], settings: dict[str, Any]) -> Callable[[], dict[st
     record = SampledData("torsion", data["u"], data["y"], 0.01, ("current",), ("A",), NAMES[:wide], UNITS[:wide])
 
     def act() -> dict[str, Any]:
-        found = n4sid(record, settings["order"], horizon=settings["horizon"], exact=settings.get("exact", False))
+        found = n4sid(record, settings["order"], horizon=settings["horizon"], **settings.get("options", {}))
         return {"a": found.a, "b": found.b, "c": found.c, "d": found.d}
 
     return act
