@@ -89,6 +89,8 @@ class Section:
     claims : list of Claim
     remarks : list of str
         How it was measured.
+    shown : list of str
+        Works that the picture shows; all of them where none is named.
     curves : dict
         Scaling curves: name to ``{"x": [...], "seconds": [...], "memory": [...], "label": ...}``.
     """
@@ -99,6 +101,7 @@ class Section:
     claims: list[Claim] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     curves: dict[str, dict[str, Any]] = field(default_factory=dict)
+    shown: list[str] = field(default_factory=list)
 
     def find(self, work: str, who: str) -> Row | None:
         """Row of a contestant at a piece of work."""

@@ -17,7 +17,7 @@ def duration(seconds: float | None) -> str:
         return "–"
     scales = ((1.0, "s"), (1e3, "ms"), (1e6, "µs"))
     factor, unit = next((scale for scale in scales if seconds * scale[0] >= 1.0), scales[-1])
-    return f"{_digits(seconds * factor)} {unit}"
+    return f"{digits(seconds * factor)} {unit}"
 
 
 def markdown(sections: Sequence[Section], about: dict[str, Any]) -> str:
@@ -61,11 +61,11 @@ def _beside(section: Section, row: Row) -> str:
     ratio = section.ratio(row.work, row.who)
     if ratio is None:
         return "–"
-    return "1" if row.who == "idloop" else _digits(ratio)
+    return "1" if row.who == "idloop" else digits(ratio)
 
 
 def _answer(row: Row) -> str:
-    parts = [f"{name} {_digits(value)}" for name, value in row.answer.items()]
+    parts = [f"{name} {digits(value)}" for name, value in row.answer.items()]
     if row.agrees is False:
         parts.append("**does not agree**")
     if row.note and row.seconds is not None:
@@ -79,13 +79,14 @@ def _claims(claims: Sequence[Claim]) -> list[str]:
     lines = ["| target | | reached | |", "|---|---|---|---|"]
     for claim in claims:
         sign = "≥" if claim.at_least else "≤"
-        reached = "–" if claim.reached is None else f"{_digits(claim.reached)} {claim.unit}"
+        reached = "–" if claim.reached is None else f"{digits(claim.reached)} {claim.unit}"
         verdict = {True: "yes", False: "**no**" + (f": {claim.limit}" if claim.limit else ""), None: "not measured"}
         lines.append(f"| {claim.text} | {sign} {claim.target:g} {claim.unit} | {reached} | {verdict[claim.met]} |")
     return lines
 
 
-def _digits(value: float) -> str:
+def digits(value: float) -> str:
+    """Three digits, or the power of ten of what is very small or large."""
     if value != 0.0 and (abs(value) < 1e-3 or abs(value) >= 1e6):
         return f"{value:.1e}"
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"

@@ -40,6 +40,7 @@ def run(contest: Contest) -> Section:
         }  # fmt: skip
     section.remarks.append(
         "The cases are those of the diagnosis suite, made as long; `right` says whether what was hidden was found."
+        " It uses all cores: processor time, where that is what counts, is that of all together."
     )
     return section
 

@@ -75,6 +75,7 @@ def run(contest: Contest) -> Section:
     if not contest.quick:
         section.rows.append(longest(contest, LARGE if contest.long else LARGE // 10))
     section.claims = claims(section, sizes)
+    section.shown = [f"{sizes[1]:,} samples"]
     section.remarks.append(
         "Time and memory of the identification alone, one thread each; FIT is that of the free run on a record that no"
         " fit saw. The QR way of idloop is its option `exact`."

@@ -25,6 +25,7 @@ def run(contest: Contest) -> Section:
     for plant in PLANTS:
         one_plant(section, contest, plant, int(seconds / PERIOD))
     section.claims = claims(section)
+    section.shown = [plant.name for plant in PLANTS if any(plant.dry)]
     section.remarks.append(
         f"Errors are the largest of the positions against plain C with {FINE} steps a sample. SciPy's friction is a"
         " smooth step 1e-3 rad/s wide; MuJoCo runs by its own rollout, without Python in"
