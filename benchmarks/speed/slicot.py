@@ -42,7 +42,7 @@ def n4sid_by_slicot(
             str(folder / "answer.mat"),
         ]
         single = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        done = subprocess.run(command, capture_output=True, text=True, check=False, env=single)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=single, cwd=folder)
         if not (folder / "answer.mat").exists():
             said = (done.stderr.strip().splitlines() or ["no answer"])[-1]
             return filled(row, {"failed": said[:200]}), {}
