@@ -20,6 +20,19 @@ def test_noise_free_data_give_the_truth(motor: Model, experiment: Make, criterio
         assert result.model.values[name] == pytest.approx(motor.values[name], rel=1e-3), name
 
 
+def test_a_long_record_fitted_from_its_opening_gives_what_all_of_it_gives(
+    motor: Model, experiment: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record, start = experiment(motor, samples=9000, seed=8), motor.with_values(WRONG)
+    quick = fit(start, [record], "simulation")
+    monkeypatch.setattr("idloop.estimate.greybox.openings", lambda data: None)
+    plain = fit(start, [record], "simulation")
+    assert quick.converged
+    assert plain.converged
+    assert np.all(np.abs(quick.values - plain.values) < 0.1 * plain.stderr)
+    assert quick.stderr == pytest.approx(plain.stderr, rel=0.05)
+
+
 def test_intervals_and_report_under_noise(motor: Model, experiment: Make) -> None:
     result = fit(motor.with_values(WRONG), [experiment(motor, seed=4)])
     assert result.criterion == "prediction"

@@ -29,6 +29,7 @@ def counted(
     high: list[float],
     quick: bool,
     tolerance: float = 1e-12,
+    leading: int | None = None,
 ) -> tuple[Minimum, int]:
     """Minimum and how often the function was evaluated for it."""
     count = 0
@@ -40,7 +41,7 @@ def counted(
 
     found = minimise(
         evaluated, np.array(start), np.array(low), np.array(high), np.ones(len(start)),
-        max_iterations=200, tolerance=tolerance, quick=quick,
+        max_iterations=200, tolerance=tolerance, quick=quick, leading=leading,
     )  # fmt: skip
     return found, count
 
@@ -146,6 +147,24 @@ def test_a_quick_search_ends_at_the_same_minimum_with_fewer_evaluations(
     assert quick.point == pytest.approx(plain.point if expected is None else expected, abs=1e-4)
     assert quick.cost == pytest.approx(plain.cost, rel=1e-6, abs=1e-10)
     assert few < 0.5 * many
+
+
+def test_a_nuisance_that_hardly_shows_does_not_keep_the_search_busy() -> None:
+    matrix = 100.0 * np.random.default_rng(1).normal(size=(40, 2))
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        # The third runs down a curved valley of its own, far from where it starts.
+        return np.concatenate([matrix @ (x[:2] - [1.0, 2.0]), [0.3 * (x[2] - 4.0), 0.1 * (x[2] ** 2 - 16.0)]])
+
+    start, box = [0.0, 0.0, -6.0], ([-np.inf] * 3, [np.inf] * 3)
+    all_of_it, many = counted(residual, start, *box, quick=True, tolerance=1e-5)
+    asked, few = counted(residual, start, *box, quick=True, tolerance=1e-5, leading=2)
+    assert asked.converged
+    # A third of a standard error, as for any quick search.
+    error = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    for found in (asked, all_of_it):
+        assert np.all(np.abs(found.point[:2] - [1.0, 2.0]) < error / 3.0)
+    assert few < many
 
 
 @given(st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3), st.integers(0, 1000))

@@ -8,7 +8,7 @@ from speed.result import Claim, Section
 
 YARDSTICK = "numba Runge-Kutta, least_squares"
 SCIPY = "solve_ivp (LSODA), least_squares"
-LIMIT = "the number of free runs: slopes by differences, of the first state as well, twice each at the end"
+LIMIT = "slopes by differences, of the first state as well, twice each at the end"
 FIVE, TWO = "Stribeck friction, five parameters", "viscous friction, two parameters"
 
 

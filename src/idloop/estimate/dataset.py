@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 # Fewer samples than this carry no dynamics that could be fitted.
 _FEWEST_SAMPLES = 20
+# A record's opening is this part of it, and no shorter than this many samples.
+_OPENING = 8
+_FEWEST_OPENING = 1000
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,34 @@ def _prepare(model: Model, record: Record) -> Data:
     sample_time = float(np.median(step))
     gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
     return Data(record.name, input_time, value, time, output, sample_time, gaps)
+
+
+def openings(data: list[Data]) -> list[Data] | None:
+    """First part of every record, from the same initial states: on it a search comes near at a small part of the cost.
+
+    Parameters
+    ----------
+    data : list of Data
+
+    Returns
+    -------
+    list of Data or None
+        None where the records are short, or where the command does not change in what would be left of one.
+    """
+    short = []
+    for d in data:
+        count = len(d.time) // _OPENING
+        if count < _FEWEST_OPENING:
+            return None
+        last = int(np.searchsorted(d.input_time, d.time[count - 1], side="right"))
+        part = replace(
+            d, input_time=d.input_time[:last], input=d.input[:last], time=d.time[:count], output=d.output[:count],
+            gaps=d.gaps[d.gaps < count],
+        )  # fmt: skip
+        if last < 2 or np.ptp(part.input) == 0.0 or not np.any(np.isfinite(part.output)):
+            return None
+        short.append(part)
+    return short
 
 
 def output_noise(model: Model, data: list[Data]) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.choose import after_fit, before_fit, between
 from idloop.estimate.criterion import Criterion
-from idloop.estimate.dataset import Data, output_noise, prepare
+from idloop.estimate.dataset import Data, openings, output_noise, prepare
 from idloop.estimate.force import Balance, ForceCriterion, balance_of
 from idloop.estimate.levenberg import difference_jacobian
 from idloop.estimate.prediction import PredictionCriterion
@@ -84,7 +84,9 @@ def fit(
     engine = RememberingEngine(model)
     noise = output_noise(model, data)
     tell(0.0, "looking at the data")
-    balances = _balances(engine, data, records)
+    short = openings(data) if criterion == "simulation" else None
+    # Where it decides nothing, the balance of the openings is start enough.
+    balances = _balances(engine, data, records) if short is None else [balance_of(engine, d, None) for d in short]
     chosen, why = criterion, "as asked"
     if criterion == "auto":
         first = before_fit(balances)
@@ -100,7 +102,7 @@ def fit(
         # The force balance is nearly linear in the parameters: a cheap start for every criterion.
         force = ForceCriterion(engine, known)
         try:
-            balance = solve(force, start, *model.bounds)
+            balance = solve(force, start, *model.bounds, draft=criterion in ("prediction", "simulation"))
         except IdloopError:
             balance = None
         if criterion == "auto" and chosen == "force" and balance is not None:
@@ -140,9 +142,11 @@ def _search(
     """Best solution from several starting points; the others are only tried when the first does not settle."""
     best: Solution | None = None
     rule = _criterion(chosen, engine, data, noise)
+    if chosen == "simulation":
+        starts = _nearer(engine, model, data, _ranked(rule, starts))
     for trial in _ranked(rule, starts):
         rule = _criterion(chosen, engine, data, noise)
-        found = solve(rule, trial, *model.bounds, report=tell)
+        found = solve(rule, trial, *model.bounds, report=tell, typical=model.theta)
         if best is None or found.problem.objective < best.problem.objective:
             best = found
         if best.converged:
@@ -150,6 +154,18 @@ def _search(
     if best is None:
         raise IdloopError("no starting point could be fitted")
     return best
+
+
+def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array]) -> list[Array]:
+    """Starting points, and what a search over the openings of long records makes of the first of them."""
+    short = openings(data)
+    if short is None:
+        return ranked
+    rule = SimulationCriterion(engine, short)
+    try:
+        return [solve(rule, ranked[0], *model.bounds, draft=True, typical=model.theta).theta, *ranked]
+    except IdloopError:
+        return ranked
 
 
 def _balances(engine: Engine, data: list[Data], records: Sequence[Record]) -> list[Balance | None]:

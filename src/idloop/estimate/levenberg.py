@@ -164,6 +164,8 @@ def minimise(
     quick: bool = False,
     jacobian: Array | None = None,
     draft: bool = False,
+    central: bool | None = None,
+    leading: int | None = None,
     derivative: Callable[[Array], Array] | None = None,
 ) -> Minimum:
     """Minimise half the sum of squares inside a box.
@@ -191,6 +193,11 @@ def minimise(
         Of a search like this one, to start from; columns of NaN are not known yet.
     draft : bool
         Whether a search that such a Jacobian has led to its end is left at that.
+    central : bool, optional
+        Two-sided differences in a quick search too.
+    leading : int, optional
+        Number of parameters, the first ones, that are asked for: the tolerance is for what their moves are worth when
+        the others follow. A nuisance that the data hardly show would keep the search busy for nothing.
     derivative : callable, optional
         Exact Jacobian at a point, shape (n, k); differences otherwise.
 
@@ -204,14 +211,15 @@ def minimise(
     step = 1e-4 * scale if step is None else step
     damping, converged, iteration = 1e-3, False, 0
     fresh, borrowed, known = False, jacobian is not None, jacobian is not None
+    both = not quick if central is None else central
     if jacobian is not None:
-        jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick, jacobian)
+        jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, both, jacobian)
     while True:
         if jacobian is None or not known:
             if derivative is not None:
                 jacobian = derivative(point)
             else:
-                jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, not quick)
+                jacobian, step = difference_jacobian(function, point, residual, lower, upper, step, scale, both)
             fresh, borrowed, known = True, False, True
         if converged or iteration >= max_iterations:
             break
@@ -220,7 +228,10 @@ def minimise(
         accepted = follows = False
         for _ in range(12 if fresh else 2):
             move, predicted = _step(gradient, hessian, damping, point, lower, upper)
-            if predicted <= tolerance or np.all(np.abs(move) <= 1e-10 * scale):
+            # A step that is damped because of a nuisance would promise less of the others than they have to go.
+            whole = move if leading is None else _step(gradient, hessian, 0.0, point, lower, upper)[0]
+            promised = predicted if leading is None else _worth(whole, hessian, leading)
+            if promised <= tolerance or np.all(np.abs(move) <= 1e-10 * scale):
                 # A step bent by the box may promise nothing while a shorter one does.
                 if predicted >= 0.0 or damping > _MOST_DAMPING:
                     converged = True
@@ -233,7 +244,7 @@ def minimise(
             if trial_cost < cost:
                 ratio = (cost - trial_cost) / predicted
                 damping = max(damping * (0.1 if ratio > 0.7 else 0.5 if ratio > 0.3 else 2.0), 1e-9)
-                follows = quick and ratio > _FAITHFUL
+                follows = quick and ratio > (_FAITHFUL if leading is None else 0.0)
                 if follows:
                     _update(jacobian, trial - point, trial_residual - residual, hessian)
                 point, residual, cost, accepted = trial, trial_residual, trial_cost, True
@@ -264,6 +275,15 @@ def _update(jacobian: Array, move: Array, change: Array, hessian: Array) -> None
     direction = size * move
     # the transpose has the order of memory of the Jacobian
     jacobian += np.outer(direction / max(float(direction @ move), 1e-300), change - jacobian @ move).T
+
+
+def _worth(move: Array, hessian: Array, leading: int) -> float:
+    """Decrease of the cost that the first parameters' part of a Gauss-Newton step brings, the others at their best."""
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled, step = hessian / np.outer(size, size), (move * size)[:leading]
+    across = scaled[:leading, leading:]
+    others = np.linalg.pinv(scaled[leading:, leading:], rcond=1e-12, hermitian=True)
+    return 0.5 * float(step @ (scaled[:leading, :leading] - across @ others @ across.T) @ step)
 
 
 def _half_square(residual: Array) -> float:

@@ -8,6 +8,7 @@ filter's cut-off taken from the data instead of from the user.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -116,13 +117,20 @@ def low_pass(values: Array, cutoff: float, sample_time: float) -> Array:
     array
         Filtered values; unchanged when the cut-off is at or above 0.45 / sample_time.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     if cutoff >= 0.45 / sample_time or len(values) < 40:
         return values
-    sections = butter(4, cutoff, fs=1.0 / sample_time, output="sos")
     pad = int(min(len(values) - 1, max(30.0, 3.0 / (cutoff * sample_time))))
-    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
+    return np.asarray(sosfiltfilt(_butterworth(cutoff, sample_time), values, axis=0, padlen=pad))
+
+
+@lru_cache(maxsize=64)  # a search filters by the same one again and again
+def _butterworth(cutoff: float, sample_time: float) -> Array:
+    """Sections of the fourth-order low-pass."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(4, cutoff, fs=1.0 / sample_time, output="sos"))
 
 
 def differentiate(values: Array, sample_time: float) -> Array:

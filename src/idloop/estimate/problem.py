@@ -110,6 +110,27 @@ class Problem:
         ]
         return np.concatenate(parts)
 
+    def carried(self, jacobian: Array, weights: list[Array]) -> Array:
+        """A Jacobian of the unwhitened residual under other weights, under the present ones.
+
+        Parameters
+        ----------
+        jacobian : array, shape (n, k)
+        weights : list of array
+            Those under which it was taken.
+
+        Returns
+        -------
+        array, shape (n, k)
+        """
+        carried, row = np.empty_like(jacobian), 0
+        for before, now, instants in zip(weights, self.weights, self.instants, strict=True):
+            change, part = now @ np.linalg.inv(before), slice(row, row + instants * len(now))
+            for column in range(jacobian.shape[1]):
+                carried[part, column] = (jacobian[part, column].reshape(instants, -1) @ change.T).ravel()
+            row = part.stop
+        return carried
+
     def frozen_residual(self, point: Array) -> Array:
         """Residual with the whitening coefficients that the last `reweigh` found."""
         return self.whiten_like(self.errors(point))

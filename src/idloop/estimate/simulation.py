@@ -34,7 +34,7 @@ class SimulationCriterion:
         self.engine, self.data = engine, data
         self.groups = output_groups(data)
         self.initial = InitialStates(engine, data)
-        self._known = [[np.all(np.isfinite(d.output[:, group]), axis=1) for d in data] for group in self.groups]
+        self._known = [[_known(d, group) for d in data] for group in self.groups]
         self._memory: dict[tuple[int, bytes], Array] = {}
 
     def retune(self, theta: Array) -> None:
@@ -66,6 +66,12 @@ class SimulationCriterion:
         """Output errors by group and record."""
         full = [d.output - self.simulated(theta, nuisance, r) for r, d in enumerate(self.data)]
         return [
-            [np.ascontiguousarray(e[known][:, group]) for e, known in zip(full, rows, strict=True)]
-            for group, rows in zip(self.groups, self._known, strict=True)
+            [e if k is None else np.ascontiguousarray(e[k][:, group]) for e, k in zip(full, known, strict=True)]
+            for group, known in zip(self.groups, self._known, strict=True)
         ]
+
+
+def _known(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
+    """Rows in which these outputs are measured; None where the errors are taken as they are."""
+    known = np.all(np.isfinite(data.output[:, group]), axis=1)
+    return None if np.all(known) and group == list(range(data.output.shape[1])) else known

@@ -19,8 +19,14 @@ Array = NDArray[np.float64]
 
 _MOST_ROUNDS = 15
 _ITERATIONS_PER_ROUND = 10
-# Moves below this share of a standard error end the search.
+# Moves below this share of a standard error end the search, and with it steps that are not worth that much ...
 _SETTLED = 0.03
+# ... those below this one the search with one-sided slopes, where the noise has only to be weighed ...
+_NEARLY = 0.15
+# ... and those below this one a search for a start.
+_CLOSE = 0.5
+# Steps with two-sided slopes at the end: what they still move are initial states that the data hardly show.
+_LAST_STEPS = 2
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,8 @@ def solve(
     lower: Array,
     upper: Array,
     report: Callable[[float, str], None] | None = None,
+    draft: bool = False,
+    typical: Array | None = None,
 ) -> Solution:
     """Minimise a criterion over the parameters and its own nuisance parameters.
 
@@ -85,6 +93,10 @@ def solve(
     start, lower, upper : array, shape (k,)
     report : callable, optional
         Called with the share done and a short text.
+    draft : bool
+        A start for another search is wanted: within a standard error is near enough.
+    typical : array, shape (k,), optional
+        Values of the parameters elsewhere, which tell the size of those that start at 0.
 
     Returns
     -------
@@ -102,11 +114,14 @@ def solve(
     step: Array | None = None
     iterations, settled, exact = 0, False, False
     previous = theta
+    slopes: Array | None = None
+    near = _CLOSE if draft else _SETTLED if criterion.whiten else _NEARLY
     for round_ in range(_MOST_ROUNDS):
         criterion.retune(theta)
         nuisance, nuisance_lower, nuisance_upper, nuisance_scale = criterion.nuisance()
         point = np.concatenate([theta, nuisance])
         low, high = np.concatenate([lower, nuisance_lower]), np.concatenate([upper, nuisance_upper])
+        weights = problem.weights
         # The first round is too far off for what is left over to be noise.
         with np.errstate(all="ignore"):
             try:
@@ -117,16 +132,24 @@ def solve(
                 ) from failure
         if len(sizes) == 0:
             sizes = typical_size(theta, lower, upper)
-            for i in np.flatnonzero(theta == 0.0):
+            known = np.zeros(k) if typical is None else np.abs(typical)
+            sizes = np.where((theta == 0.0) & (known > 0.0), known, sizes)
+            for i in np.flatnonzero((theta == 0.0) & (known == 0.0)):
                 sizes[i] = _probed_size(problem, point, sizes, int(i), high)
         now = np.where(theta != 0.0, np.maximum(np.abs(theta), 1e-3 * sizes), sizes)
         scale = np.concatenate([now, nuisance_scale])
         if step is not None and len(step) != len(point):
             step = None
-        # One-sided slopes, carried on from step to step, find the way; two-sided ones decide where it ends.
+        # One-sided slopes, carried on from step to step and from round to round, find the way; two-sided ones
+        # decide where it ends.
+        borrowed = None if exact or slopes is None else problem.carried(slopes, weights)
+        goal = _SETTLED if exact else near
         found = minimise(
-            problem.residual, point, low, high, scale, step, max_iterations=_ITERATIONS_PER_ROUND, quick=not exact
-        )
+            problem.residual, point, low, high, scale, step, quick=True, central=exact, leading=k, jacobian=borrowed,
+            draft=True, max_iterations=_LAST_STEPS if exact and not criterion.whiten else _ITERATIONS_PER_ROUND,
+            tolerance=0.5 * goal**2,
+        )  # fmt: skip
+        slopes = None if criterion.whiten else found.jacobian
         theta, nuisance, step = found.point[:k], found.point[k:], found.step
         criterion.keep(nuisance)
         iterations += found.iterations
@@ -135,14 +158,15 @@ def solve(
         previous = theta
         if report is not None:
             report(round_ / _MOST_ROUNDS, f"round {round_ + 1}, objective {problem.objective:.6g}")
-        if found.converged and moved < _SETTLED and round_ >= (2 if criterion.whiten else 1):
-            if exact:
-                settled = True
-                break
-            exact = True
+        if round_ < (2 if criterion.whiten else 1) or moved >= near or not (exact or found.converged):
+            continue
+        if exact or draft:
+            settled = True
+            break
+        exact = True
     residual = problem.residual(found.point)
     jacobian = found.jacobian
-    if not exact or len(jacobian) != len(residual):
+    if len(jacobian) != len(residual) or not (exact or draft):
         jacobian, _ = difference_jacobian(problem.residual, found.point, residual, low, high, found.step, scale)
     return Solution(problem, theta, nuisance, jacobian, found.step, scale, low, high, iterations, settled)
 

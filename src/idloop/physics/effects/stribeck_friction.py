@@ -6,11 +6,16 @@ from typing import Any
 from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 
+# Beyond so many Stribeck velocities the exponential is below the last digit of a double.
+_FAST = 7.0
+
 
 @hook
 def friction(direction: float, speed: float, arriving: float, elapsed: float, state: Any, parameters: Any) -> float:
     """Coulomb + (static - coulomb) exp(-(w/velocity)^2)."""
     ratio = speed / parameters[2]
+    if ratio > _FAST:
+        return parameters[0]
     return parameters[0] + (parameters[1] - parameters[0]) * math.exp(-ratio * ratio)
 
 
