@@ -153,10 +153,10 @@ def test_a_nuisance_that_hardly_shows_does_not_keep_the_search_busy() -> None:
     matrix = 100.0 * np.random.default_rng(1).normal(size=(40, 2))
 
     def residual(x: np.ndarray) -> np.ndarray:
-        # The third runs down a curved valley of its own, far from where it starts.
-        return np.concatenate([matrix @ (x[:2] - [1.0, 2.0]), [0.3 * (x[2] - 4.0), 0.1 * (x[2] ** 2 - 16.0)]])
+        # The others run down a curved valley of their own.
+        return np.concatenate([matrix @ (x[:2] - [1.0, 2.0]), rosenbrock(x[2:])])
 
-    start, box = [0.0, 0.0, -6.0], ([-np.inf] * 3, [np.inf] * 3)
+    start, box = [0.0, 0.0, -1.2, 1.0], ([-np.inf] * 4, [np.inf] * 4)
     all_of_it, many = counted(residual, start, *box, quick=True, tolerance=1e-5)
     asked, few = counted(residual, start, *box, quick=True, tolerance=1e-5, leading=2)
     assert asked.converged
