@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 import urllib.error
@@ -12,11 +13,15 @@ import pytest
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from fake import MISSING, FakeSource
+from tornado.httpclient import HTTPClientError, HTTPRequest
+from tornado.websocket import websocket_connect
 
 from idloop.errors import InputError
 from idloop.report.figures.ladder import words
 from idloop.workbench import server
-from idloop.workbench.server import KEY_HEADER, Place, Site
+from idloop.workbench.server import KEY_HEADER, LONGEST_QUESTION, NONSENSE, Place, Site
+
+TOO_LONG = 1009  # code of a web socket that is closed
 
 
 @pytest.fixture
@@ -72,9 +77,48 @@ def test_the_state_is_told_once_for_each_version(site):
     assert json.loads(again) == {"run": state["run"], "version": state["version"]}
 
 
-def test_strips_that_make_no_sense_are_refused(site):
-    assert ask(f"{site.address}strips?follow=-1")[0] == 400
-    assert ask(f"{site.address}strips?follow=5", Host="elsewhere.example")[0] == 403
+def over_the_socket(address, *questions, **headers):
+    """Return the answer to each question, the code with which the socket was closed, and the status of its request."""
+
+    async def talk():
+        request = HTTPRequest(f"{address.replace('http', 'ws')}strips", headers=headers)
+        try:
+            socket = await websocket_connect(request)
+        except HTTPClientError as error:
+            return [], None, error.code
+        answers = []
+        for question in questions:
+            await socket.write_message(question)
+            answers.append(await socket.read_message())
+        code = socket.close_code
+        socket.close()
+        if code is None:
+            assert await socket.read_message() is None
+        return answers, code, 101
+
+    return asyncio.run(asyncio.wait_for(talk(), 200))
+
+
+def test_strips_are_sent_question_by_question(site):
+    (first, second), code, _ = over_the_socket(site.address, "follow=5&have=", "start=0&stop=0.05&buckets=50")
+    assert code is None
+    for data, start in ((first, 0.099 - 5.0), (second, 0.0)):
+        head = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
+        assert head["start"] == pytest.approx(start)
+        assert head["streams"][0]["count"] > 0
+
+
+@pytest.mark.parametrize("question", ["follow=-1", "follow", "shown=all", b"\0", "buckets=" + "1" * LONGEST_QUESTION])
+def test_strips_that_make_no_sense_are_refused(site, question):
+    answers, code, _ = over_the_socket(site.address, question)
+    assert answers == [None]
+    assert code in (NONSENSE, TOO_LONG)
+
+
+def test_another_site_cannot_look_on_through_the_readers_browser(site):
+    assert over_the_socket(site.address, Host="elsewhere.example")[2] == 403
+    assert over_the_socket(site.address, Origin="http://elsewhere.example")[2] == 403
+    assert over_the_socket(site.address, Origin=site.address.rstrip("/"))[2] == 101
 
 
 def test_an_order_needs_the_key_that_the_page_holds(site, source):

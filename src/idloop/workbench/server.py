@@ -16,12 +16,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
 from bokeh.server.server import Server
 from tornado.ioloop import IOLoop
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+from tornado.websocket import WebSocketHandler
 
 from idloop.errors import IdloopError, InputError
 from idloop.workbench.page import make_page
@@ -33,6 +35,8 @@ ASSETS = Path(__file__).with_name("assets")
 KEY_HEADER = "X-Idloop-Key"
 TRIES = 20  # free ports that are tried
 START_TIMEOUT = 120.0
+LONGEST_QUESTION = 10_000  # bytes of what a browser asks for at once
+NONSENSE = 1003  # code of a web socket that is closed: it cannot take what was sent
 UNUSED_SESSION = 5_000  # milliseconds after which a closed browser's figures are forgotten
 
 
@@ -246,17 +250,26 @@ class StateHandler(_Handler):
             self.answer({**head, **page_state(snapshot, site.source.signals)})
 
 
-class StripsHandler(_Handler):
-    """The streams, as far as the browser does not have them."""
+class StripsHandler(_Handler, WebSocketHandler):
+    """The streams, as far as the browser does not have them.
 
-    def get(self) -> None:
-        """Answer a `Question` in binary form."""
+    A question is answered before the next one is sent, so that nothing queues up for a slow browser. It goes over a web
+    socket, for a request of its own costs the browser as much as the drawing.
+    """
+
+    @property
+    def max_message_size(self) -> int:
+        """Of a question [B]."""
+        return LONGEST_QUESTION
+
+    def on_message(self, message: str | bytes) -> None:
+        """Answer a `Question`, written as a query, in binary form."""
         try:
-            question = Question.read({name: self.get_query_argument(name) for name in self.request.query_arguments})
-        except InputError:
-            raise HTTPError(400) from None
-        self.set_header("Content-Type", "application/octet-stream")
-        self.finish(answer(self.site.source.signals, question))
+            question = Question.read(dict(parse_qsl(message if isinstance(message, str) else "", strict_parsing=True)))
+        except (InputError, ValueError):
+            self.close(NONSENSE)
+            return
+        self.write_message(answer(self.site.source.signals, question), binary=True)
 
 
 class OrderHandler(_Handler):

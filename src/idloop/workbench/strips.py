@@ -53,7 +53,7 @@ class Question:
 
     @classmethod
     def read(cls, given: Mapping[str, str]) -> Question:
-        """Read the query of a request.
+        """Read what a browser has sent.
 
         Parameters
         ----------

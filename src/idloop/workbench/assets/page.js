@@ -368,6 +368,7 @@
       if (figuresLost) return location.reload();
       if (failures >= PATIENCE) {
         $("lost").hidden = true;
+        strips.wire.renew();
         if (state) showHead(state);
       }
       failures = 0;

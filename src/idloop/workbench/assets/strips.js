@@ -94,7 +94,6 @@ const Strips = (() => {
   class Strips {
     // place: element; base: address of the server; moved: told when the reader moves or zooms.
     constructor(place, base, moved) {
-      this.base = base;
       this.moved = moved;
       this.look = null; // { follow: seconds | null, stretch: [start, stop] | null, shown }
       this.pictures = 0;
@@ -116,7 +115,11 @@ const Strips = (() => {
       this.context = this.canvas.getContext("2d", { alpha: false });
       new ResizeObserver(() => this.resize()).observe(place);
       this.listen();
-      this.pull();
+      this.asked = null; // when the question was sent that is not answered yet
+      this.again = false;
+      const address = new URL("strips", base);
+      address.protocol = address.protocol.replace("http", "ws");
+      this.wire = new Wire(address, (data) => this.answered(data), () => { this.asked = null; this.pull(); });
     }
 
     // -- what is shown ----------------------------------------------------------------------
@@ -147,7 +150,6 @@ const Strips = (() => {
       if (text === JSON.stringify(this.look)) return;
       this.look = look;
       this.calm = 0; // the next ranges fit at once
-      clearTimeout(this.due);
       this.pull();
     }
 
@@ -177,33 +179,33 @@ const Strips = (() => {
       if (follow) query.set("follow", follow);
       else if (stretch) { query.set("start", stretch[0]); query.set("stop", stretch[1]); }
       query.set("have", Object.entries(this.newest).map(([name, seconds]) => `${name}:${seconds}`).join(","));
-      return new URL(`strips?${query}`, this.base);
+      return String(query);
     }
 
-    async pull() {
+    // One question at a time: who wants something else meanwhile asks anew when the answer to the last one is there.
+    pull() {
+      clearTimeout(this.due);
       if (!this.look || !this.width) return;
-      this.asking?.abort();
-      const asking = this.asking = new AbortController();
-      const begin = performance.now();
-      let pause = IDLE;
-      try {
-        const response = await fetch(this.question(), { cache: "no-store", signal: asking.signal });
-        if (!response.ok) throw new Error(String(response.status));
-        const data = await response.arrayBuffer();
-        // A page in the background gets no frame: it asks for nothing until it can be seen again.
-        await new Promise((resolve) => { requestAnimationFrame(resolve); });
-        if (asking !== this.asking) return;
-        const drawing = performance.now();
-        const fresh = this.take(data);
-        if (fresh) { this.paint(drawing); this.pictures += 1; }
+      if (this.asked !== null) { this.again = true; return; }
+      this.again = false;
+      if (this.wire.ask(this.question())) this.asked = performance.now();
+    }
+
+    answered(data) {
+      // Drawn with the browser's next frame; a page in the background gets none and asks for nothing until it can be seen.
+      requestAnimationFrame(() => {
+        const asked = this.asked, drawing = performance.now();
+        this.asked = null;
+        if (this.again) { this.pull(); return; }
+        if (this.take(data)) { this.paint(drawing); this.pictures += 1; }
         // On a small computer the control loop needs the processor too: at most half of the time is spent on drawing.
-        await new Promise((resolve) => { setTimeout(resolve); });
-        const now = performance.now();
-        pause = this.look.follow ? Math.max(PERIOD, 2 * (now - drawing)) - (now - begin) : IDLE;
-      } catch {
-        if (asking !== this.asking) return;
-      }
-      this.due = setTimeout(() => this.pull(), pause);
+        setTimeout(() => {
+          if (this.asked !== null) return;
+          const now = performance.now();
+          clearTimeout(this.due);
+          this.due = setTimeout(() => this.pull(), this.look.follow ? Math.max(PERIOD, 2 * (now - drawing)) - (now - asked) : IDLE);
+        });
+      });
     }
 
     take(data) {
@@ -239,7 +241,7 @@ const Strips = (() => {
       this.canvas.height = Math.round(this.height * scale);
       this.canvas.style.height = `${this.height}px`;
       this.paint();
-      if (wider) { clearTimeout(this.due); this.pull(); }
+      if (wider) this.pull();
     }
 
     repaint() {
