@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
-from idloop.graph.command import FAST_DISCOVERY, PROFILE_VARIABLES, profile_variable
+from idloop.graph.command import OWN_PROFILES, PROFILE_VARIABLES, profile_variable
 from idloop_nodes.sockets_only import RANGE, use_sockets_only
 
 pytestmark = [pytest.mark.ros]
@@ -47,9 +47,10 @@ def test_no_shared_memory_is_opened(ros_environment, environment, where):
     assert "WARN" not in done.stderr
 
 
-def test_our_own_profile_is_replaced(environment):
+@pytest.mark.parametrize("profile", OWN_PROFILES)
+def test_our_own_profile_is_replaced(environment, profile):
     environment.setenv(RANGE, "LOCALHOST")
-    environment.setenv(profile_variable(os.environ), str(FAST_DISCOVERY))
+    environment.setenv(profile_variable(os.environ), profile)
     use_sockets_only()
     assert os.environ[RANGE] == "SYSTEM_DEFAULT"
     assert os.environ[profile_variable(os.environ)].endswith("loopback_udp.xml")

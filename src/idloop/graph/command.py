@@ -15,8 +15,9 @@ from idloop.errors import IdloopError
 from idloop.graph.description import NodeEntry
 
 OWN_PACKAGE = "idloop_nodes"
-FAST_DISCOVERY = Path(__file__).with_name("fast_discovery.xml")
-PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")  # of Kilted on, and before
+# How Fast DDS is set: from Kilted on, and before.
+PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+OWN_PROFILES = tuple(str(Path(__file__).with_name(f"{name}.xml")) for name in ("graph_profile", "fast_discovery"))
 
 
 def node_command(node: NodeEntry, parameter_file: Path) -> list[str]:
@@ -78,7 +79,7 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
     # A node ends by itself when this process is gone, however that came about.
     environment["IDLOOP_RUNNER"] = str(os.getpid())
     if not any(name in environment for name in PROFILE_VARIABLES):
-        environment[profile_variable(environment)] = str(FAST_DISCOVERY)
+        environment[profile_variable(environment)] = OWN_PROFILES[_before_kilted(environment)]
     if domain_id is not None:
         environment["ROS_DOMAIN_ID"] = str(domain_id)
     return environment
@@ -86,4 +87,8 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
 
 def profile_variable(environment: Mapping[str, str]) -> str:
     """Return the name of the variable from which Fast DDS of this ROS takes its profile file."""
-    return PROFILE_VARIABLES[environment.get("ROS_DISTRO") in ("humble", "jazzy")]
+    return PROFILE_VARIABLES[_before_kilted(environment)]
+
+
+def _before_kilted(environment: Mapping[str, str]) -> bool:
+    return environment.get("ROS_DISTRO") in ("humble", "jazzy")

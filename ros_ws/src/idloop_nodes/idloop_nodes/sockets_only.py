@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from idloop.graph.command import FAST_DISCOVERY, PROFILE_VARIABLES, profile_variable
+from idloop.graph.command import OWN_PROFILES, PROFILE_VARIABLES, profile_variable
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
@@ -21,7 +21,7 @@ def use_sockets_only() -> None:
     if "fastrtps" not in get_rmw_implementation_identifier():
         return
     profiles = {os.environ[name] for name in PROFILE_VARIABLES if name in os.environ}
-    if profiles - {str(FAST_DISCOVERY)}:
+    if profiles - set(OWN_PROFILES):
         return
     if os.environ.get(RANGE) == "LOCALHOST":
         # That range adds shared memory whatever the transports are; the profile says the same without it.
