@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,19 @@ from idloop.physics.model import Model
 
 # Commands kept for delays; the older half is dropped when the memory is full.
 COMMANDS_KEPT = 4096
+
+
+def compiled(function: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return a compiled function for arguments of these types alone.
+
+    Numba looks at the types of all arguments of every call; for an axis with its 17 arrays that takes longer than a
+    step of the machine.
+    """
+    if not hasattr(function, "compile"):
+        return function  # type: ignore[no-any-return]  # numba is told not to compile
+    from numba import typeof
+
+    return function.compile(tuple(typeof(one) for one in arguments))  # type: ignore[no-any-return]
 
 
 class Plant:
@@ -60,6 +75,9 @@ class Plant:
         self._commands = 0
         self.start_time = start_time
         self.reset()
+        axis, state, history, row = self._layout.axis, self._state, self._history, self._command_time
+        self._read = compiled(kernel.read, axis, state, history, self._noise_std, self._reading)
+        self._run = compiled(kernel.run, axis, row, row, 0.0, state, history, self._work)
 
     def reset(self) -> None:
         """Return to rest at position 0 and the start time; the noise goes on."""
@@ -88,7 +106,7 @@ class Plant:
     def measure(self) -> NDArray[np.float64]:
         """Read the sensors now, with noise (p,)."""
         noise = self._noise_std * self._random.standard_normal(len(self._noise_std))
-        kernel.read(self._layout.axis, self._state, self._history, noise, self._reading)
+        self._read(self._layout.axis, self._state, self._history, noise, self._reading)
         return np.array(self._reading)
 
     def schedule(self, stamp: float, command: float) -> None:
@@ -116,7 +134,7 @@ class Plant:
             keep = math.exp(-max(until - self.time, 0.0) / self._disturbance_time_constant)
             fresh = self._disturbance_std * math.sqrt(1.0 - keep * keep) * self._random.standard_normal()
             self._state[kernel.DISTURBANCE] = keep * self._state[kernel.DISTURBANCE] + fresh
-        kernel.run(
+        self._run(
             self._layout.axis,
             self._command_time[: self._commands],
             self._command[: self._commands],
