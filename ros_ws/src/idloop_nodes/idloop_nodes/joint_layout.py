@@ -27,10 +27,13 @@ class OutputPacker:
         fields = [field for field in FIELDS if any(one == field for _, one in outputs)]
         self._columns = [[NAN] * len(joints) for _ in fields]
         self._places = [(fields.index(field), joints.index(joint)) for joint, field in outputs]
+        self._as_given = self._places == [(0, joint) for joint in range(len(joints))]
         self._writer = JointWriter(joints, fields)
 
     def pack(self, stamp_ns: int, values: Sequence[float]) -> bytes:
         """Return the message of one measurement, `values` in the model's order."""
+        if self._as_given:
+            return self._writer.pack(stamp_ns, values)
         columns = self._columns
         for (column, joint), value in zip(self._places, values, strict=True):
             columns[column][joint] = value

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import signal
 import sys
 import tempfile
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +17,7 @@ from types import FrameType
 from typing import Any
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
+LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
 
 
 def run(kind: str, arguments: list[str] | None = None) -> int:
@@ -121,12 +124,21 @@ def _spin(kind: str, arguments: list[str]) -> None:
         executor = make_executor()
         executor.add_node(node)
         orphaned = parent_watch()
-        while rclpy.ok() and not stop.is_set() and not node.finished and not orphaned():
+        # What is there now stays: looking through it again and again would hold samples up.
+        gc.collect()
+        gc.freeze()
+        next_look = 0.0
+        while not stop.is_set() and not node.finished:
             # `spin` of the events executor in the PyPI wheels calls nothing; `spin_once` does.
             executor.spin_once(timeout_sec=node.poll_period)
             node.poll()
             if node.broken is not None:
                 raise node.broken
+            now = time.monotonic()
+            if now >= next_look:
+                next_look = now + LOOK_PERIOD
+                if not rclpy.ok() or orphaned():
+                    break
     finally:
         if node is not None:
             node.close()

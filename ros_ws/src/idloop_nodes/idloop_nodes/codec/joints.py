@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -144,17 +144,31 @@ class JointWriter:
         self.fields = tuple(field for field in FIELDS if field in fields)
         blank = (NAN,) * len(self.names)
         position, velocity, effort = (blank if field in self.fields else () for field in FIELDS)
-        self._template = bytearray(encode_joint_state(JointSample(0, self.names, position, velocity, effort)))
-        layout = _Layout(bytes(self._template))
-        self._packers = [(struct.Struct(f"<{len(self.names)}d"), layout.starts[field]) for field in self.fields]
+        template = encode_joint_state(JointSample(0, self.names, position, velocity, effort))
+        layout = _Layout(template)
+        # One call packs everything: stamp, what stays between the numbers, and the numbers.
+        form, at = "<4siI", 12
+        fixed: list[bytes] = []
+        for field in self.fields:
+            if self.names:
+                start = layout.starts[field]
+                fixed.append(template[at:start])
+                form += f"{start - at}s{len(self.names)}d"
+                at = start + 8 * len(self.names)
+        self._before = tuple(fixed)
+        self._after = template[at:]
+        self._pack = struct.Struct(f"{form}{len(self._after)}s").pack
 
     def pack(self, stamp_ns: int, *columns: Sequence[float]) -> bytes:
         """Return one message; `columns` in the order position, velocity, effort as far as filled."""
-        template = self._template
-        _STAMP.pack_into(template, 4, stamp_ns // SECOND, stamp_ns % SECOND)
-        for (packer, start), values in zip(self._packers, columns, strict=True):
-            packer.pack_into(template, start, *values)
-        return bytes(template)
+        seconds, nanoseconds = divmod(stamp_ns, SECOND)
+        if len(columns) == 1 == len(self._before):
+            return self._pack(HEADER, seconds, nanoseconds, self._before[0], *columns[0], self._after)
+        parts: list[bytes | float] = []
+        for before, values in zip(self._before, columns, strict=True):
+            parts.append(before)
+            parts.extend(values)
+        return self._pack(HEADER, seconds, nanoseconds, *parts, self._after)
 
 
 class _Layout:
@@ -167,7 +181,6 @@ class _Layout:
         self.names = tuple(reader.string() for _ in range(_count(reader, 5)))
         reader.align(4)
         self.names_end = reader.at
-        self.prefix = data[12 : self.names_end]
         self.count_at: list[int] = []
         self.counts: list[int] = []
         self.starts: dict[str, int] = {}
@@ -181,17 +194,20 @@ class _Layout:
                 self.starts[field] = reader.at
             reader.take(8 * size)
         self.end = reader.at
+        self._marks = struct.Struct("<12x" + "".join(self._forms())).unpack_from
+        self._shape = self._marks(data)
+
+    def _forms(self) -> Iterator[str]:
+        """Yield what takes out all that lies between stamp and end and is no number: names and counts."""
+        yield f"{self.names_end - 12}s"
+        at = self.names_end
+        for start in self.count_at:
+            yield f"{start - at}x4s"
+            at = start + 4
 
     def matches(self, data: bytes) -> bool:
         """Tell whether `data` has this very shape (padding between names may hold anything)."""
-        return (
-            len(data) >= self.end
-            and data[12 : self.names_end] == self.prefix
-            and all(
-                int.from_bytes(data[at : at + 4], "little") == count
-                for at, count in zip(self.count_at, self.counts, strict=True)
-            )
-        )
+        return len(data) >= self.end and self._marks(data) == self._shape
 
 
 class JointReader:
