@@ -52,6 +52,8 @@ class SampleStore:
 
     def take_back(self, stamp: int) -> None:
         """Drop rows from `stamp` on: their sender has announced them anew."""
+        if self._stop == self._start or stamp > self._stamps[self._stop - 1]:
+            return
         stamps = self._stamps[self._start : self._stop]
         self._stop = self._start + int(np.searchsorted(stamps, stamp))
 
