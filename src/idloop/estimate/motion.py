@@ -8,13 +8,13 @@ filter's cut-off taken from the data instead of from the user.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.estimate.noise import noise_std
+from idloop.estimate.zero_phase import zero_phase
 
 if TYPE_CHECKING:
     from idloop.estimate.dataset import Data
@@ -117,20 +117,10 @@ def low_pass(values: Array, cutoff: float, sample_time: float) -> Array:
     array
         Filtered values; unchanged when the cut-off is at or above 0.45 / sample_time.
     """
-    from scipy.signal import sosfiltfilt
-
     if cutoff >= 0.45 / sample_time or len(values) < 40:
         return values
     pad = int(min(len(values) - 1, max(30.0, 3.0 / (cutoff * sample_time))))
-    return np.asarray(sosfiltfilt(_butterworth(cutoff, sample_time), values, axis=0, padlen=pad))
-
-
-@lru_cache(maxsize=64)  # a search filters by the same one again and again
-def _butterworth(cutoff: float, sample_time: float) -> Array:
-    """Sections of the fourth-order low-pass."""
-    from scipy.signal import butter
-
-    return np.asarray(butter(4, cutoff, fs=1.0 / sample_time, output="sos"))
+    return zero_phase(values, cutoff, sample_time, pad)
 
 
 def differentiate(values: Array, sample_time: float) -> Array:
@@ -168,12 +158,13 @@ def excitation_band(velocity: ArrayLike, sample_time: float) -> float:
     float
         Band edge [Hz], after the noise floor of the spectrum has been taken off.
     """
-    from scipy.signal import welch
+    from idloop.estimate.nonparametric.welch import averaged
 
     v = np.asarray(velocity, dtype=float)
     # Segments of about a sixth of the record average the noise yet resolve slow motion.
     segment = int(min(len(v), max(256, 2 ** int(np.log2(max(len(v) / 6, 2))))))
-    frequency, power = welch(v, fs=1.0 / sample_time, nperseg=segment)
+    spectra = averaged([v[:, None]], segment, 0.5, sample_time)
+    frequency, power = spectra.frequency, spectra.matrix[:, 0, 0].real
     upper = frequency > 0.8 * frequency[-1]
     shape = np.sin(np.pi * frequency * sample_time) ** 2
     # Differenced position noise rises as sin², measured velocity noise is flat: take the better fit.
@@ -184,9 +175,9 @@ def excitation_band(velocity: ArrayLike, sample_time: float) -> float:
     signal = np.maximum(power - 2.0 * floor, 0.0)
     total = np.cumsum(signal)
     if total[-1] <= 0.0:
-        return float(frequency[1])
+        return float(frequency[0])
     edge = frequency[min(int(np.searchsorted(total, _ENERGY_SHARE * total[-1])), len(total) - 1)]
-    return float(max(edge, frequency[1]))
+    return float(edge)
 
 
 def uniform(time: Array, values: Array) -> tuple[Array, Array] | None:

@@ -46,12 +46,16 @@ class PredictionCriterion:
         Standard deviation of each output's measurement noise.
     force_scale : float
         Typical drive force; sets the range in which the disturbance is searched.
+    near : float, optional
+        Disturbance intensity [force²/s] about which it is searched instead, as a part of the data has told it.
     """
 
     name = "prediction"
     whiten = True
 
-    def __init__(self, engine: Engine, data: list[Data], output_noise: Array, force_scale: float) -> None:
+    def __init__(
+        self, engine: Engine, data: list[Data], output_noise: Array, force_scale: float, near: float | None = None
+    ) -> None:
         self.engine, self.data, self.output_noise = engine, data, output_noise
         self.groups = output_groups(data)
         self.measured = sorted(column for group in self.groups for column in group)
@@ -59,6 +63,7 @@ class PredictionCriterion:
         self.force_scale = force_scale
         self.initial = InitialStates(engine, data, force_scale)
         self.intensity = 0.0
+        self.near = near
         self._rounds = 0
         self.observer = Observer(np.zeros((0, 0)), np.inf, np.zeros((0, 0)))
         self.estimate_start = True
@@ -99,7 +104,9 @@ class PredictionCriterion:
             starts[exponent] = start
             return value
 
-        if self._rounds <= 3:
+        if self.near is not None:
+            best = _search(cost, np.log10(self.near / unit) + np.array([-0.5, 0.0, 0.5]))
+        elif self._rounds <= 3:
             best = _search(cost, np.arange(-12.0, 6.1, 2.0))
         else:
             centre = float(np.log10(self.intensity / unit))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.dataset import Data, output_noise, prepare
+from idloop.estimate.dataset import Data, openings, output_noise, prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.greybox import force_scale
 from idloop.estimate.motion import body_sensors
@@ -239,17 +239,23 @@ class Comparison:
     def _observer(self) -> PredictionCriterion | None:
         """The tuned predictor; None where no linear gain follows the model, as with a sensor blind to the sign."""
         data = [self.data]
-        noise = output_noise(self.model, data)
-        rule = PredictionCriterion(self._engine, data, noise, force_scale(self._engine, data))
+        theta, given = self.model.theta, (output_noise(self.model, data), force_scale(self._engine, data))
         known = self.model.disturbance
         if known is not None and known > 0.0:
-            rule.fix(self.model.theta, known**2)
-        else:
-            try:
-                with np.errstate(over="ignore", invalid="ignore"):
-                    rule.retune(self.model.theta)
-            except IdloopError:
-                return None
+            rule = PredictionCriterion(self._engine, data, *given)
+            rule.fix(theta, known**2)
+            return rule
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                short, near = openings(data), None
+                if short is not None:
+                    begin = PredictionCriterion(self._engine, short, *given)
+                    begin.retune(theta)
+                    near = begin.intensity
+                rule = PredictionCriterion(self._engine, data, *given, near)
+                rule.retune(theta)
+        except IdloopError:
+            return None
         return rule
 
     def _velocity(self) -> Array | None:

@@ -9,6 +9,7 @@ Array = NDArray[np.float64]
 
 # So many bins of a variable still read well, in a figure and in words.
 MOST_BINS = 12
+_NOTHING = 1e-200
 
 
 def round_step(span: float, most: int) -> float:
@@ -37,8 +38,8 @@ def round_edges(values: Array, floor: float = 0.0) -> Array:
     # Rare extremes share the outermost bins and do not widen all others.
     usual = np.percentile(values, [0.5, 99.5])
     span = float(usual[1] - usual[0])
-    # Beside values this large nothing smaller can be told apart.
-    if not span > 1e-9 * max(abs(low), abs(high)):
+    # Beside values this large nothing smaller can be told apart, and no unit is that large.
+    if not span > max(1e-9 * max(abs(low), abs(high)), _NOTHING):
         return np.array([low, high if high > low else low + max(1e-9 * abs(low), 1e-12)])
     step = round_step(span, MOST_BINS - 2)
     digits = int(1 - np.floor(np.log10(step)))
