@@ -9,7 +9,8 @@ from idloop.estimate.networks import Division, TrainingRules, narx_neural
 from idloop.estimate.networks.division import divide
 from idloop.estimate.networks.network import ahead, parameters, with_parameters
 from idloop.estimate.networks.neural import nguyen_widrow
-from idloop.estimate.networks.training import TrainingData, mean_squares, train
+from idloop.estimate.networks.training import mean_squares, train
+from idloop.estimate.networks.training_data import TrainingData
 
 
 def training_data(data, purpose=None, first=2):

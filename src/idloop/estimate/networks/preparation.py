@@ -15,7 +15,8 @@ from idloop.estimate.networks.model import NarxModel
 from idloop.estimate.networks.network import Network
 from idloop.estimate.networks.scaling import by_range
 from idloop.estimate.networks.tapped_delays import TappedDelays, regressors
-from idloop.estimate.networks.training import TrainingData, TrainingHistory
+from idloop.estimate.networks.training import TrainingHistory
+from idloop.estimate.networks.training_data import TrainingData
 from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]

@@ -7,7 +7,6 @@ for physical parameters, it has slopes in closed form, no box, and ends where th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.networks.network import Network, ahead, parameters, slopes, with_parameters
+from idloop.estimate.networks.in_order import InOrder
+from idloop.estimate.networks.network import SIGMOID, Network, parameters, with_parameters
+from idloop.estimate.networks.one_step import OneStep
+from idloop.estimate.networks.training_data import TrainingData
 from idloop.estimate.polynomial.regression import triangle
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
-_BLOCK = 4096  # samples whose slopes are held at a time
 _SMALLEST_DAMPING = 1e-20
 
 
@@ -108,45 +108,22 @@ class TrainingHistory:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class TrainingData:
-    """Experiments and what each sample serves.
-
-    Attributes
-    ----------
-    experiments : sequence of (inputs, outputs)
-        Shapes (N, m) and (N, p).
-    purpose : ndarray of int
-        0, 1 or 2 (training, validation, test) for each row of the regressors of all experiments.
-    first : int
-        First sample of each experiment that is predicted.
-    """
-
-    experiments: Sequence[tuple[Array, Array]]
-    purpose: Indices
-    first: int
-
-    def pieces(self) -> Iterator[tuple[Array, Array, Indices]]:
-        """Inputs, outputs and purposes of each experiment."""
-        start = 0
-        for inputs, outputs in self.experiments:
-            stop = start + len(outputs) - self.first
-            yield inputs, outputs, self.purpose[start:stop]
-            start = stop
-
-
 def mean_squares(network: Network, data: TrainingData, parallel: bool) -> Array:
     """Mean squares of the scaled errors over training, validation and test, shape (3,); NaN where there is none."""
-    p = len(network.constant)
-    free = np.full(p, np.inf)
-    total, count = np.zeros(3), np.bincount(data.purpose, minlength=3) * p
-    for inputs, outputs, purpose in data.pieces():
-        steps = len(outputs) if parallel else 1
-        modelled = ahead(network, inputs, outputs, data.first, steps, -free, free)
-        with np.errstate(over="ignore", invalid="ignore"):
-            square = np.sum(((outputs - modelled)[data.first :] / network.output_width) ** 2, axis=1)
-        total += [np.sum(square[purpose == one]) for one in range(3)]
-    with np.errstate(invalid="ignore", divide="ignore"):
+    return _mean_squares(_errors_of(network, data, parallel).errors(network), data)
+
+
+def _errors_of(network: Network, data: TrainingData, parallel: bool) -> OneStep | InOrder:
+    """All samples at once where none of them waits for another."""
+    at_once = not parallel and bool(np.all(network.kind == SIGMOID))
+    return OneStep.of(network, data) if at_once else InOrder(data, parallel)
+
+
+def _mean_squares(errors: Array, data: TrainingData) -> Array:
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        square = np.sum(errors**2, axis=1)
+        count = np.bincount(data.purpose, minlength=3) * errors.shape[1]
+        total = np.array([np.sum(square[data.purpose == one]) for one in range(3)])
         return np.asarray(np.where(count > 0, total / count, np.nan))
 
 
@@ -173,7 +150,8 @@ def train(
     history : TrainingHistory
     """
     point, mu = parameters(network, with_linear), rules.mu
-    now = mean_squares(network, data, parallel)
+    course = _errors_of(network, data, parallel)
+    now = _mean_squares(course.errors(network), data)
     best, best_point, best_error, fails = 0, point, now[1], 0
     rows = [[*now, np.nan, mu]]
     stop = f"{rules.epochs} epochs"
@@ -184,7 +162,7 @@ def train(
         if now[0] <= rules.goal:
             stop = "goal"
             break
-        factor = _factor(with_parameters(network, point, with_linear), data, parallel, with_linear)
+        factor = _factor(with_parameters(network, point, with_linear), course, data, with_linear)
         if not np.all(np.isfinite(factor)):
             stop = "the slopes overflow"
             break
@@ -198,7 +176,7 @@ def train(
         while mu <= rules.mu_max:
             # The damped step (J'J + mu I)^-1 J'e without forming J'J.
             trial = point + right.T @ (sizes / (sizes**2 + mu) * along)
-            then = mean_squares(with_parameters(network, trial, with_linear), data, parallel)
+            then = _mean_squares(course.errors(with_parameters(network, trial, with_linear)), data)
             if then[0] < now[0]:
                 break
             mu *= rules.mu_increase
@@ -225,26 +203,10 @@ def _history(rows: list[list[float]], best: int, stop: str) -> TrainingHistory:
     return TrainingHistory(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], best, stop)
 
 
-def _factor(network: Network, data: TrainingData, parallel: bool, with_linear: bool) -> Array:
+def _factor(network: Network, course: OneStep | InOrder, data: TrainingData, with_linear: bool) -> Array:
     """Triangular factor of slopes and scaled errors of the training samples, over the root of their number.
 
     By QR of one block after another, so that neither the memory grows with the record nor the condition is squared.
     """
     rows = int(np.sum(data.purpose == 0)) * len(network.constant)
-    return np.asarray(triangle(_rows(network, data, parallel, with_linear)) / np.sqrt(max(rows, 1)))
-
-
-def _rows(network: Network, data: TrainingData, parallel: bool, with_linear: bool) -> Iterator[Array]:
-    """Blocks of the columns (slopes, scaled error) of the training samples."""
-    p, size = len(network.constant), parameters(network, with_linear).size
-    free = np.full(p, np.inf)
-    for inputs, outputs, purpose in data.pieces():
-        modelled = ahead(network, inputs, outputs, data.first, len(outputs) if parallel else 1, -free, free)
-        errors = (outputs - modelled) / network.output_width
-        carry = np.zeros((max(data.first, 1), p, size))
-        for begin in range(data.first, len(outputs), _BLOCK):
-            end = min(begin + _BLOCK, len(outputs))
-            past = modelled if parallel else outputs
-            found = slopes(network, with_linear, inputs, past, begin, end, carry, parallel)
-            used = purpose[begin - data.first : end - data.first] == 0
-            yield np.column_stack([found[used].reshape(-1, size), errors[begin:end][used].ravel()])
+    return np.asarray(triangle(course.rows(network, with_linear)) / np.sqrt(max(rows, 1)))
