@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose import refine
+from idloop.diagnose import diagnose, refine
 from idloop.diagnose.experiment import Experiment
 from idloop.diagnose.suggest import Limits, suggest
 from idloop.diagnose.suggest_effect import effect_rivals, suggest_effect
@@ -189,6 +189,17 @@ def test_a_ladder_with_a_tie_gets_the_experiment_that_resolves_it(motor):
     assert found.text.startswith("this data cannot tell")
     assert found.discrimination > 30.0
     assert np.min(found.experiment.built.value) < 0.0 < np.max(found.experiment.built.value)
+
+
+def test_what_a_diagnosis_has_found_is_known_to_the_next_experiment(motor):
+    friction = "coulomb_friction@motor"
+    record = Experiment(PRBS).run(motor.with_effects([f"{friction}(level=1)"]), noise=True, seed=1)
+    found = diagnose(motor, [record], effects=["coulomb_friction", "dead_zone"])
+    assert found.set == (friction,)
+    assert found.untestable == ("dead_zone@input",)
+    suggestion = suggest_next(found, [record], Limits(command=3.0), duration=6.0)
+    assert suggestion.text.startswith("this data cannot show dead_zone@input")
+    assert [friction in model.effect_names for _, model in suggestion.rivals] == [True, True]
 
 
 def test_in_closed_loop_the_reference_is_excited():

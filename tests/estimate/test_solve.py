@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from idloop.errors import IdloopError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
@@ -45,3 +46,15 @@ def test_a_jacobian_is_carried_to_other_weights(motor, criterion):
     problem.reweigh(np.concatenate([motor.theta, criterion.nuisance()[0]]), whiten=False)
     assert not np.allclose(problem.weights[0], weights[0], rtol=0.5)
     assert problem.carried(before, weights) == pytest.approx(slopes(), rel=1e-6, abs=1e-5)
+
+
+def test_a_model_that_only_runs_at_its_start_is_said(motor, criterion):
+    start, errors = motor.with_values(START).theta, criterion.errors
+
+    def only_there(theta, nuisance):
+        found = errors(theta, nuisance)
+        return found if np.array_equal(theta, start) else [[np.full_like(e, np.nan) for e in group] for group in found]
+
+    criterion.errors = only_there
+    with pytest.raises(IdloopError, match="narrower bounds"):
+        solve(criterion, start, *motor.bounds)

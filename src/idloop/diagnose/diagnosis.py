@@ -125,8 +125,8 @@ class Diagnosis:
 
     @property
     def untestable(self) -> tuple[str, ...]:
-        """Effects that this data cannot show."""
-        return self.gate.untestable
+        """Effects that this data cannot show; one that it has shown is none of them, however far it reaches."""
+        return tuple(name for name in self.gate.untestable if name not in {*self.set, *(self.pair or ())})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, schema ``idloop/diagnose/1``."""

@@ -165,7 +165,7 @@ def _for_the_unseen(
     progress: Progress,
 ) -> Suggestion | None:
     """The experiment that shows most of the effects that the data cannot show."""
-    plain = found.model
+    plain = _known_by_now(found)
     rank = {name: place for place, name in enumerate(_EVERYDAY)}
     known = catalogue(*plain.effect_folders)
     seen, allowed = Limits().completed(plain, records), limits.completed(plain, records)
@@ -190,6 +190,15 @@ def _for_the_unseen(
         return None
     answer = suggest([plain, *models.values()], records, limits, against_first=True, progress=progress, **options)
     return replace(answer, text=f"this data cannot show {listed(list(models))}; {answer.text}")
+
+
+def _known_by_now(found: Diagnosis | Ladder) -> Model:
+    """The model with what a diagnosis has found, so that the next experiment is not chosen to show it once more."""
+    from idloop.diagnose.diagnosis import Diagnosis
+
+    if not isinstance(found, Diagnosis) or found.best_fit is None:
+        return found.model
+    return found.best_fit.model
 
 
 def _over_a_turn(model: Model, seen: Limits, allowed: Limits) -> list[str]:

@@ -279,6 +279,8 @@ def _update(jacobian: Array, move: Array, change: Array, hessian: Array) -> None
 
 def _worth(move: Array, hessian: Array, leading: int) -> float:
     """Decrease of the cost that the first parameters' part of a Gauss-Newton step brings, the others at their best."""
+    if not np.all(np.isfinite(hessian)):
+        return float("inf")
     size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, step = hessian / np.outer(size, size), (move * size)[:leading]
     across = scaled[:leading, leading:]

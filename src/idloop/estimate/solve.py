@@ -105,7 +105,7 @@ def solve(
     Raises
     ------
     IdloopError
-        If the model gives no finite errors at the start.
+        If the model gives no finite errors at the start, or beside the values that the search comes to.
     """
     theta = np.clip(start, lower, upper)
     k = len(theta)
@@ -149,6 +149,11 @@ def solve(
             draft=True, max_iterations=_LAST_STEPS if exact and not criterion.whiten else _ITERATIONS_PER_ROUND,
             tolerance=0.5 * goal**2,
         )  # fmt: skip
+        if not np.all(np.isfinite(found.jacobian)):
+            raise IdloopError(
+                "beside the values that the search has come to the model gives no finite output; give its parameters"
+                " narrower bounds, or start elsewhere"
+            )
         slopes = None if criterion.whiten else found.jacobian
         theta, nuisance, step = found.point[:k], found.point[k:], found.step
         criterion.keep(nuisance)
