@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.estimate.motion import differentiate, excitation_band, lagging_sensors, low_pass, measured_motion, uniform
+from idloop.estimate.motion import differentiate, excitation_band, low_pass, measured_motion, uniform
 from idloop.estimate.noise import noise_std, resolution
+from idloop.estimate.sensors import lagging_sensors
 from idloop.physics import load_model
 from idloop.records import Record
 

@@ -20,7 +20,7 @@ from idloop.estimate.choose import before_fit
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.force import balance_of
-from idloop.estimate.motion import body_sensors, lagging_sensors
+from idloop.estimate.sensors import body_sensors, lagging_sensors
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validate.drive import force_error

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.motion import body_sensors
+from idloop.estimate.sensors import body_sensors
 
 if TYPE_CHECKING:
     from idloop.physics import Model

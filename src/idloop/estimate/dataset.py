@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.motion import body_sensors
 from idloop.estimate.noise import noise_std
+from idloop.estimate.sensors import body_sensors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

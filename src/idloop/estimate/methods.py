@@ -549,7 +549,7 @@ def _tracked(
     """Model of the last coefficients of every output, and their way there."""
     import numpy as np
 
-    from idloop.estimate.polynomial.arx import check_inputs
+    from idloop.estimate.polynomial.channels import check_inputs
     from idloop.estimate.polynomial.model import assemble
     from idloop.estimate.recursion import track
 

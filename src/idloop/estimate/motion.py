@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.estimate.noise import noise_std
+from idloop.estimate.sensors import body_sensors, lagging_sensors
 from idloop.estimate.zero_phase import zero_phase
 
 if TYPE_CHECKING:
@@ -63,42 +64,6 @@ class Motion:
     def comparison_band(self) -> float:
         """Frequency up to which forces are compared [Hz]."""
         return _COMPARISON_RATIO * self.cutoff
-
-
-def body_sensors(model: Model) -> list[tuple[int | None, int | None]]:
-    """For every body the output that measures its position and its velocity.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    list of (int or None, int or None)
-        Indices into the model's outputs, in the order of ``model.bodies``.
-    """
-    found: dict[str, list[int | None]] = {body: [None, None] for body in model.bodies}
-    for row, output in enumerate(model.outputs):
-        kind = 0 if output.field == "position" else 1
-        if output.field in ("position", "velocity") and found[output.body][kind] is None:
-            found[output.body][kind] = row
-    return [(pair[0], pair[1]) for pair in found.values()]
-
-
-def lagging_sensors(model: Model) -> set[int]:
-    """Outputs that, as the model has it, show another motion than that of the moment.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    set of int
-        Indices into the model's outputs.
-    """
-    sites = {active.at for active in model.effects if active.effect.site == "output" and active.effect.lags}
-    return {row for row, output in enumerate(model.outputs) if output.site in sites}
 
 
 def low_pass(values: Array, cutoff: float, sample_time: float) -> Array:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimate.motion import body_sensors
+from idloop.estimate.sensors import body_sensors
 
 if TYPE_CHECKING:
     from idloop.physics import Model

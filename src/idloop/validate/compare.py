@@ -13,8 +13,8 @@ from idloop.errors import IdloopError, InputError
 from idloop.estimate.dataset import Data, openings, output_noise, prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.greybox import force_scale
-from idloop.estimate.motion import body_sensors
 from idloop.estimate.prediction import PredictionCriterion
+from idloop.estimate.sensors import body_sensors
 from idloop.validate.ahead import steps_ahead
 from idloop.validate.drive import ForceError, force_error
 from idloop.validate.free_run import free_run

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimate.motion import body_sensors, differentiate, excitation_band, low_pass
+from idloop.estimate.motion import differentiate, excitation_band, low_pass
 from idloop.estimate.noise import noise_std
+from idloop.estimate.sensors import body_sensors
 from idloop.validate.regions import STANDING, direction_of, since_reversal
 
 if TYPE_CHECKING:

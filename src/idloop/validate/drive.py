@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.force import balance_of, thin
-from idloop.estimate.motion import body_sensors, uniform
+from idloop.estimate.motion import uniform
+from idloop.estimate.sensors import body_sensors
 
 if TYPE_CHECKING:
     from idloop.estimate.dataset import Data

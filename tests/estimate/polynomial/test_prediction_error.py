@@ -6,7 +6,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from idloop.errors import InputError
 from idloop.estimate.polynomial import Orders, armax, box_jenkins, output_error, polynomial_model
-from idloop.estimate.polynomial.arx import Channel
+from idloop.estimate.polynomial.channels import Channel
 from idloop.estimate.polynomial.objective import Objective
 from idloop.estimate.sampled import SampledData
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.polynomial.arx import channels, check_inputs, first_row, regression_blocks
+from idloop.estimate.polynomial.channels import channels, check_inputs, first_row, regression_blocks
 from idloop.estimate.polynomial.orders import Orders
 from idloop.estimate.polynomial.regression import triangle
 from idloop.estimate.sampled import SampledData, together

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.polynomial.arx import (
+from idloop.estimate.polynomial.channels import (
     Channel,
     Initial,
     channels,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimate.polynomial.arx import Channel, Initial, first_row
+from idloop.estimate.polynomial.channels import Channel, Initial, first_row
 from idloop.estimate.polynomial.orders import Orders
 from idloop.estimate.polynomial.regression import lagged
 from idloop.estimate.polynomial.stability import radius

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.polynomial.arx import Channel, Errors, Focus, Initial, channels, check_inputs, open_note
+from idloop.estimate.polynomial.channels import Channel, Errors, Focus, Initial, channels, check_inputs, open_note
 from idloop.estimate.polynomial.instruments import refined
 from idloop.estimate.polynomial.model import PolynomialModel, assemble
 from idloop.estimate.polynomial.objective import Objective

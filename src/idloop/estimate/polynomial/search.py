@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimate.levenberg import minimise
-from idloop.estimate.polynomial.arx import Channel
+from idloop.estimate.polynomial.channels import Channel
 from idloop.estimate.polynomial.objective import Objective
 from idloop.estimate.polynomial.regression import inverse_factor, rows_in_blocks, triangle
 

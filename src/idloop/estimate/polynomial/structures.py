@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.polynomial.arx import channels, check_inputs, first_row, regression_blocks
+from idloop.estimate.polynomial.channels import channels, check_inputs, first_row, regression_blocks
 from idloop.estimate.polynomial.orders import Orders, per_input
 from idloop.estimate.polynomial.regression import solve, triangle
 from idloop.estimate.sampled import SampledData, together
