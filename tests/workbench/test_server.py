@@ -7,6 +7,7 @@ import json
 import socket
 import urllib.error
 import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -96,7 +97,9 @@ def over_the_socket(address, *questions, **headers):
             assert await socket.read_message() is None
         return answers, code, 101
 
-    return asyncio.run(asyncio.wait_for(talk(), 200))
+    # In a thread of its own: that of the tests may have a loop already, a browser's.
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, asyncio.wait_for(talk(), 200)).result()
 
 
 def test_strips_are_sent_question_by_question(site):
