@@ -112,6 +112,21 @@ def test_sample_store_leaves_repeated_stamps_out():
     assert store.window(0, 9)[1][:, 0].tolist() == [1.0, 4.0]
 
 
+@given(st.lists(st.tuples(st.sampled_from(["append", "take_back", "forget"]), st.integers(0, 400)), max_size=60))
+def test_sample_store_does_as_a_list_would(orders):
+    store, plain = SampleStore(1), []
+    for verb, stamp in orders:
+        getattr(store, verb)(*((stamp, (float(stamp),)) if verb == "append" else (stamp,)))
+        if verb == "append" and (not plain or stamp > plain[-1]):
+            plain.append(stamp)
+        elif verb == "take_back":
+            plain = [one for one in plain if one < stamp]
+        elif verb == "forget":
+            plain = plain[max(0, sum(one < stamp for one in plain) - 1) :]
+    assert len(store) == len(plain)
+    assert store.window(0, 500)[0].tolist() == plain
+
+
 def number(value, source=b"a"):
     return {"publication_sequence_number": value, "publisher_gid": {"data": source}}
 

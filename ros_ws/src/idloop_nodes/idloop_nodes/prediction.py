@@ -58,6 +58,7 @@ class Prediction:
         self._publish_prediction = publish_prediction
         self._publish_residual = publish_residual
         self._recursive: RecursiveEstimator | None = None
+        self._followed = 0  # samples since it last began or learnt
 
     def begin(self, model: Model) -> None:
         """Begin anew with a model."""
@@ -65,6 +66,7 @@ class Prediction:
         if self._wanted:
             block = update_block_length(self._sample_time)
             self._recursive = RecursiveEstimator(model, sample_time=self._sample_time, block=block)
+            self._followed = 0
 
     def go_on(self, model: Model) -> None:
         """Go on with another model from where the motion is."""
@@ -92,13 +94,24 @@ class Prediction:
         block : sequence of (stamp, values)
         commands : sequence of (stamp, values) or None
         """
-        if self._recursive is None or self.failure:
-            return
+        while block and self._recursive is not None and not self.failure:
+            # With the last sample of its own block it learns, which takes milliseconds: what comes before goes first.
+            count = max(self._recursive.block - 1 - self._followed, 0) or len(block)
+            self._take(self._recursive, origin, block[:count], commands[:count])
+            block, commands = block[count:], commands[count:]
+
+    def _take(
+        self,
+        recursive: RecursiveEstimator,
+        origin: int,
+        block: Sequence[Sample],
+        commands: Sequence[Sample | None],
+    ) -> None:
         time = np.array([stamp - origin for stamp, _ in block]) / SECOND
         command = np.array([0.0 if one is None else one[1][0] for one in commands])
         measured = np.array([row for _, row in block])
         try:
-            prediction = self._recursive.update_block(time, command, measured)
+            prediction = recursive.update_block(time, command, measured)
         except (IdloopError, ArithmeticError, np.linalg.LinAlgError) as error:
             self.failure = f"prediction stopped: {error}"
             return
@@ -106,3 +119,6 @@ class Prediction:
         for (stamp, _), expected, rest in zip(block, prediction.tolist(), residual.tolist(), strict=True):
             self._publish_prediction(self._packer.pack(stamp, expected))
             self._publish_residual(self._packer.pack(stamp, rest))
+        unpredicted = np.flatnonzero(np.isnan(prediction).all(axis=1))
+        follows = len(block) if not len(unpredicted) else len(block) - 1 - int(unpredicted[-1])
+        self._followed = (follows if len(unpredicted) else self._followed + follows) % recursive.block

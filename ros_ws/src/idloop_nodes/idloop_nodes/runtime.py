@@ -16,7 +16,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from idloop_nodes.patience import become_patient
+
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
+# Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
 
 
@@ -36,6 +40,8 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
     int
         Exit code: 0 done, 1 could not, 2 wrong use or bad input.
     """
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
     try:
         from idloop import errors
     except ImportError as error:
@@ -127,6 +133,8 @@ def _spin(kind: str, arguments: list[str]) -> None:
         # What is there now stays: looking through it again and again would hold samples up.
         gc.collect()
         gc.freeze()
+        if node.patient:
+            become_patient()
         next_look = 0.0
         while not stop.is_set() and not node.finished:
             # `spin` of the events executor in the PyPI wheels calls nothing; `spin_once` does.

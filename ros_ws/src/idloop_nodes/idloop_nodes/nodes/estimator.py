@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 from idloop.errors import InputError
 from idloop.physics import Model, load_model
 from idloop_nodes.base import StreamNode
+from idloop_nodes.bursts import Bursts
 from idloop_nodes.codec import (
     CdrError,
     FitSummary,
@@ -40,6 +41,8 @@ from idloop_nodes.tables import ESTIMATOR
 from idloop_nodes.worker import Worker
 
 BLOCK = 500  # samples worked off in one go, so that services stay answered
+BURST, PATIENT_BURST = 0.003, 0.04  # seconds; in lock-step nobody is in a hurry
+FORGET_PERIOD = SECOND // 2  # between two looks at what is too old to be kept [ns]
 COMMAND_WAIT = 100  # periods after which a missing command no longer holds a measurement up
 ORDERS = {"diagnose": DIAGNOSE, "add_best_effect": ADD_BEST, "undo": UNDO, "run_suggested_experiment": SUGGEST}
 
@@ -51,9 +54,8 @@ class EstimatorNode(StreamNode):
         super().__init__("estimator", ESTIMATOR)
         values = self.parameters
         self._lockstep = values["mode"] == "lockstep"
-        # Work in long bursts costs half the processor time of short ones; lock-step has nobody in a hurry.
-        self.poll_period = 0.04 if self._lockstep else 0.01
-        self._next_burst = 0.0
+        self.patient = self._lockstep
+        self._bursts = Bursts(PATIENT_BURST) if self._lockstep else Bursts(BURST, values["sample_time"])
         self._period_ns = round(values["sample_time"] * SECOND)
         self._model = self._load(values.values)
         columns = output_columns(self._model)
@@ -110,6 +112,7 @@ class EstimatorNode(StreamNode):
             self.publisher("estimator/wear"),
         )
         self._last: int | None = None
+        self._forgot = 0
         self._told = -1
         self._done = False
         self._samples = RateCounter()
@@ -172,10 +175,14 @@ class EstimatorNode(StreamNode):
         """Take in what has arrived, predict, fit what is due, publish what the worker has finished."""
         super().poll()
         # An event such as somebody's progress must not cut the burst short.
-        now = time.monotonic()
-        if now < self._next_burst:
-            return
-        self._next_burst = now + 0.9 * self.poll_period
+        if self._bursts.due(time.monotonic()):
+            before = self._last
+            self._burst()
+            age = None if self._last in (None, before) else (time.time_ns() - self._last) / SECOND
+            self._bursts.plan(time.monotonic(), age)
+        self.poll_period = self._bursts.wait
+
+    def _burst(self) -> None:
         for stream, take in (
             (self._reference_stream, self._take_reference),
             (self._command_stream, self._take_command),
@@ -269,6 +276,9 @@ class EstimatorNode(StreamNode):
         self._forget(self._last)
 
     def _forget(self, last: int) -> None:
+        if 0 <= last - self._forgot < FORGET_PERIOD:
+            return
+        self._forgot = last
         window, validation = self._fits.spans
         longest = max(window, round(self.parameters["diagnose_window"] * SECOND)) + validation
         oldest = last - max(longest, round(self.parameters["fit_period"] * SECOND)) - 2 * SECOND

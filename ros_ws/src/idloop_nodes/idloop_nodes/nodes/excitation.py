@@ -39,6 +39,7 @@ class ExcitationNode(ManagedNode):
         self._period_ns = round(values["sample_time"] * SECOND)
         self._ahead_ns = values["ahead"] * self._period_ns
         self._lockstep = values["mode"] == "lockstep"
+        self.patient = self._lockstep
         self.poll_period = 0.2 if self._lockstep else min(0.005, 0.25 * values["ahead"] * values["sample_time"])
         fields = ("position", "velocity") if self._reference else (self._target,)
         self._writer = JointWriter([values["joint"]], fields)
