@@ -74,9 +74,10 @@ class _Chain:
         self.damping: list[float] = []
         self.body_of: list[int] = []
         splits = {active.at: active.name for active in model.effects if active.effect.splits}
+        couplings = model.couplings
         for index, body in enumerate(model.bodies):
             if index > 0:
-                coupling = model.couplings[index - 1]
+                coupling = couplings[index - 1]
                 self.stiffness.append(values[f"{coupling}.stiffness"])
                 self.damping.append(values[f"{coupling}.damping"])
             self.body_of.append(len(self.inertia))
@@ -95,13 +96,21 @@ class _Chain:
     def matrix(self) -> NDArray[np.float64]:
         """Of the bare chain's motion, d(positions, velocities)/dt, shape (2 n, 2 n)."""
         n = len(self.inertia)
-        stiff, damp = np.zeros((n, n)), np.diag(np.asarray(self.viscous, dtype=float))
+        # Entry by entry: for so few, arrays of arrays take several times as long, and a fit lays out at every step.
+        matrix = np.zeros((2 * n, 2 * n))
+        inverse = (1.0 / np.asarray(self.inertia)).tolist()
+        rows = [[0.0] * (2 * n) for _ in range(n)]
+        for i, (row, viscous) in enumerate(zip(rows, self.viscous, strict=True)):
+            matrix[i, n + i] = 1.0
+            row[n + i] = viscous
         for i, (k, c) in enumerate(zip(self.stiffness, self.damping, strict=True)):
-            pattern = np.array([[1.0, -1.0], [-1.0, 1.0]])
-            stiff[i : i + 2, i : i + 2] += k * pattern
-            damp[i : i + 2, i : i + 2] += c * pattern
-        inverse = 1.0 / np.asarray(self.inertia)[:, None]
-        return np.block([[np.zeros((n, n)), np.eye(n)], [-inverse * stiff, -inverse * damp]])
+            for at, force in ((i, k), (n + i, c)):
+                rows[i][at] += force
+                rows[i][at + 1] -= force
+                rows[i + 1][at] -= force
+                rows[i + 1][at + 1] += force
+        matrix[n:] = [[-factor * force for force in row] for factor, row in zip(inverse, rows, strict=True)]
+        return matrix
 
 
 def _fastest(matrix: NDArray[np.float64]) -> float:
