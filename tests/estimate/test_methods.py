@@ -41,6 +41,36 @@ def test_every_linear_method_finds_the_plant(name):
     assert (found.delay is None) == ("delay" not in found.method.needs)
 
 
+def two_resonances(samples=6000):
+    """Two lightly damped modes side by side, at 3 and at 20 Hz."""
+    random = np.random.default_rng(5)
+    u, y = random.normal(size=samples), np.zeros(samples)
+    for hz in (3.0, 20.0):
+        pole = np.exp(2.0 * np.pi * hz * STEP * (-0.03 + 1.0j))
+        y += lfilter([0.0, abs(1.0 - pole) ** 2], np.real(np.poly([pole, pole.conj()])), u)
+    return SampledData("record", u[:, None], (y + 0.02 * random.normal(size=samples))[:, None], STEP)
+
+
+@pytest.mark.parametrize("name", ("oe", "bj", "pem"))
+def test_a_model_too_small_for_two_resonances_has_that_of_its_band(name):
+    for low, high, hz in ((0.0, 8.0, 3.0), (10.0, 35.0, 20.0), (12.0, np.inf, 20.0)):
+        focus = "simulation" if name == "pem" else "prediction"
+        found = identify(two_resonances(), name, Choices(order=2, band=(low, high), focus=focus))
+        own = np.abs(np.angle(found.linear.poles)) / (2.0 * np.pi * STEP)
+        assert np.min(np.abs(own - hz)) < 0.1 * hz, (low, high, own)
+
+
+@pytest.mark.parametrize(
+    ("band", "words"),
+    (((5.0, 2.0), "lower edge first"), ((0.0, 60.0), "half the sample rate, 50 Hz"), ((0.0, np.inf), "give an edge")),
+)
+def test_a_band_that_weighs_nothing_is_refused(band, words):
+    with pytest.raises(InputError, match="--focus simulation"):
+        identify(open_loop(500), "pem", Choices(order=2, band=(1.0, 5.0)))
+    with pytest.raises(InputError, match=words):
+        identify(open_loop(500), "arx", Choices(order=2, band=band))
+
+
 @pytest.mark.parametrize("name", ("etfe", "spa", "welch"))
 def test_responses_come_near_the_plant(name):
     found = identify(open_loop(20000), name, Choices(window=200))

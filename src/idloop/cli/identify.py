@@ -119,6 +119,12 @@ A saved model in Python, with idloop or without it:
     show_default=True,
     help="What is made small: errors one step ahead, or those of the free run.",
 )
+@click.option(
+    "--band",
+    type=(float, float),
+    metavar="LOW HIGH",
+    help="Weigh the fit towards these frequencies [Hz]; 0 and inf leave a side open (polynomials, pem).",
+)
 @click.option("--stable", is_flag=True, help="Reflect unstable poles (subspace methods).")
 @click.option("--integrates", is_flag=True, help="Put the pole nearest 1 there (subspace methods).")
 @click.option("--closed-loop", is_flag=True, help="Go by way of the recorded reference (iv4, bla).")
@@ -160,6 +166,7 @@ def command(
     period: float | None,
     units: int | None,
     focus: Literal["prediction", "simulation"],
+    band: tuple[float, float] | None,
     stable: bool,
     integrates: bool,
     closed_loop: bool,
@@ -205,6 +212,7 @@ def command(
         period=period,
         units=units,
         focus=focus,
+        band=band,
         stable=stable,
         integrates=integrates,
         closed_loop=closed_loop,
@@ -262,8 +270,8 @@ def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> Non
     from idloop.estimate.methods import METHODS
 
     options = (
-        "order", "structure", "delay", "horizon", "window", "period", "units", "focus", "stable", "integrates",
-        "closed_loop", "seed",
+        "order", "structure", "delay", "horizon", "window", "period", "units", "focus", "band", "stable",
+        "integrates", "closed_loop", "seed",
     )  # fmt: skip
     for option in options:
         if getattr(choices, option) == getattr(default, option):

@@ -57,6 +57,8 @@ class Choices:
     units : int, optional
         Of a network.
     focus : "prediction" or "simulation"
+    band : (float, float), optional
+        Frequencies that a fit is weighed towards [Hz]; 0 and infinity leave a side open.
     stable : bool
         Reflect poles into the unit circle.
     integrates : bool
@@ -77,6 +79,7 @@ class Choices:
     period: float | None = None
     units: int | None = None
     focus: Literal["prediction", "simulation"] = "prediction"
+    band: tuple[float, float] | None = None
     stable: bool = False
     integrates: bool = False
     closed_loop: bool = False
@@ -398,39 +401,48 @@ def _degree(choices: Choices, name: str, order: int) -> int:
     return choices.structure.get(name, order)
 
 
+def _weighed(data: list[SampledData], choices: Choices) -> dict[str, Any]:
+    """At which frequencies errors are made small."""
+    from idloop.estimate.prefilter import band_filter
+
+    prefilter = None if choices.band is None else band_filter(*choices.band, data[0].sample_time)
+    return {"prefilter": prefilter}
+
+
 def _arx(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
     from idloop.estimate.polynomial import arx
 
     na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
-    return arx(data, na, nb, delay, focus=choices.focus)
+    return arx(data, na, nb, delay, focus=choices.focus, **_weighed(data, choices))
 
 
 def _iv4(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
     from idloop.estimate.polynomial import iv4
 
     na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
-    return iv4(data, na, nb, delay, instruments="reference" if choices.closed_loop else "command")
+    instruments: Literal["reference", "command"] = "reference" if choices.closed_loop else "command"
+    return iv4(data, na, nb, delay, instruments=instruments, **_weighed(data, choices))
 
 
 def _armax(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
     from idloop.estimate.polynomial import armax
 
     na, nb, nc = (_degree(choices, name, order) for name in ("na", "nb", "nc"))
-    return armax(data, na, nb, nc, delay, focus=choices.focus)
+    return armax(data, na, nb, nc, delay, focus=choices.focus, **_weighed(data, choices))
 
 
 def _oe(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
     from idloop.estimate.polynomial import output_error
 
     nb, nf = (_degree(choices, name, order) for name in ("nb", "nf"))
-    return output_error(data, nb, nf, delay)
+    return output_error(data, nb, nf, delay, **_weighed(data, choices))
 
 
 def _bj(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
     from idloop.estimate.polynomial import box_jenkins
 
     nb, nc, nd, nf = (_degree(choices, name, order) for name in ("nb", "nc", "nd", "nf"))
-    return box_jenkins(data, nb, nc, nd, nf, delay, focus=choices.focus)
+    return box_jenkins(data, nb, nc, nd, nf, delay, focus=choices.focus, **_weighed(data, choices))
 
 
 # ---------------------------------------------------------------- state space
@@ -441,7 +453,7 @@ def _poles(choices: Choices) -> dict[str, Any]:
     return {"stable": choices.stable, "integrates": choices.integrates}
 
 
-def _n4sid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+def _n4sid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> LinearModel:
     from idloop.estimate.subspace import n4sid
 
     return n4sid(data, order, horizon=choices.horizon, focus=choices.focus, **_poles(choices))
@@ -488,9 +500,18 @@ def _vodma_direct(data: list[SampledData], choices: Choices, order: int | Litera
 
 def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
     from idloop.estimate.linear import prediction_error
+    from idloop.estimate.prefilter import prefiltered
 
-    # The start holds in any loop, as the method does.
-    return prediction_error(data, _pbsid(data, choices, order, 1), focus=choices.focus)
+    if choices.band is not None and choices.focus == "prediction":
+        raise InputError(
+            "pem: a noise model that shares the plant's states takes up the filter of a band;"
+            " add --focus simulation, or take bj"
+        )
+    weighed = _weighed(data, choices)
+    # One-step errors suit any loop, and so does the start for them; free runs are for the open one, as their start is.
+    begin = _n4sid if choices.focus == "simulation" else _pbsid
+    start = begin(prefiltered(data, weighed["prefilter"]), choices, order, 1)
+    return prediction_error(data, start, focus=choices.focus, **weighed)
 
 
 # ---------------------------------------------------------------- networks
@@ -622,25 +643,25 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "arx", "linear", "Least squares: quick, right in little noise.", "any, white equation error",
-            f"{_LJUNG}, 7.3", ("order", "delay", "structure", "focus"), _arx, ("na", "nb"), _ORDERS,
+            f"{_LJUNG}, 7.3", ("order", "delay", "structure", "focus", "band"), _arx, ("na", "nb"), _ORDERS,
         ),
         Method(
             "iv4", "linear", "Instrumental variables: right whatever the noise, without a search.",
             "open, with --closed-loop by the reference", f"{_LJUNG}, 15.3; Gilson and Van den Hof 2005",
-            ("order", "delay", "structure", "closed_loop"), _iv4, ("na", "nb"), _ORDERS,
+            ("order", "delay", "structure", "closed_loop", "band"), _iv4, ("na", "nb"), _ORDERS,
         ),
         Method(
             "armax", "linear", "Disturbances that enter where the command does.", "any, noise model right",
-            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus"), _armax, ("na", "nb", "nc"), _ORDERS,
+            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus", "band"), _armax, ("na", "nb", "nc"), _ORDERS,
         ),
         Method(
             "oe", "linear", "The best free run: sensor noise, simulation, control design.",
-            "open; closed in white noise only", f"{_LJUNG}, 4.2", ("order", "delay", "structure"), _oe, ("nb", "nf"),
-            _ORDERS,
+            "open; closed in white noise only", f"{_LJUNG}, 4.2",
+            ("order", "delay", "structure", "band"), _oe, ("nb", "nf"), _ORDERS,
         ),
         Method(
             "bj", "linear", "Plant and noise share nothing.", "any, noise model right", f"{_LJUNG}, 4.2",
-            ("order", "delay", "structure", "focus"), _bj, ("nb", "nc", "nd", "nf"), _ORDERS,
+            ("order", "delay", "structure", "focus", "band"), _bj, ("nb", "nc", "nd", "nf"), _ORDERS,
         ),
         Method(
             "n4sid", "linear", "State space without a search; the order shows in the singular values.", "open",
@@ -668,7 +689,7 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "pem", "linear", "All matrices refined until the one-step errors are least.", "any, noise model right",
-            f"{_LJUNG}, 7.4; McKelvey et al. 2004", (*_SUBSPACE, "focus"), _pem,
+            f"{_LJUNG}, 7.4; McKelvey et al. 2004", (*_SUBSPACE, "focus", "band"), _pem,
         ),
         Method(
             "narx-wavelet", "network", "Nonlinear: linear part and wavelets, selected, no training.", "any",

@@ -65,6 +65,44 @@ def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[S
     return filtered
 
 
+def band_filter(low: float, high: float, sample_time: float) -> Filter:
+    """Butterworth filter of second order that weighs a fit towards a band.
+
+    Parameters
+    ----------
+    low, high : float
+        Edges [Hz]; 0 and infinity leave a side open.
+    sample_time : float
+        [s].
+
+    Returns
+    -------
+    (numerator, denominator)
+
+    Raises
+    ------
+    InputError
+        An empty band, or one that half the sample rate does not hold.
+    """
+    from scipy.signal import butter
+
+    nyquist = 0.5 / sample_time
+    if not 0.0 <= low < high:
+        raise InputError(f"band of {low:g} to {high:g} Hz is empty; give the lower edge first")
+    if low >= nyquist or (np.isfinite(high) and high >= nyquist):
+        raise InputError(f"band of {low:g} to {high:g} Hz; both edges lie below half the sample rate, {nyquist:g} Hz")
+    if low == 0.0 and not np.isfinite(high):
+        raise InputError("a band that is open on both sides weighs nothing; give an edge")
+    if low == 0.0:
+        edges, kind = [high], "lowpass"
+    elif not np.isfinite(high):
+        edges, kind = [low], "highpass"
+    else:
+        edges, kind = [low, high], "bandpass"
+    numerator, denominator = butter(2, edges if len(edges) > 1 else edges[0], kind, fs=1.0 / sample_time)
+    return numerator, denominator
+
+
 def _coefficients(prefilter: Filter, sample_time: float) -> tuple[Array, Array]:
     """Numerator and denominator as coefficients of 1, q^-1, ..."""
     if isinstance(prefilter, (tuple, list)):
