@@ -11,12 +11,22 @@ from pathlib import Path
 import numpy as np
 
 from idloop.diagnose import Candidate, Ladder, UnknownStructure
+from idloop.report.figures.ladder import words
 from idloop.workbench.source import Activity, Fit, Health, Missing
 from idloop_nodes.codec import EffectSummary, FitSummary, LadderSummary, MissingSummary, Status
-from idloop_nodes.diagnosis_jobs import MotionLimits
+from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, EFFECTS, SUGGEST, UNDO, MotionLimits
 
 NANO = 1e-9
-_SHARE = re.compile(r"\b(\d+) %")
+_PROGRESS = re.compile(r"\b(\d+) %,? ?(.*)")
+_EFFECT = re.compile(r"\w+@[\w.]+")
+# What an order is in words.
+_WORK = {
+    DIAGNOSE: "looking for what is missing",
+    ADD_BEST: "adding the effect and fitting again",
+    UNDO: "taking the last step back",
+    EFFECTS: "fitting with the chosen effects",
+    SUGGEST: "working out the next experiment",
+}
 
 
 def fit_of(summary: FitSummary) -> Fit:
@@ -79,9 +89,12 @@ def ladder_of(summary: LadderSummary, folder: Path | None) -> Ladder | None:
 
 def activity_of(status: Status) -> Activity | None:
     """Return what the estimator works on, from its check of the diagnosis; None while it does nothing."""
-    if status.values.get("order"):
-        found = _SHARE.search(status.message)
-        return Activity(status.message.replace("_", " "), float(found[1]) / 100.0 if found else None)
+    order = status.values.get("order")
+    if order:
+        found = _PROGRESS.search(status.message)
+        step = _EFFECT.sub(lambda effect: words(effect[0]), found[2]) if found else ""
+        said = [_WORK.get(order, order.replace("_", " ")), "" if "objective" in step else step]
+        return Activity(": ".join(filter(None, said)), float(found[1]) / 100.0 if found else None)
     if status.values.get("experiment"):
         return Activity("the experiment is running")
     return None

@@ -8,6 +8,7 @@ from typing import Any
 
 from idloop.errors import InputError
 from idloop.physics import load_model
+from idloop.report.figures.ladder import words
 from idloop.workbench.server import Place, Site
 from idloop.workbench.source import WARN, Activity, Note
 from idloop_nodes.base import StreamNode
@@ -41,7 +42,12 @@ ASKED = {
     "refit": "refit",
 }
 # Orders after which the estimator is at work until its next result.
-LONG = ("diagnose", "add", "undo", "experiment")
+BEGUN = {
+    "diagnose": "looking for what is missing",
+    "add": "adding {}",
+    "undo": "taking the last step back",
+    "experiment": "working out the next experiment",
+}
 
 
 class WorkbenchNode(StreamNode):
@@ -158,8 +164,8 @@ class WorkbenchNode(StreamNode):
         if verb == "reset":
             self._motor.reset()
             return
-        if verb in LONG:
-            self._board.change(activity=Activity(f"{verb} {what}".strip().replace("_", " ")), note=None)
+        if verb in BEGUN:
+            self._board.change(activity=Activity(BEGUN[verb].format(words(what))), note=None)
         estimator = values["estimator_node"]
         if verb == "add" and not self._is_best(what):
             self._calls.add_effect(estimator, what, self._answered)
