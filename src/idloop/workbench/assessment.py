@@ -110,7 +110,8 @@ def draw_characteristics(
     from idloop.errors import IdloopError
 
     found = {}
-    fitted = [one for one in candidates if one.parameters][:MOST_PICTURES]
+    # Those with the best evidence first: every effect of a tie has its picture before one that was only weighed.
+    fitted = sorted((one for one in candidates if one.parameters), key=lambda one: one.p_value)[:MOST_PICTURES]
     for number, one in enumerate(fitted):
         report(number / len(fitted), f"characteristic of {one.name}")
         try:

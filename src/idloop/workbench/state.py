@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
+from idloop.report.estimates import with_interval
 from idloop.report.figures.ladder import words
 from idloop.report.ladder import p_text
 from idloop.validate.words import percent, short
@@ -20,11 +21,13 @@ if TYPE_CHECKING:
     from idloop.workbench.source import Missing, Snapshot
 
 MOST_STRETCHES = 5
-# Variables whose curve says what to look for; over time and frequency every error varies.
 TROUBLE = (
     "missed_deadlines", "silences", "clock_jumps", "saturated", "dropped_by_queue", "unreadable", "restarts",
     "skipped", "worker_failures",
 )  # fmt: skip
+FOLLOWS = 0.25  # share of an error from which on a curve over one variable is worth being shown first
+ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
+# Variables whose curve says what to look for; over time and frequency every error varies.
 TELLING = ("velocity", "position", "command", "direction", "since_reversal")
 
 
@@ -91,14 +94,14 @@ def p_words(value: float | None) -> str:
 
 
 def parameter_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Say every parameter with its 95 % interval: "width 0.121 ± 0.002 V"."""
+    """Say every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"."""
     said = []
     for name, entry in parameters.items():
-        value, stderr, unit = entry.get("value"), entry.get("stderr"), entry.get("unit") or ""
-        if value is None:
-            continue
-        reach = f" ± {short(1.96 * stderr)}" if stderr is not None and math.isfinite(stderr) else ""
-        said.append(f"{name.replace('_', ' ')} {short(value)}{reach} {unit.strip('-')}".rstrip())
+        value, unit = entry.get("value"), entry.get("unit") or ""
+        if value is not None:
+            said.append(
+                f"{name.replace('_', ' ')} {with_interval(value, entry.get('stderr'))} {unit.strip('-')}".rstrip()
+            )
     return said
 
 
@@ -229,6 +232,7 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         "variables": [b.variable for b in one.breakdowns],
         "left_out": dict(one.left_out),
         "stands_out": {b.variable: b.worst.text for b in one.breakdowns if b.stands_out},
+        "everywhere": _everywhere(one),
         "stretches": [
             {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
             for s in one.stretches[:MOST_STRETCHES]
@@ -236,14 +240,27 @@ def _map(one: ErrorMap) -> dict[str, Any]:
     }
 
 
+def _everywhere(one: ErrorMap) -> str:
+    """Say that most of an error is one constant; empty where it is not."""
+    constant = math.isfinite(one.mean) and abs(one.mean) > ONE_SIGN * one.rms
+    return f"Most of it is the same everywhere: {short(one.mean)} {one.unit} on average." if constant else ""
+
+
 def _telling(found: Assessment) -> dict[str, str] | None:
-    """The error and the variable that it follows most: what a reader should see first."""
-    best: tuple[float, str, str] | None = None
+    """The error and the variable that says most about it: what a reader should see first."""
+    best: tuple[bool, float, str, str] | None = None
     maps = found.where.maps
     # The force is free of the drift of a free run, which follows whatever moves slowly.
     for one in [m for m in maps if m.basis == "force"] or maps:
         for breakdown in one.breakdowns:
-            follows = breakdown.follows if breakdown.variable in TELLING else math.nan
-            if math.isfinite(follows) and (best is None or follows > best[0]):
-                best = follows, one.name, breakdown.variable
-    return None if best is None else {"error": best[1], "variable": best[2]}
+            if breakdown.variable not in TELLING or not math.isfinite(breakdown.follows):
+                continue
+            # One that stands out, before one that only varies a little more than the others.
+            rank = breakdown.stands_out or breakdown.follows >= FOLLOWS, breakdown.follows, one.name, breakdown.variable
+            best = rank if best is None else max(best, rank)
+    if best is None:
+        return None
+    _, _, name, variable = best
+    # Where nothing says anything, velocity is what a reader looks at first.
+    plain = not best[0] and found.where[name].along("velocity") is not None
+    return {"error": name, "variable": "velocity" if plain else variable}
