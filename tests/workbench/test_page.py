@@ -11,6 +11,8 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 from fake import MISSING, FakeSource
 
 from idloop.workbench.server import Place, Site
+from idloop.workbench.source import STALE as SILENT
+from idloop.workbench.source import Health
 
 PEAK = "peak => strips.values('measured').includes(peak)"
 
@@ -195,6 +197,63 @@ def test_a_lost_server_is_said_and_the_page_comes_back_by_itself(source, browser
     finally:
         visitor.close()
         site.close()
+
+
+def test_a_node_that_is_heard_no_more_is_said_in_the_head(site, source, visit):
+    page = visit(site.address).page
+    assert page.inner_text("#state") == "live"
+    source.board.change(health=(Health("plant: loop", SILENT, "nothing heard any more"), Health("estimator: fits")))
+    page.wait_for_selector("#state.bad >> text=plant: silent")
+    source.board.change(health=(Health("plant: loop"), Health("estimator: fits")))
+    page.wait_for_selector("#state.running >> text=live")
+
+
+def test_without_measurements_the_page_says_so(visit):
+    site = Site(FakeSource(), Place())
+    try:
+        visitor = visit(site.address)
+        visitor.page.evaluate("() => { window.said = []; strips.say = (text) => said.push(text); strips.repaint(); }")
+        visitor.until("() => said.includes('No measurements yet')")
+    finally:
+        site.close()
+
+
+def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visit):
+    page = visit(site.address).page
+    page.set_viewport_size({"width": 1500, "height": 300})
+    page.wait_for_function("() => strips.streams.measured?.count > 0")
+    with page.expect_download() as download:
+        page.click("#save")
+    assert download.value.suggested_filename == "workbench.png"
+    surface, lowest = page.evaluate(
+        "() => { const c = strips.canvas, [r, g, b] = strips.context.getImageData(2, c.height - 3, 1, 1).data;"
+        " const asHex = (v) => v.toString(16).padStart(2, '0');"
+        " return [strips.colours.surface, `#${asHex(r)}${asHex(g)}${asHex(b)}`]; }"
+    )
+    assert lowest == surface
+
+
+def test_the_model_can_be_left_alone_and_the_newest_data_are_taken(site, source, visit):
+    page = visit(site.address).page
+    assert "even a poor one looks good" in page.inner_text("#corrected")
+    page.click("#alone")
+    page.wait_for_selector("#corrected", state="hidden")
+    assert page.input_value("#shown") == "free_run"
+    assert page.input_value("#span") == "20"
+    held(lambda: source.orders == [("assess", "")])
+
+
+def test_an_axis_has_three_numbers_at_least(site, source, visit):
+    page = visit(site.address).page
+    page.wait_for_function("() => strips.streams.measured?.count > 0")
+    numbers = page.evaluate(
+        "() => { const found = {}; const g = strips.context, write = g.fillText.bind(g);"
+        " g.fillText = (text, x, y) => { if (g.textAlign === 'right' && x < 100) (found[Math.round("
+        "strips.strips.findIndex((s) => y <= s.top + s.height + 1))] ??= []).push(text); write(text, x, y); };"
+        " strips.paint(performance.now(), true); delete g.fillText; return found; }"
+    )
+    assert len(numbers) == 5
+    assert min(len(set(one)) for one in numbers.values()) >= 3, numbers
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

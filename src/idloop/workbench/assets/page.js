@@ -3,9 +3,13 @@
 "use strict";
 (() => {
   const PERIOD = 400; // milliseconds between two questions
+  const ALONE = 20; // seconds over which a model of a live graph is left alone
   const PATIENCE = 4; // questions without an answer before the page says so
   const LONGEST = 4000; // milliseconds that an answer may take
   const TITLES = Object.fromEntries([...document.querySelectorAll("#variables button")].map((b) => [b.dataset.variable, b.textContent]));
+  const FIT = "100 % is perfect, 0 % no better than a constant";
+  const LEVELS = ["ok", "warning", "error", "silent"];
+  const FAILED = 2; // level of a check from which on the head says so
   const $ = (id) => document.getElementById(id);
   const base = new URL(".", location.href);
   const { key, run } = document.body.dataset;
@@ -42,7 +46,7 @@
   }
 
   const say = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
-  const percent = (value, digits = 1) => (value == null ? "–" : `${value.toFixed(digits)} %`);
+  const percent = (value, digits = 1) => (value == null ? "–" : `${value.toFixed(digits).replace("-", "−")} %`);
 
   // -- orders -------------------------------------------------------------------------------
 
@@ -68,6 +72,12 @@
       note("The order did not reach the workbench: it does not answer.", true);
     }
     ask();
+  }
+  // The model is left alone on the newest data, not on those of the last fit.
+  function showModel(shown) {
+    const alone = state?.live && shown === "free_run";
+    choose(alone && view.follow ? { shown, span: Math.max(view.span, ALONE) } : { shown });
+    if (alone) order("assess");
   }
   const order = (verb, what = "") => post("order", { verb, what });
   const stop = () => post("stop");
@@ -104,6 +114,7 @@
     $("follow").classList.toggle("primary", !view.follow);
     $("span").value = String(view.span);
     $("shown").value = view.shown;
+    $("corrected").hidden = !state.live || view.shown !== "one_step";
     strips.show({ follow: view.follow ? view.span : null, stretch: view.stretch, shown: view.shown });
     showWhere(state);
   }
@@ -150,8 +161,8 @@
       if (s.fit?.error) return [make("span", { class: "hint" }, `no fit: ${s.fit.error}`)];
       if (!values) return [make("span", { class: "hint" }, s.live ? "waiting for the first fit" : "comparing model and record …")];
       const fits = Object.entries(values).map(([name, value]) => make("div", { class: "fit", "data-output": name, title: live
-          ? `FIT of the free run on ${s.fit.seconds.toFixed(1)} s that the fit has not used`
-          : `FIT of the free run on ${s.assessment.record}` },
+          ? `FIT of the free run on ${s.fit.seconds.toFixed(1)} s that the fit has not used: ${FIT}`
+          : `FIT of the free run on ${s.assessment.record}: ${FIT}` },
         make("div", { class: "value" }, percent(value)),
         make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, value ?? 0))}%` })),
         make("div", { class: "what" }, `FIT ${name}${live ? ", unseen data" : ""}`)));
@@ -163,8 +174,11 @@
     });
     $("stop").hidden = !s.moves;
     $("stopped").hidden = !s.stopped;
-    $("state").className = `state ${s.live ? "running" : ""}`;
-    say("state", s.live ? "live" : "recording");
+    const worst = s.health.filter((one) => one.level >= FAILED);
+    $("state").className = `state ${worst.length ? "bad" : s.live ? "running" : ""}`;
+    $("state").title = worst.map((one) => `${one.name}: ${one.message}`).join("\n");
+    say("state", worst.length === 1 ? `${worst[0].name.split(":")[0]}: ${LEVELS[worst[0].level]}`
+      : worst.length ? `${worst.length} checks failed, see health` : s.live ? "live" : "recording");
     for (const one of document.querySelectorAll(".live-only")) one.hidden = !s.live;
     $("whole").hidden = s.live;
     const text = s.note ? JSON.stringify(s.note) : "";
@@ -195,7 +209,7 @@
       one.tabIndex = checked ? 0 : -1;
       one.classList.toggle("loud", name in map.stands_out);
     }
-    say("where-words", map.stands_out[shown.variable || "velocity"] ?? `Nothing stands out along ${TITLES[shown.variable || "velocity"]}.`);
+    say("where-words", map.stands_out[shown.variable || "velocity"] ?? [`Nothing stands out along ${TITLES[shown.variable || "velocity"]}.`, map.everywhere].filter(Boolean).join(" "));
     render("stretches", [map.name, map.stretches], () => map.stretches.length ? [
       make("h3", {}, "Worst stretches: a click zooms to them"),
       ...map.stretches.map((one, index) => make("button", { type: "button", "data-focus": `stretch${index}`, onclick: () => zoom(one) },
@@ -285,18 +299,19 @@
       if (text) one.textContent = text;
       return one;
     };
-    const svg = node("svg", { viewBox: "0 0 92 62", role: "img", "aria-label": `${picture.y} over ${picture.x}` });
+    const svg = node("svg", { viewBox: "0 0 124 86", role: "img", "aria-label": `${picture.y} over ${picture.x}` });
     const xs = [...picture.curve, ...picture.data].map((p) => p[0]);
     const ys = [0, ...[...picture.curve, ...picture.data].map((p) => p[1])];
     const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
-    const px = (x) => (4 + (84 * (x - x0)) / (x1 - x0 || 1)).toFixed(1);
-    const py = (y) => (47 - (43 * (y - y0)) / (y1 - y0 || 1)).toFixed(1);
+    const px = (x) => (4 + (116 * (x - x0)) / (x1 - x0 || 1)).toFixed(1);
+    const py = (y) => (70 - (54 * (y - y0)) / (y1 - y0 || 1)).toFixed(1);
     svg.append(node("title", {}, `${picture.y} over ${picture.x}: dots are what the data leave, the line is the fitted effect`));
-    svg.append(node("line", { x1: 4, x2: 88, y1: py(0), y2: py(0) }));
-    if (x0 < 0 && x1 > 0) svg.append(node("line", { x1: px(0), x2: px(0), y1: 4, y2: 47 }));
+    svg.append(node("line", { x1: 4, x2: 120, y1: py(0), y2: py(0) }));
+    if (x0 < 0 && x1 > 0) svg.append(node("line", { x1: px(0), x2: px(0), y1: 16, y2: 70 }));
     for (const [x, y] of picture.data) svg.append(node("circle", { cx: px(x), cy: py(y), r: 1.7 }));
     svg.append(node("path", { d: picture.curve.map(([x, y], i) => `${i ? "L" : "M"}${px(x)} ${py(y)}`).join("") }));
-    svg.append(node("text", { x: 46, y: 60, "text-anchor": "middle" }, picture.x));
+    svg.append(node("text", { x: 4, y: 10 }, picture.y));
+    svg.append(node("text", { x: 120, y: 82, "text-anchor": "end" }, picture.x));
     return svg;
   }
 
@@ -331,7 +346,6 @@
     render("limits", s.limits, () => s.limits.map((one) => make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.value))));
   }
 
-  const LEVELS = ["ok", "warning", "error", "silent"];
   function showHealth(s) {
     $("health-panel").hidden = !s.health.length;
     render("health", s.health, () => s.health.map((one) => make("tr", {},
@@ -413,7 +427,8 @@
   $("zoom-out").addEventListener("click", () => strips.zoom(2));
   $("save").addEventListener("click", () => strips.save("workbench.png"));
   $("span").addEventListener("change", () => choose({ span: Number($("span").value), follow: true }));
-  $("shown").addEventListener("change", () => choose({ shown: $("shown").value }));
+  $("shown").addEventListener("change", () => showModel($("shown").value));
+  $("alone").addEventListener("click", () => { showModel("free_run"); $("shown").focus(); });
   $("error").addEventListener("change", () => { chosen = true; choose({ error: $("error").value }); });
   const tabs = [...document.querySelectorAll("#variables button")];
   for (const one of tabs) {

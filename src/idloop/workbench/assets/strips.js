@@ -20,6 +20,7 @@ const Strips = (() => {
     reference: [[-0.2, -0.2], [0.2, 0.2]],
   };
   const DASH = 5; // pixels
+  const LEAST = 3; // numbers on an axis: a single one says nothing about the scale
 
   // Points of one stream, kept between two pictures: what comes replaces what is not older.
   class Points {
@@ -80,9 +81,15 @@ const Strips = (() => {
   function ticks(low, high, wanted) {
     const raw = (high - low) / wanted;
     const power = 10 ** Math.floor(Math.log10(raw));
-    const step = power * [1, 2, 5, 10].find((m) => m * power >= raw * 0.999);
-    const at = [];
-    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) at.push(k * step);
+    const steps = [0.5, 1, 2, 5, 10].map((m) => m * power);
+    const places = (step) => {
+      const found = [];
+      for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) found.push(k * step);
+      return found;
+    };
+    let index = steps.findIndex((one) => one >= raw * 0.999);
+    if (places(steps[index]).length < LEAST) index -= 1;
+    const step = steps[index], at = places(step);
     const largest = Math.max(Math.abs(low), Math.abs(high));
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     const write = largest >= 1e6 || step < 1e-5
@@ -240,7 +247,7 @@ const Strips = (() => {
       this.canvas.width = Math.round(width * scale);
       this.canvas.height = Math.round(this.height * scale);
       this.canvas.style.height = `${this.height}px`;
-      this.paint();
+      this.paint(performance.now(), true);
       if (wider) this.pull();
     }
 
@@ -252,26 +259,38 @@ const Strips = (() => {
     x(instant) { return LEFT + ((instant - this.start) / (this.stop - this.start)) * (this.right - LEFT); }
     instant(x) { return this.start + ((x - LEFT) / (this.right - LEFT)) * (this.stop - this.start); }
 
-    paint(now = performance.now()) {
+    // everywhere: out of sight as well, for a picture that is saved or printed.
+    paint(now = performance.now(), everywhere = false) {
       if (!this.colours.surface || !this.strips.length || !this.width) return;
       const g = this.context;
       g.setTransform(this.scale, 0, 0, this.scale, 0, 0);
       const seen = this.canvas.getBoundingClientRect();
       const calm = Boolean(this.look?.follow && this.calm);
+      const whole = everywhere || !calm;
       const along = ticks(this.start, this.stop, Math.max(3, (this.right - LEFT) / 110));
       const last = this.strips[this.strips.length - 1];
       for (const strip of this.strips) {
         this.fit(strip, now, calm);
-        // What is scrolled out of sight is not drawn.
+        // What is scrolled out of sight is not drawn again and again.
         const from = seen.top + strip.top;
-        if (from > innerHeight || from + strip.height + (strip === last ? FOOT : GAP) < 0) continue;
+        if (!whole && (from > innerHeight || from + strip.height + (strip === last ? FOOT : GAP) < 0)) continue;
         g.fillStyle = this.colours.surface;
         g.fillRect(0, strip.top - GAP / 2, this.width, strip.height + (strip === last ? FOOT + GAP : GAP));
         this.axes(g, strip, along, strip === last);
         this.lines(g, strip);
         if (this.cursor) this.read(g, strip);
       }
+      if (!this.streams.measured?.count) this.say("No measurements yet");
       this.calm = 1;
+    }
+
+    say(text) {
+      const g = this.context, { top, height } = this.strips[0];
+      g.font = `15px ${FONT}`;
+      g.fillStyle = this.colours.muted;
+      g.textAlign = "center";
+      g.textBaseline = "middle";
+      g.fillText(text, (LEFT + this.right) / 2, top + height / 2);
     }
 
     fit(strip, now, calm) {
@@ -420,6 +439,7 @@ const Strips = (() => {
     }
 
     save(name) {
+      this.paint(performance.now(), true);
       this.canvas.toBlob((blob) => {
         const link = document.createElement("a");
         link.href = URL.createObjectURL(blob);
@@ -493,6 +513,7 @@ const Strips = (() => {
         does();
       });
       addEventListener("scroll", () => this.repaint(), { passive: true });
+      addEventListener("beforeprint", () => this.paint(performance.now(), true));
     }
   }
 
