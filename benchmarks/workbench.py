@@ -38,6 +38,7 @@ COUNTERS = {
     "recorder: recording": ("received/joint_states", "lost/joint_states", "lost/joint_command", "dropped_by_queue"),
 }
 SILENT = 3  # level of a check that is heard no more
+MINUTE = 60.0  # seconds between two looks at the memory: a collection of the browser's garbage goes before each
 HZ = os.sysconf("SC_CLK_TCK")
 
 
@@ -137,6 +138,7 @@ def watch(phase: Phase, address: str, span: float, part: float, page: Page | Non
     used = seconds([node]), seconds(page.processes) if page else 0.0
     drawn, last = page.pictures if page else 0, begin
     phase.memory.append(memory(page, node))
+    looked = begin
     while time.monotonic() < begin + span:
         time.sleep(max(min(part, begin + span - time.monotonic()), 0.1))
         now = time.monotonic()
@@ -148,6 +150,10 @@ def watch(phase: Phase, address: str, span: float, part: float, page: Page | Non
             say(f"{phase.name}: {now - begin:.0f} of {span:g} s, {phase.pictures[-1]:.1f} pictures a second")
         else:
             say(f"{phase.name}: {now - begin:.0f} of {span:g} s")
+        if now - looked >= MINUTE:
+            looked = now
+            phase.memory.append(memory(page, node))
+            say("memory [MB]: " + ", ".join(f"{name} {size:.1f}" for name, size in phase.memory[-1].items()))
     phase.length = time.monotonic() - begin
     phase.memory.append(memory(page, node))
     phase.processor["node"] = (seconds([node]) - used[0]) / phase.length
@@ -206,6 +212,14 @@ class Page:
         return float(next(one["value"] for one in metrics if one["name"] == "JSHeapUsedSize")) / 1e6
 
 
+def hurry(priority: int, page: int) -> None:
+    """Give all nodes but the page's the real-time priority that a machine with a motor gives them."""
+    for one in children(os.getpid()):
+        if "idloop_nodes" in command_line(one) and one != page and "worker" not in command_line(one):
+            for thread in Path(f"/proc/{one}/task").iterdir():
+                os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(priority))
+
+
 @contextlib.contextmanager
 def running(given: argparse.Namespace, folder: Path) -> Iterator[tuple[str, int]]:
     """Start the graph; yields the page's address and the process that serves it."""
@@ -229,6 +243,8 @@ def running(given: argparse.Namespace, folder: Path) -> Iterator[tuple[str, int]
         node = next(
             one for one in children(os.getpid()) if "nodes" in command_line(one) and "workbench" in command_line(one)
         )
+        if given.priority:
+            hurry(given.priority, node)
         yield address, node
     finally:
         run.stop()
@@ -255,8 +271,9 @@ def table(phases: Sequence[Phase]) -> list[tuple[str, ...]]:
         ("node", "memory of the node"), ("browser", "memory of the browser"), ("heap", "heap of the page"),
         ("streams", "points of the page"),
     ):  # fmt: skip
-        row = (" to ".join(f"{m[what]:.1f}" for m in p.memory if what in m) for p in phases)
-        rows.append((f"{title} [MB]", *row))
+        row = ([m[what] for m in p.memory if what in m] for p in phases)
+        said = (f"{one[0]:.1f} to {one[-1]:.1f}, most {max(one):.1f}" if one else "" for one in row)
+        rows.append((f"{title} [MB]", *said))
     rows += [
         (
             f"processor of the {what} [% of a core]",
@@ -274,6 +291,9 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=600.0, help="seconds with the page open")
     parser.add_argument("--baseline", type=float, default=120.0, help="seconds without it, before")
     parser.add_argument("--part", type=float, default=10.0, help="seconds over which pictures are counted")
+    parser.add_argument(
+        "--priority", type=int, default=0, help="real-time priority of the nodes but the page's, 1 to 99"
+    )
     parser.add_argument("--domain", type=int, default=93, help="ROS domain of the graph")
     parser.add_argument("--json", type=Path, help="write everything here as well")
     given = parser.parse_args()
