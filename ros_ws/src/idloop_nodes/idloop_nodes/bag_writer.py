@@ -6,9 +6,10 @@ import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, Any
 
 from idloop.errors import InputError
+from idloop_nodes.mcap_file import McapFile
 
 CHUNK_SIZE = 16 * 1024  # what a kill can cost; larger chunks compress better and lose more
 METADATA_VERSION = 9
@@ -130,7 +131,7 @@ class BagWriter:
             self._open_file()
             file = self._files[-1]
         one = self._topics[topic]
-        self._writer.add_message(one.channel, log_time, data, log_time, sequence)
+        self._writer.add_message(one.channel, log_time, data, sequence)
         file.start, file.end = min(file.start, log_time), max(file.end, log_time)
         file.count += 1
         one.count += 1
@@ -150,19 +151,16 @@ class BagWriter:
         return bool(self._split_bytes and self._whole is not None and self._whole.written >= self._split_bytes)
 
     def _open_file(self) -> None:
-        from mcap.writer import CompressionType, Writer
-
         name = f"{self.folder.name}_{len(self._files)}.mcap"
         # Unbuffered: what the writer has handed over lies with the system, whatever happens to this process.
         self._stream = (self.folder / name).open("xb", buffering=0)
         self._whole = _Whole(self._stream)
-        self._writer = Writer(cast("IO[bytes]", self._whole), chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)
-        self._writer.start(profile="ros2", library="idloop")
+        self._writer = McapFile(self._whole, CHUNK_SIZE, "idloop")
         schemas: dict[str, int] = {}
         for one in self._topics.values():
             if one.type not in schemas:
-                schemas[one.type] = self._writer.register_schema(one.type, "ros2msg", one.definition.encode())
-            one.channel = self._writer.register_channel(
+                schemas[one.type] = self._writer.add_schema(one.type, "ros2msg", one.definition.encode())
+            one.channel = self._writer.add_channel(
                 one.name,
                 "cdr",
                 schemas[one.type],
