@@ -82,6 +82,7 @@ class StreamNode(Node):
 
     poll_period = 0.2  # seconds between calls of `poll` when nothing else wakes the node
     patient = False  # whether others may finish before this node takes its turn
+    preferred = False  # whether it must keep up with the clock, beside whatever else runs on the machine
 
     def __init__(self, kind: str, table: Table, **options: Any) -> None:
         self._polled: list[Any] = []

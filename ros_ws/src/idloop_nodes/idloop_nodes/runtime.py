@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from idloop_nodes.patience import become_patient
+from idloop_nodes.patience import become_patient, become_preferred
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
@@ -135,6 +135,8 @@ def _spin(kind: str, arguments: list[str]) -> None:
         gc.freeze()
         if node.patient:
             become_patient()
+        elif node.preferred:
+            become_preferred()
         next_look = 0.0
         while not stop.is_set() and not node.finished:
             # `spin` of the events executor in the PyPI wheels calls nothing; `spin_once` does.

@@ -54,7 +54,7 @@ class EstimatorNode(StreamNode):
         super().__init__("estimator", ESTIMATOR)
         values = self.parameters
         self._lockstep = values["mode"] == "lockstep"
-        self.patient = self._lockstep
+        self.patient, self.preferred = self._lockstep, not self._lockstep
         self._bursts = Bursts(PATIENT_BURST) if self._lockstep else Bursts(BURST, values["sample_time"])
         self._period_ns = round(values["sample_time"] * SECOND)
         self._model = self._load(values.values)

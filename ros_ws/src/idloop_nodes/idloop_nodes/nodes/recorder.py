@@ -41,7 +41,7 @@ class RecorderNode(StreamNode):
         super().__init__("recorder", RECORDER)
         values = self.parameters
         self._lockstep = values["mode"] == "lockstep"
-        self.patient = self._lockstep
+        self.patient, self.preferred = self._lockstep, not self._lockstep
         self._period_ns = round(values["sample_time"] * SECOND)
         self._topics = list(dict.fromkeys(values["topics"]))
         self._ranks = rank_topics(self._topics)
