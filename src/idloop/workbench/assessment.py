@@ -21,6 +21,7 @@ Report = Callable[[float, str], None]
 
 FEWEST = 200  # samples that are worth an assessment
 MOST_PICTURES = 6
+FIT_SAMPLES = 10_000  # newest samples to which a model is fitted for a picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,13 +116,25 @@ def draw_characteristics(
     for number, one in enumerate(fitted):
         report(number / len(fitted), f"characteristic of {one.name}")
         try:
-            with_it = one.model or _with_effect(model, one)
+            with_it = one.model or _fitted(_with_effect(model, one), record)
             drawn = characteristic(with_it, one.name, record)
         except IdloopError:
             continue
         if drawn is not None:
             found[one.name] = drawn
     return found
+
+
+def _fitted(model: Model, record: Record) -> Model:
+    """The other parameters move when an effect is added: where they did not, data and effect would not meet."""
+    from idloop.errors import IdloopError
+    from idloop.estimate.greybox import fit
+
+    excess = record.time.size - FIT_SAMPLES
+    try:
+        return fit(model, [record.cut(start=float(record.time[excess])) if excess > 0 else record]).model
+    except IdloopError:
+        return model
 
 
 def _with_effect(model: Model, one: Candidate) -> Model:
