@@ -20,8 +20,11 @@ Sample = tuple[int, tuple[float, ...]]
 
 
 def update_block_length(sample_time: float) -> int:
-    """Return the samples between two updates of the parameters: a fifth of a second, whatever the rate."""
-    return min(max(round(0.2 / sample_time), 20), 200)
+    """Return the samples between two updates of the parameters: two fifths of a second, whatever the rate.
+
+    An update takes milliseconds, mostly whatever its length: twice as often, and one sample in fifty would wait for it.
+    """
+    return min(max(round(0.4 / sample_time), 20), 400)
 
 
 class Prediction:
