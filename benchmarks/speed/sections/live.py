@@ -21,7 +21,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2]))
 from workbench import children, command_line, seconds
 
 DOMAIN = 94
-AGE = "the estimator takes samples in bursts of 10 ms; at 3 ms it takes more than a quarter of a core"
+AGE = "samples measured while the estimator learns, for milliseconds every 0.4 s, or while others have the cores, wait"
 REAL, STEPS = "torsion at 1 kHz in real time", "torsion in lock-step"
 STATES, PREDICTION = "/joint_states", "/estimator/prediction"
 SETTLED = 2.0  # s after which ages count
@@ -53,8 +53,9 @@ def run(contest: Contest) -> Section:
     real_time(section, 8.0 if contest.quick else contest.live_seconds)
     lock_step(section, 5.0 if contest.quick else 60.0)
     section.remarks.append(
-        "Five processes over DDS. A prediction's age is the time at which the recorder got it less the stamp of its"
-        " measurement. Fits run in a worker process of their own, beside the estimator; it is counted apart."
+        "Five processes over DDS. A prediction's age is the time at which it reached the recorder (not at which that"
+        " took it) less the stamp of its measurement. Fits run in a worker process of their own, beside the estimator;"
+        " it is counted apart."
     )
     return section
 

@@ -15,10 +15,8 @@ Array = NDArray[np.float64]
 
 ORDER, HORIZON = 8, 28
 LOUD = 20.0
-TOLD = "idloop, told that it integrates"
-BIASED = (
-    "in closed loop N4SID errs by a bias, which moves the pole that integrates; a user who knows that it does says so"
-)
+UNASKED = "idloop, its poles as found"
+BIASED = "in closed loop N4SID errs by a bias, which moves the pole that integrates"
 FIT = "FIT, fresh data [%]"
 LARGE = 10_000_000
 PEERS = {"SIPPY": "n4sid_sippy", "nfoursid": "n4sid_nfoursid"}
@@ -53,7 +51,7 @@ def run(contest: Contest) -> Section:
         data = dict(zip("uy", torsion_record(samples, 1, noise), strict=True))
         fresh = torsion_record(8000, 2, noise)
         found = [contest.enter(work, "idloop", "n4sid_idloop", data, settings, ours=True, runs=9)]
-        for who, options, runs in ((TOLD, {"integrates": True}, 9), ("idloop, QR", {"exact": True}, 3)):
+        for who, options, runs in ((UNASKED, {"integrates": False}, 9), ("idloop, QR", {"exact": True}, 3)):
             more = settings | {"options": options}
             found.append(contest.enter(work, who, "n4sid_idloop", data, more, ours=True, runs=runs))
         found.append(n4sid_by_slicot(contest, work, data, ORDER, HORIZON, 9))
@@ -109,10 +107,9 @@ def claims(section: Section, sizes: tuple[int, int]) -> list[Claim]:
         grown = own[1].memory - own[0].memory
     found.append(Claim("memory that ten times the samples add", 16.0, grown, "MB", at_least=False))
     for work in (large, loud):
-        for who in ("idloop", TOLD):
-            ours, theirs = section.find(work, who), section.find(work, SLICOT)
-            apart = None
-            if ours and theirs and FIT in ours.answer and FIT in theirs.answer:
-                apart = ours.answer[FIT] - theirs.answer[FIT]
-            found.append(Claim(f"FIT, {who} less SLICOT's, {work}", 0.0, apart, "points", limit=BIASED))
+        ours, theirs = section.find(work, "idloop"), section.find(work, SLICOT)
+        apart = None
+        if ours and theirs and FIT in ours.answer and FIT in theirs.answer:
+            apart = ours.answer[FIT] - theirs.answer[FIT]
+        found.append(Claim(f"FIT, ours less SLICOT's, {work}", 0.0, apart, "points", limit=BIASED))
     return found

@@ -126,7 +126,11 @@ A saved model in Python, with idloop or without it:
     help="Weigh the fit towards these frequencies [Hz]; 0 and inf leave a side open (polynomials, pem).",
 )
 @click.option("--stable", is_flag=True, help="Reflect unstable poles (subspace methods).")
-@click.option("--integrates", is_flag=True, help="Put the pole nearest 1 there (subspace methods).")
+@click.option(
+    "--integrates/--no-integrates",
+    default=None,
+    help="Put the pole nearest 1 there, or leave it (subspace methods); n4sid, moesp and cva let the data decide.",
+)
 @click.option("--closed-loop", is_flag=True, help="Go by way of the recorded reference (iv4, bla).")
 @click.option(
     "--controller", type=MODEL, metavar="MODEL", help="Model file whose controller ran (vodma); that of --model."
@@ -168,7 +172,7 @@ def command(
     focus: Literal["prediction", "simulation"],
     band: tuple[float, float] | None,
     stable: bool,
-    integrates: bool,
+    integrates: bool | None,
     closed_loop: bool,
     controller: Model | None,
     steps: int,

@@ -61,8 +61,8 @@ class Choices:
         Frequencies that a fit is weighed towards [Hz]; 0 and infinity leave a side open.
     stable : bool
         Reflect poles into the unit circle.
-    integrates : bool
-        Put the pole nearest 1 there.
+    integrates : bool, optional
+        Put the pole nearest 1 there; where nothing is said, n4sid, moesp and cva let the data decide.
     closed_loop : bool
         Go by way of the reference where a method can.
     controller : mapping, optional
@@ -81,7 +81,7 @@ class Choices:
     focus: Literal["prediction", "simulation"] = "prediction"
     band: tuple[float, float] | None = None
     stable: bool = False
-    integrates: bool = False
+    integrates: bool | None = None
     closed_loop: bool = False
     controller: Mapping[str, Any] | None = None
     seed: int = 0
@@ -450,7 +450,8 @@ def _bj(data: list[SampledData], choices: Choices, order: int, delay: int) -> Re
 
 def _poles(choices: Choices) -> dict[str, Any]:
     """What is imposed on the poles of a subspace method."""
-    return {"stable": choices.stable, "integrates": choices.integrates}
+    known = {} if choices.integrates is None else {"integrates": choices.integrates}
+    return {"stable": choices.stable, **known}
 
 
 def _n4sid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> LinearModel:

@@ -261,10 +261,20 @@ def test_bad_input_is_one_line(change, message):
 def test_a_known_integrator_is_put_on_the_circle_and_the_other_poles_stay(method):
     true = plant(a=[[1.0, 0.1], [0.0, 0.8]], b=[[0.0], [0.1]], c=[[1.0, 0.0]], gain=[[0.5], [0.1]])
     data = experiment(true, 2000, 0.05)
-    free, held = method(data, 2), method(data, 2, integrates=True)
+    free, held = method(data, 2, integrates=False), method(data, 2, integrates=True)
     assert abs(np.max(held.poles.real) - 1.0) < 1e-8
     assert np.min(held.poles.real) == pytest.approx(np.min(free.poles.real), abs=1e-9)
     assert abs(np.max(free.poles.real) - 1.0) > 1e-6
+
+
+@pytest.mark.parametrize("method", [n4sid, moesp, cva])
+@pytest.mark.parametrize("slow", [1.0, 0.998])
+def test_of_a_pole_that_no_window_shows_the_free_run_decides_whether_it_integrates(method, slow):
+    true = plant(a=[[slow, 0.1], [0.0, 0.8]], b=[[0.0], [0.1]], c=[[1.0, 0.0]], gain=[[0.0], [0.0]])
+    data = experiment(true, 8000, 0.2)
+    found = method(data, 2, horizon=8)
+    assert any("integrator" in note for note in found.notes) == (slow == 1.0)
+    assert np.max(found.poles.real) == pytest.approx(slow, abs=1e-8 if slow == 1.0 else 1e-3)
 
 
 def test_an_integrator_that_the_data_contradict_is_one_line(true):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +21,9 @@ from idloop.estimate.subspace.order import OrderSelection, check_order, signific
 
 Data = SampledData | Sequence[SampledData]
 
+# Horizons and samples of each experiment, whichever is longer, that the free runs of rivals are compared on.
+_JUDGED, _LEAST_JUDGED = 150, 4000
+
 
 def n4sid(
     data: Data,
@@ -29,7 +33,7 @@ def n4sid(
     feedthrough: bool = False,
     focus: Literal["prediction", "simulation"] = "prediction",
     stable: bool = False,
-    integrates: bool = False,
+    integrates: bool | None = None,
     exact: bool = False,
 ) -> LinearModel:
     """State-space model from the oblique projection of the future on the past.
@@ -52,9 +56,10 @@ def n4sid(
         Which outputs B and D are fitted on: those predicted with the Kalman gain, or the free run.
     stable : bool
         Reflect poles outside the unit circle into it before B and D are fitted.
-    integrates : bool
-        The plant is known to integrate: put the pole nearest 1 there before B and D are fitted. A window shows hardly
-        anything of a pole that forgets over many windows.
+    integrates : bool, optional
+        Whether the plant is known to integrate: the pole nearest 1 is put there before B and D are fitted. A window
+        shows hardly anything of a pole that forgets over many windows; where one is as slow as that and nothing is
+        said, the free run of the data decides.
     exact : bool
         Factor the windows themselves (QR), whatever the data. By default the correlations of the signals stand for
         them wherever the data have the noise to allow it: many times faster, and equal well within the chance error.
@@ -80,7 +85,7 @@ def moesp(
     feedthrough: bool = False,
     focus: Literal["prediction", "simulation"] = "prediction",
     stable: bool = False,
-    integrates: bool = False,
+    integrates: bool | None = None,
     exact: bool = False,
 ) -> LinearModel:
     """State-space model from the shift of the observability matrix, past signals as instruments (PO-MOESP).
@@ -98,7 +103,7 @@ def cva(
     feedthrough: bool = False,
     focus: Literal["prediction", "simulation"] = "prediction",
     stable: bool = False,
-    integrates: bool = False,
+    integrates: bool | None = None,
     exact: bool = False,
 ) -> LinearModel:
     """State-space model from the canonical variates of past and future.
@@ -163,7 +168,7 @@ def _identify(
     feedthrough: bool,
     focus: Literal["prediction", "simulation"],
     stable: bool,
-    integrates: bool,
+    integrates: bool | None,
     exact: bool,
 ) -> LinearModel:
     compression, future = _projected(data, order, horizon, feedthrough, exact)
@@ -174,16 +179,31 @@ def _identify(
         a, c = realisation.shift_invariant(observability, compression.outputs)
     else:
         a, c = realisation.regressed(future, observability)
-    a = realisation.held(a, stable=stable, integrates=integrates)
-    gain, notes = realisation.kalman_gain(realisation.residual_noise(future, observability, a, c), a, c)
-    fitted = gain if focus == "prediction" else np.zeros_like(gain)
-    b, d, covariance = command_matrices(compression, a, c, fitted, feedthrough)
-    return assembled(
-        method,
-        compression,
-        Matrices(a, b, c, d, gain),
-        subspace.values,
-        feedthrough,
-        notes,
-        covariance if focus == "prediction" else None,
-    )
+
+    def model(known: bool) -> LinearModel:
+        poles = realisation.held(a, stable=stable, integrates=known)
+        gain, notes = realisation.kalman_gain(realisation.residual_noise(future, observability, poles, c), poles, c)
+        fitted = gain if focus == "prediction" else np.zeros_like(gain)
+        b, d, covariance = command_matrices(compression, poles, c, fitted, feedthrough)
+        found = Matrices(poles, b, c, d, gain)
+        left = covariance if focus == "prediction" else None
+        return assembled(method, compression, found, subspace.values, feedthrough, notes, left)
+
+    if integrates is not None or not realisation.beyond_windows(a, future.horizon):
+        return model(bool(integrates))
+    opening = max(_JUDGED * future.horizon, _LEAST_JUDGED)
+    return _nearer(model(False), model(True), [one.part(0, opening) for one in compression.experiments])
+
+
+def _nearer(free: LinearModel, integrating: LinearModel, experiments: Sequence[SampledData]) -> LinearModel:
+    """Of a model with a very slow pole and one with an integrator in its place, that whose free run fits better."""
+    errors = []
+    spread = np.std(np.concatenate([one.output for one in experiments]), axis=0)
+    for model in (free, integrating):
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = [one.output - model.simulate(one) for one in experiments]
+            errors.append(float(np.sum((np.concatenate(left) / spread) ** 2)))
+    if not errors[1] < errors[0]:
+        return free
+    note = "the slowest pole is an integrator: with it the free run of the data is nearer (integrates=False: as found)"
+    return replace(integrating, notes=(*integrating.notes, note))

@@ -20,6 +20,7 @@ Weighting = Literal["n4sid", "moesp", "cva"]
 _NOISE_FLOOR = 1e-14
 _EDGE = 1.0 - 1e-9  # size of a pole that belongs on the unit circle
 _INTEGRATOR = 0.1  # largest distance from 1 of a pole that may be an integrator's
+_UNSEEN = 0.1  # share by which a pole decays within a window that hardly shows it
 _SMALLEST_DEVIATION = 1e-6  # of a combination of future outputs, in deviations of the outputs
 
 
@@ -179,6 +180,13 @@ def held(a: Array, *, stable: bool, integrates: bool) -> Array:
     """
     a = integrating(a) if integrates else a
     return reflected(a) if stable else a
+
+
+def beyond_windows(a: Array, horizon: int) -> bool:
+    """Whether a real pole is so slow that a window of the horizon's length hardly shows it decay or grow."""
+    poles = np.linalg.eigvals(a)
+    real = poles[poles.imag == 0.0].real
+    return bool(np.any(np.abs(1.0 - real) * horizon < _UNSEEN))
 
 
 def integrating(a: Array) -> Array:
