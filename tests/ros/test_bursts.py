@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.bursts import ARRIVED, Bursts
+from idloop_nodes.bursts import ARRIVED, LITTLE_SHARE, LONGEST, MOST_SHARE, WEIGH_PERIOD, Bursts
 
 
 def test_the_first_burst_is_due_at_once_and_the_next_after_its_time():
@@ -49,3 +49,27 @@ def test_what_came_during_a_long_burst_is_taken_at_once():
     bursts = Bursts(0.003, 0.001)
     bursts.plan(100.0, 0.02)
     assert bursts.due(100.0)
+
+
+def length_after(bursts, share, count, start):
+    """Time between even bursts when each weighing finds this share of a core."""
+    for index in range(count + 1):
+        bursts.weigh(start + index * WEIGH_PERIOD * 1.01, share * index * WEIGH_PERIOD * 1.01)
+    bursts.plan(0.0)
+    return bursts.wait
+
+
+def test_dear_bursts_are_drawn_apart_and_cheap_ones_together_again():
+    bursts = Bursts(0.003, 0.001)
+    assert length_after(bursts, 0.5 * (LITTLE_SHARE + MOST_SHARE), 5, 0.0) == pytest.approx(0.003)
+    assert length_after(Bursts(0.003, 0.001), MOST_SHARE + 0.1, 3, 0.0) == pytest.approx(0.006)
+    assert length_after(Bursts(0.003, 0.001), MOST_SHARE + 0.1, 50, 0.0) == pytest.approx(LONGEST)
+    dear = Bursts(0.003, 0.001)
+    length_after(dear, MOST_SHARE + 0.1, 4, 0.0)
+    dear.plan(0.0, 0.0)
+    assert dear.wait == pytest.approx(0.007 + ARRIVED)
+    spent = (MOST_SHARE + 0.1) * 4 * WEIGH_PERIOD * 1.01
+    for index in range(1, 20):
+        dear.weigh((4 + index) * WEIGH_PERIOD * 1.01, spent)
+    dear.plan(0.0)
+    assert dear.wait == pytest.approx(0.003)

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 ARRIVED = 0.4e-3  # seconds after the instant of a measurement at which it has come over to us as well
+LONGER = 0.001  # seconds by which bursts are drawn apart, or together again, at a time
+LONGEST = 0.01  # seconds
+MOST_SHARE, LITTLE_SHARE = 0.235, 0.2  # of a core: above it bursts are drawn apart, below it together
+WEIGH_PERIOD = 0.5  # seconds over which the share is taken
 OTHER_CLOCK = 1.0  # seconds; a sample of this age was not late: its stamps are of another clock
 
 
@@ -10,12 +14,13 @@ class Bursts:
     """Instants of bursts: one costs as much as several samples, so few are cheap, and many are quick.
 
     Where stamps are of the clock that runs here, a burst comes just after a sample: at any other instant the newest
-    would be older by up to a period.
+    would be older by up to a period. Where the same work takes more of a core, because others crowd its caches or it
+    runs on a slower machine, bursts are drawn apart until it takes less than a quarter of one.
 
     Parameters
     ----------
     length : float
-        Time between two bursts, about [s].
+        Shortest time between two bursts, about [s].
     period : float
         Of the samples [s]; 0 where their clock is another one.
 
@@ -27,11 +32,11 @@ class Bursts:
 
     def __init__(self, length: float, period: float = 0.0) -> None:
         self.wait = length
-        self._length = length
+        self._shortest = self._length = length
         self._period = period
-        self._samples = max(1, round(length / period)) if period else 0
         self._arrived = min(ARRIVED, 0.5 * period)
         self._next = 0.0
+        self._weighed: tuple[float, float] | None = None
 
     def due(self, now: float) -> bool:
         """Whether it is time for a burst.
@@ -55,7 +60,31 @@ class Bursts:
             Time since the stamp of the newest sample by the clock that runs here [s]; None when the burst brought none.
         """
         self.wait = self._length
-        if self._samples and age is not None and 0.0 <= age < OTHER_CLOCK:
+        if self._period and age is not None and 0.0 <= age < OTHER_CLOCK:
             # After a long computation this lies in the past: what came meanwhile is taken at once.
-            self.wait = max(self._samples * self._period + self._arrived - age, 0.0)
+            samples = max(1, round(self._length / self._period))
+            self.wait = max(samples * self._period + self._arrived - age, 0.0)
         self._next = now + self.wait
+
+    def weigh(self, now: float, spent: float) -> None:
+        """Draw the bursts apart or together by what the work takes.
+
+        Parameters
+        ----------
+        now : float
+            As for `due`.
+        spent : float
+            Processor time of the process so far [s].
+        """
+        if self._weighed is None:
+            self._weighed = now, spent
+            return
+        passed = now - self._weighed[0]
+        if passed < WEIGH_PERIOD:
+            return
+        share = (spent - self._weighed[1]) / passed
+        self._weighed = now, spent
+        if share > MOST_SHARE:
+            self._length = min(self._length + LONGER, max(LONGEST, self._shortest))
+        elif share < LITTLE_SHARE:
+            self._length = max(self._length - LONGER, self._shortest)

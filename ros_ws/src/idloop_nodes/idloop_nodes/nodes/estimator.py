@@ -23,6 +23,7 @@ from idloop_nodes.codec import (
     fit_to_statuses,
     parameters_to_statuses,
 )
+from idloop_nodes.command_wait import CommandWait
 from idloop_nodes.data_book import SECOND, DataBook
 from idloop_nodes.diagnosing import Diagnosing
 from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO, DiagnosisAnswer
@@ -43,7 +44,6 @@ from idloop_nodes.worker import Worker
 BLOCK = 500  # samples worked off in one go, so that services stay answered
 BURST, PATIENT_BURST = 0.003, 0.04  # seconds; in lock-step nobody is in a hurry
 FORGET_PERIOD = SECOND // 2  # between two looks at what is too old to be kept [ns]
-COMMAND_WAIT = 100  # periods after which a missing command no longer holds a measurement up
 ORDERS = {"diagnose": DIAGNOSE, "add_best_effect": ADD_BEST, "undo": UNDO, "run_suggested_experiment": SUGGEST}
 
 
@@ -63,6 +63,7 @@ class EstimatorNode(StreamNode):
         self._output_reader = JointReader(columns)
         self._reference_reader = JointReader([("*", "position"), ("*", "velocity")])
         self._held = HeldStream()
+        self._command_wait = CommandWait(self._period_ns, self._lockstep, time.monotonic())
         self._pending: list[Sample] = []
         self._book = DataBook(len(columns))
         self._command_stream = self.poll_topic(self._model.input.topic)
@@ -179,7 +180,10 @@ class EstimatorNode(StreamNode):
             before = self._last
             self._burst()
             age = None if self._last in (None, before) else (time.time_ns() - self._last) / SECOND
-            self._bursts.plan(time.monotonic(), age)
+            now = time.monotonic()
+            self._bursts.plan(now, age)
+            if not self._lockstep:
+                self._bursts.weigh(now, time.process_time())
         self.poll_period = self._bursts.wait
 
     def _burst(self) -> None:
@@ -204,6 +208,7 @@ class EstimatorNode(StreamNode):
 
     def _take_command(self, data: bytes) -> None:
         stamp, row = self._command_reader.read(data)
+        self._command_wait.heard(time.monotonic())
         self._held.push(stamp, row)
         self._book.commands.append(stamp, row)
 
@@ -250,9 +255,8 @@ class EstimatorNode(StreamNode):
 
         A sample that completes a window or an experiment is the last of its block.
         """
-        newest_command = self._held.newest
-        patience = block[-1][0] - COMMAND_WAIT * self._period_ns if not self._lockstep else -1
-        limit = patience if newest_command is None else max(newest_command, patience)
+        newest = self._pending[-1][0]
+        limit = self._command_wait.known_until(self._held.newest, newest, self.progress.end, time.monotonic())
         count = sum(stamp <= limit for stamp, _ in block)
         for due in (self._fits.due, self._diagnosing.due):
             if due is not None:
