@@ -69,6 +69,8 @@ def test_the_answer_comes_first(html, contents):
         assert text in answer
     assert "cannot tell it from dead zone @ input" in answer
     assert "What is left has a shape" in answer
+    # What the headline says is not said again.
+    assert answer.count("no effect of the catalogue explains") == 1
 
 
 def test_values_are_those_of_the_last_model_beside_what_they_were_at_the_step(contents):

@@ -132,6 +132,11 @@ def verdict_text(ladder: Ladder) -> str:
         return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
     if not ladder.added and ladder.verdict == "adequate":
         return "What is left is noise."
+    left = ladder.unknown
+    if ladder.verdict == "unknown_structure" and left is not None and len(left.force):
+        # That nothing in the catalogue explains it stands in the headline.
+        largest = figure_text(float(np.max(np.abs(left.force))), 3)
+        return f"What is left has a shape over {left.along}: up to {largest} {left.force_unit}."
     return f"{_capital(VERDICTS.get(ladder.verdict, ladder.verdict))}."
 
 
