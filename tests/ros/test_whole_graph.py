@@ -102,6 +102,33 @@ def test_replay_shows_the_estimator_what_it_saw(recorded, tmp_path):
     assert ours == [one for one in messages(recorded[0]) if one[0] == "/estimator/prediction"]
 
 
+def without_last_commands(bag: Path, copy: Path, left: int) -> None:
+    """The same recording by a controller that died before the machine stood still."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    with AnyReader([bag]) as reader, Writer(copy, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        wanted = [one for one in reader.connections if one.topic in ("/joint_states", "/joint_command")]
+        ours = {
+            one.id: writer.add_connection(one.topic, one.msgtype, typestore=reader.typestore) for one in wanted
+        }  # fmt: skip
+        commands = 0
+        for connection, stamp, data in reader.messages(wanted):
+            commands += connection.topic == "/joint_command"
+            if connection.topic == "/joint_states" or commands <= left:
+                writer.write(ours[connection.id], stamp, data)
+
+
+@pytest.mark.parametrize("left", [SAMPLES - 20, SAMPLES - 170])
+def test_a_recording_without_its_last_commands_is_played_to_the_end(recorded, tmp_path, left):
+    without_last_commands(recorded[0], tmp_path / "cut", left)
+    values = {"sample_time": "0.01", "window": "2.0", "validation": "1.0", "fit_period": "1.0"}
+    values |= {"play": str(tmp_path / "cut"), "bag": str(tmp_path / "bag")}
+    assert run_graph(load_graph("replay", values), say=lambda label, line: None)
+    stamps = [stamp for topic, stamp, _ in messages(tmp_path / "bag") if topic == "/estimator/prediction"]
+    assert len(stamps) == SAMPLES
+
+
 def test_real_time_keeps_the_clock(tmp_path):
     started = time.time_ns()
     run(tmp_path / "bag", mode="realtime", duration="1.0")
