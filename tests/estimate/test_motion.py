@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import welch
 
-from idloop.estimate.motion import differentiate, excitation_band, low_pass, measured_motion, uniform
+from idloop.estimate.motion import _spectrum, differentiate, excitation_band, low_pass, measured_motion, uniform
 from idloop.estimate.noise import noise_std, resolution
 from idloop.estimate.sensors import lagging_sensors
 from idloop.physics import load_model
@@ -30,6 +31,16 @@ def test_excited_band_is_found_under_noise() -> None:
     t = np.arange(0.0, 60.0, 1e-3)
     position = np.sin(2 * np.pi * 3.0 * t) + 1e-4 * rng.normal(size=len(t))
     assert 2.5 < excitation_band(np.diff(position) / 1e-3, 1e-3) < 5.0
+
+
+@given(st.integers(100, 3000), st.integers(64, 300), st.integers(0, 99))
+def test_the_spectrum_is_that_of_welch(samples: int, segment: int, seed: int) -> None:
+    walk = np.cumsum(np.random.default_rng(seed).normal(size=max(samples, segment)))
+    frequency, power = _spectrum(walk, segment, 1e-3)
+    expected, density = welch(walk, fs=1e3, nperseg=segment)
+    assert frequency == pytest.approx(expected)
+    # Only shares of it are used.
+    assert power / np.sum(power) == pytest.approx(density / np.sum(density))
 
 
 def test_uneven_stamps_are_resampled_and_big_holes_refused() -> None:

@@ -108,6 +108,16 @@ def differentiate(values: Array, sample_time: float) -> Array:
     return np.asarray(slope)
 
 
+def _spectrum(values: Array, segment: int, sample_time: float) -> tuple[Array, Array]:
+    """Frequencies [Hz] from zero on, and power by Welch's method: halves overlap, each segment without its mean."""
+    window = 0.5 * (1.0 - np.cos(2.0 * np.pi * np.arange(segment) / segment))
+    pieces = np.lib.stride_tricks.sliding_window_view(values, segment)[:: segment - segment // 2]
+    lines = np.fft.rfft((pieces - np.mean(pieces, axis=1, keepdims=True)) * window)
+    power = np.mean(np.abs(lines) ** 2, axis=0)
+    power[1 : (segment + 1) // 2] *= 2.0
+    return np.fft.rfftfreq(segment, sample_time), power
+
+
 def excitation_band(velocity: ArrayLike, sample_time: float) -> float:
     """Frequency below which 99.9 % of the kinetic energy lies.
 
@@ -123,13 +133,10 @@ def excitation_band(velocity: ArrayLike, sample_time: float) -> float:
     float
         Band edge [Hz], after the noise floor of the spectrum has been taken off.
     """
-    from idloop.estimate.nonparametric.welch import averaged
-
     v = np.asarray(velocity, dtype=float)
     # Segments of about a sixth of the record average the noise yet resolve slow motion.
     segment = int(min(len(v), max(256, 2 ** int(np.log2(max(len(v) / 6, 2))))))
-    spectra = averaged([v[:, None]], segment, 0.5, sample_time)
-    frequency, power = spectra.frequency, spectra.matrix[:, 0, 0].real
+    frequency, power = _spectrum(v, segment, sample_time)
     upper = frequency > 0.8 * frequency[-1]
     shape = np.sin(np.pi * frequency * sample_time) ** 2
     # Differenced position noise rises as sin², measured velocity noise is flat: take the better fit.
@@ -140,9 +147,9 @@ def excitation_band(velocity: ArrayLike, sample_time: float) -> float:
     signal = np.maximum(power - 2.0 * floor, 0.0)
     total = np.cumsum(signal)
     if total[-1] <= 0.0:
-        return float(frequency[0])
+        return float(frequency[1])
     edge = frequency[min(int(np.searchsorted(total, _ENERGY_SHARE * total[-1])), len(total) - 1)]
-    return float(edge)
+    return float(max(edge, frequency[1]))
 
 
 def uniform(time: Array, values: Array) -> tuple[Array, Array] | None:
