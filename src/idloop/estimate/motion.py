@@ -113,9 +113,9 @@ def _spectrum(values: Array, segment: int, sample_time: float) -> tuple[Array, A
     window = 0.5 * (1.0 - np.cos(2.0 * np.pi * np.arange(segment) / segment))
     pieces = np.lib.stride_tricks.sliding_window_view(values, segment)[:: segment - segment // 2]
     lines = np.fft.rfft((pieces - np.mean(pieces, axis=1, keepdims=True)) * window)
-    power = np.mean(np.abs(lines) ** 2, axis=0)
+    power: Array = np.mean(np.abs(lines) ** 2, axis=0)
     power[1 : (segment + 1) // 2] *= 2.0
-    return np.fft.rfftfreq(segment, sample_time), power
+    return np.asarray(np.fft.rfftfreq(segment, sample_time), dtype=np.float64), power
 
 
 def excitation_band(velocity: ArrayLike, sample_time: float) -> float:
