@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 _BURN_IN_SHARE = 0.05
 # Range of the search, in decades about a walk that reaches the drive force within the record.
 _LEAST_EXPONENT, _MOST_EXPONENT = -14.0, 10.0
+_NO_OBSERVER = "no observer could be designed for this model and data; try the simulation criterion"
 
 
 class PredictionCriterion:
@@ -47,7 +48,7 @@ class PredictionCriterion:
     force_scale : float
         Typical drive force; sets the range in which the disturbance is searched.
     near : float, optional
-        Disturbance intensity [force²/s] about which it is searched instead, as a part of the data has told it.
+        Disturbance intensity [force²/s] that a part of the data has told: only half a decade beside it is looked at.
     """
 
     name = "prediction"
@@ -105,7 +106,9 @@ class PredictionCriterion:
             return value
 
         if self.near is not None:
-            best = _search(cost, np.log10(self.near / unit) + np.array([-0.5, 0.0, 0.5]))
+            best = min(np.log10(self.near / unit) + np.array([0.0, -0.5, 0.5]), key=cost)
+            if best not in starts:
+                raise IdloopError(_NO_OBSERVER)
         elif self._rounds <= 3:
             best = _search(cost, np.arange(-12.0, 6.1, 2.0))
         else:
@@ -235,7 +238,7 @@ def _search(function: Callable[[float], float], grid: Array) -> float:
         values.insert(place, function(beyond))
     best = int(np.argmin(values))
     if not np.isfinite(values[best]):
-        raise IdloopError("no observer could be designed for this model and data; try the simulation criterion")
+        raise IdloopError(_NO_OBSERVER)
     centre, step, value = points[best], spacing / 2.0, values[best]
     while step > 0.2:
         for trial in (centre - step, centre + step):
