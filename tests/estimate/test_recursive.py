@@ -42,6 +42,20 @@ def test_how_samples_are_cut_into_blocks_does_not_matter(motor: Model, experimen
     assert np.array_equal(parts.theta, whole.theta)
 
 
+def test_how_samples_of_a_stiff_chain_are_cut_does_not_show(experiment: Make) -> None:
+    chain = load_model("torsion")
+    record = experiment(chain, samples=600, seed=2)
+    found = []
+    for size in (1, 7, 100, 600):
+        estimator = RecursiveEstimator(chain, sample_time=0.01, block=100)
+        for start in range(0, 600, size):
+            part = slice(start, start + size)
+            estimator.update_block(record.time[part], record.input[part], record.output[part])
+        found.append(estimator.theta)
+    for theta in found[1:]:
+        assert np.array_equal(theta, found[0])
+
+
 def test_gap_clock_reset_and_stragglers(motor: Model, experiment: Make) -> None:
     record = experiment(motor, samples=300)
     estimator = RecursiveEstimator(motor)

@@ -366,8 +366,10 @@ class RecursiveEstimator:
             return
         weight, scaled = self._innovations.weigh(innovation)
         slope = np.where(np.isfinite(slope), slope, 0.0)
-        gradient = np.einsum("npk,np->k", slope, scaled)
-        hessian = np.einsum("npk,npq,nqj->kj", slope, weight, slope)
+        # As products of matrices: a sum over three arrays at once takes twenty times as long, and a sample waits.
+        rows = slope.reshape(-1, slope.shape[2])
+        gradient = rows.T @ scaled.ravel()
+        hessian = rows.T @ (weight @ slope).reshape(rows.shape)
         if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
             self._forget_motion()
             return
