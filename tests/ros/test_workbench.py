@@ -158,7 +158,7 @@ def graph(tmp_path):
 def fit(visitor, step):
     """FIT of the velocity at a step of the ladder [%]."""
     text = visitor.page.inner_text(f"[data-step='{step}'] > span:last-child")
-    return float(text.split("%")[1].strip(" ·\n"))
+    return float(text.split("%")[1].strip(" ·\n").replace("−", "-"))  # typographic minus
 
 
 def diagnosed(page):
