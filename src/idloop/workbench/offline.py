@@ -119,6 +119,7 @@ class OfflineSource:
                 diagnosis.gate.findings,
                 diagnosis.unknown,
             ),
+            looks=self.board.snapshot.looks + 1,
             pictures=found.pictures,
             ladder=found.ladder,
             suggested=None,

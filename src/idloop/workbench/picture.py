@@ -61,8 +61,9 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
 
 
 def _diagnose(page: Any) -> None:
+    before = page.get_attribute("body", "data-looks")
     page.click("#diagnose")
-    page.wait_for_selector("#activity:not([hidden])")
+    page.wait_for_selector(f"body:not([data-looks='{before}'])")  # one that is over at once shows no activity
     page.wait_for_selector("#activity", state="hidden")
     page.wait_for_selector("#candidates > *, .verdict.good", state="attached")
 

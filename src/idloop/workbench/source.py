@@ -127,6 +127,8 @@ class Snapshot:
         Of the present model.
     fit : Fit or None
     missing : Missing or None
+    looks : int
+        Diagnoses that have come in so far.
     ladder : Ladder or None
     suggested : dict or None
         The next experiment as `idloop suggest` writes it.
@@ -156,6 +158,7 @@ class Snapshot:
     effects: tuple[str, ...] = ()
     fit: Fit | None = None
     missing: Missing | None = None
+    looks: int = 0
     ladder: Ladder | None = None
     suggested: Mapping[str, Any] | None = None
     suggestion: Suggestion | None = None

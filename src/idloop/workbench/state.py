@@ -56,6 +56,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "followed": signals.followed,
         "fit": _fit(snapshot),
         "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures),
+        "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "shown": snapshot.shown,
         "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder),

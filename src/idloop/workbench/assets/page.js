@@ -366,6 +366,7 @@
     showHealth(s);
     $("reference-legend").hidden = !strips.values("reference").length;
     document.body.dataset.version = String(s.version);
+    document.body.dataset.looks = String(s.looks);
   }
 
   // -- the server ---------------------------------------------------------------------------

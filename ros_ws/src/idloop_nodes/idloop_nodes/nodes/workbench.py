@@ -75,6 +75,7 @@ class WorkbenchNode(StreamNode):
         ]
         self._samples = RateCounter()
         self._unreadable = 0
+        self._asked = False  # an order is on its way to the estimator, which does not speak of it yet
         self._heard: dict[str, tuple[float, Status]] = {}
         self._health_due = self._limits_due = 0.0
         self._calls = Calls(self)
@@ -165,6 +166,7 @@ class WorkbenchNode(StreamNode):
             self._motor.reset()
             return
         if verb in BEGUN:
+            self._asked = True
             self._board.change(activity=Activity(BEGUN[verb].format(words(what))), note=None)
         estimator = values["estimator_node"]
         if verb == "add" and not self._is_best(what):
@@ -179,7 +181,7 @@ class WorkbenchNode(StreamNode):
         return missing is not None and bool(missing.set) and missing.candidates[0].name == effect
 
     def _answered(self, done: bool, text: str) -> None:
-        # What was begun shows as the estimator's activity.
+        self._asked = False  # from now on what was begun shows as the estimator's activity
         if not done:
             self._board.change(note=Note(text, WARN), activity=None)
 
@@ -209,7 +211,12 @@ class WorkbenchNode(StreamNode):
         self._board.change(effects=effects)
 
     def _take_missing(self, statuses: list[Status]) -> None:
-        self._board.change(missing=missing_of(missing_from_statuses(statuses)), pictures={}, activity=None)
+        self._board.change(
+            missing=missing_of(missing_from_statuses(statuses)),
+            looks=self._board.snapshot.looks + 1,
+            pictures={},
+            activity=None,
+        )
         self.source.want("pictures")
 
     def _take_ladder(self, statuses: list[Status]) -> None:
@@ -236,7 +243,8 @@ class WorkbenchNode(StreamNode):
         for one in statuses:
             self._heard[one.name] = now, one
             if one.name == f"{values['estimator_node']}: diagnosis":
-                self._board.change(activity=activity_of(one))
+                if not self._asked:
+                    self._board.change(activity=activity_of(one))
             else:
                 self._motor.hear(one.name, one.message)
 
