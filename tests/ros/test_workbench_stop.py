@@ -77,9 +77,9 @@ def test_the_motor_is_released_when_none_holds_it(motor, services, board, holds)
 
 
 def test_what_somebody_else_has_stopped_is_seen(motor, board):
-    motor.hear("bridge: safety", "emergency stop")
-    motor.hear("controller: safety", "ok")
-    motor.hear("controller: loop", "emergency stop")
+    motor.hear("bridge", "safety", "emergency stop")
+    motor.hear("controller", "safety", "ok")
+    motor.hear("controller", "loop", "emergency stop")
     assert board.snapshot.stopped
-    motor.hear("bridge: safety", "commands pass")
+    motor.hear("bridge", "safety", "commands pass")
     assert not board.snapshot.stopped

@@ -21,6 +21,7 @@ from std_msgs.msg import Header
 from idloop.errors import IdloopError
 from idloop_nodes import qos, wiring
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
+from idloop_nodes.health_names import check_name
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, READY, Progress
 
@@ -231,9 +232,10 @@ class StreamNode(Node):
         """Leave the outside world in order; the last thing called while publishing still works."""
 
     def _publish_health(self) -> None:
-        name = self.get_name()
+        where, name = self.get_namespace(), self.get_name()
         statuses = [
-            Status(f"{name}: {one.name}", one.message, one.level, one.values, one.hardware_id) for one in self.health()
+            Status(check_name(where, name, one.name), one.message, one.level, one.values, one.hardware_id)
+            for one in self.health()
         ]
         if statuses:
             self._health_publisher.publish(encode_diagnostics(time.time_ns(), statuses))

@@ -30,7 +30,7 @@ TOPICS: dict[str, tuple[str, str]] = {
     "estimator/wear": (DIAGNOSTICS, "what has grown since the machine was healthy, if watched (latched)"),
     "progress": (HEADER, "how far each node has come: flow control and start barrier"),
     "/clock": (CLOCK, "simulated time (lock-step only)"),
-    "/diagnostics": (DIAGNOSTICS, "health, once a second"),
+    "/diagnostics": (DIAGNOSTICS, "health, once a second, as `node: check` with the namespace before it"),
 }
 
 RECORDED = tuple(name for name in TOPICS if name not in ("progress", "/clock", "/diagnostics"))

@@ -68,10 +68,9 @@ class MotorStop:
 
         self._tell("reset", answered)
 
-    def hear(self, name: str, message: str) -> None:
+    def hear(self, node: str, check: str, message: str) -> None:
         """Take in what a health message says: somebody else may have stopped the motor."""
-        node, sign, check = name.partition(": ")
-        if sign and check == "safety" and node in self._nodes:
+        if check == "safety" and node in self._nodes:
             (self._latched.add if "emergency" in message else self._latched.discard)(node)
             self._board.change(stopped=bool(self._latched))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from idloop.errors import InputError
@@ -25,6 +26,7 @@ from idloop_nodes.codec import (
 )
 from idloop_nodes.diagnosis_jobs import MotionLimits
 from idloop_nodes.experiment_client import ExperimentClient
+from idloop_nodes.health_names import node_seen_from, seen_from
 from idloop_nodes.joint_layout import output_columns, output_topic
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.tables import WORKBENCH
@@ -81,7 +83,8 @@ class WorkbenchNode(StreamNode):
         self._calls = Calls(self)
         estimator, excitation = values["estimator_node"], values["excitation_node"]
         guards = [one for one in (values["bridge_node"], values["controller_node"]) if one]
-        self._motor = MotorStop(self._calls, self._board, guards, self._start_again)
+        self._named = [node_seen_from(self.get_namespace(), one) for one in (estimator, *guards, excitation)]
+        self._motor = MotorStop(self._calls, self._board, self._named[1:-1], self._start_again)
         self._calls.expect(
             *(f"{excitation}/{name}" for name in ("stop", "start")),
             *(f"{estimator}/{name}" for name in ("add_best_effect", *ASKED.values())),
@@ -239,14 +242,16 @@ class WorkbenchNode(StreamNode):
 
     def _take_health(self, statuses: list[Status]) -> None:
         now = time.monotonic()
-        values = self.parameters
         for one in statuses:
-            self._heard[one.name] = now, one
-            if one.name == f"{values['estimator_node']}: diagnosis":
+            node, check = seen_from(self.get_namespace(), one.name)
+            if node.startswith("/") and node not in self._named:
+                continue  # another axis
+            self._heard[one.name] = now, replace(one, name=f"{node}: {check}" if check else node)
+            if check == "diagnosis" and node == self._named[0]:
                 if not self._asked:
                     self._board.change(activity=activity_of(one))
             else:
-                self._motor.hear(one.name, one.message)
+                self._motor.hear(node, check, one.message)
 
     # end and health
 
