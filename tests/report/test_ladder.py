@@ -57,6 +57,9 @@ def test_the_force_error_has_its_own_row_where_it_is_known():
     figure = plot_ladder(ladder())
     assert [axes.get_ylabel() for axes in figure.axes] == ["NRMSE of the free run [-]", "force error [%]"]
     np.testing.assert_allclose(figure.axes[1].lines[0].get_ydata(), [20.0, 4.0])
+    by_force = plot_ladder(ladder(criterion="force"))
+    assert [axes.get_ylabel() for axes in by_force.axes] == ["force error [%]", "NRMSE of the free run [-]"]
+    assert [text.get_text() for text in by_force.axes[0].texts] == ["20 %", "4 %"]
     without = Ladder((step(force=None), step("dead_zone@input", force=None)), verdict="adequate")
     assert len(plot_ladder(without).axes) == 1
 
@@ -64,7 +67,7 @@ def test_the_force_error_has_its_own_row_where_it_is_known():
 def test_steps_are_named_with_evidence_and_ties_in_brackets():
     figure = plot_ladder(ladder())
     labels = [text.get_text() for text in figure.axes[-1].get_xticklabels()]
-    assert labels == ["start", "+ dead_zone\n@input\np < 0.001\n[or coulomb_friction@motor]"]
+    assert labels == ["start", "+ dead zone\n@ input\np < 0.001\n[or Coulomb friction @ motor]"]
     assert step_label(step("dead_zone@input", chosen_by="user")).endswith("chosen by the user")
     assert p_text(0.0321) == "p = 0.032"
 

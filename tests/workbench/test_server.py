@@ -18,7 +18,7 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 from idloop.errors import InputError
-from idloop.report.figures.ladder import words
+from idloop.report.effect_names import words
 from idloop.workbench import server
 from idloop.workbench.server import KEY_HEADER, LONGEST_QUESTION, NONSENSE, Place, Site
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop import drawing
+from idloop.report.effect_names import words
 from idloop.report.verdicts import VERDICTS
 
 if TYPE_CHECKING:
@@ -40,9 +41,10 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
     with drawing.styled():
         figure = Figure(figsize=(width, 2.4 * rows + 1.3), layout="constrained")
         axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
-        _draw_errors(axes[0], ladder, floor or {})
+        errors = int(forces and ladder.criterion == "force")  # what the steps were judged by comes first
+        _draw_errors(axes[errors], ladder, floor or {})
         if forces:
-            _draw_forces(axes[1], ladder)
+            _draw_forces(axes[1 - errors], ladder)
             axes[0].set_xticks(np.arange(len(ladder.steps)), [""] * len(ladder.steps))
         _name_steps(axes[int(forces)], ladder)
         if ladder.unknown is not None:
@@ -94,16 +96,27 @@ def _draw_forces(axes: Any, ladder: Ladder) -> None:
         values = np.array([np.nan if value is None else 100.0 * value for value in found])
         if np.any(np.isfinite(values)):
             axes.plot(places, values, color=drawing.COMMAND, linestyle=look, marker="o", markersize=3.5, label=kind)
-    _scale(axes, "force error [%]")
+            shown = values  # of unseen data, where there is any
+    for place, value in zip(places, shown, strict=True):
+        if np.isfinite(value):
+            axes.annotate(f"{value:.3g} %", (place, value), (6, 5), textcoords="offset points", fontsize="small")
+    _scale(axes, "force error [%]", decades=False)
 
 
-def _scale(axes: Any, label: str) -> None:
+def _scale(axes: Any, label: str, *, decades: bool = True) -> None:
     """Decades where the errors span some; the legend beside."""
+    from matplotlib.ticker import LogLocator
+
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines] or [np.zeros(0)])
     positive = values[np.isfinite(values) & (values > 0.0)]
-    if len(positive) and np.max(positive) > 5.0 * np.min(positive):
+    if decades and len(positive) and np.max(positive) > 5.0 * np.min(positive):
         axes.set_yscale("log")
+        # Plain numbers: a span of one decade or two is read better without powers of ten.
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("")
     else:
+        axes.margins(y=0.12)
         axes.set_ylim(bottom=0.0)
     axes.set_ylabel(label)
     axes.margins(x=0.08)
@@ -135,12 +148,12 @@ def step_label(step: Step) -> str:
     """
     if step.added is None:
         return "start"
-    lines = [f"+ {step.added.effect}", f"@{step.added.at}"]
+    lines = [f"+ {words(step.added.effect)}", f"@ {step.added.at}"]
     if step.chosen_by == "user":
         lines.append("chosen by the user")
     elif step.p_value is not None:
         lines.append(p_text(step.p_value))
-    lines += [f"[or {name}]" for name in step.set if name != step.added.name]
+    lines += [f"[or {words(name)}]" for name in step.set if name != step.added.name]
     return "\n".join(lines)
 
 

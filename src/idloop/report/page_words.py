@@ -11,9 +11,9 @@ from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
 from idloop.report.contents import FITTED
+from idloop.report.effect_names import words
 from idloop.report.estimates import NORMAL_95, figure_text, with_interval
 from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
-from idloop.report.figures.ladder import words
 from idloop.report.ladder import p_text
 from idloop.report.page_figures import MOST_RECORDS, effect_place, where_place, where_places
 from idloop.report.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
+from idloop.report.effect_names import words
 from idloop.report.estimates import with_interval
-from idloop.report.figures.ladder import words
 from idloop.report.ladder import p_text
 from idloop.validate.words import percent, short
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bokeh.models.annotations import BoxAnnotation, Label, Span
 
+from idloop.report.effect_names import words
 from idloop.report.figures.candidates import (
     ADDED,
     MISSING,
@@ -19,7 +20,7 @@ from idloop.report.figures.candidates import (
     ladder_rows,
 )
 from idloop.report.figures.force import force_figures
-from idloop.report.figures.ladder import error_lines, force_lines, ladder_figures, step_names, words
+from idloop.report.figures.ladder import error_lines, force_lines, ladder_figures, step_names
 from idloop.report.figures.overlay import overlay
 from idloop.report.figures.residual import residual_figures
 from idloop.report.figures.theme import DARK, LIGHT

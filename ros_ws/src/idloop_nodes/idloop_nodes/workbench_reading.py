@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idloop.diagnose import Candidate, Ladder, UnknownStructure
-from idloop.report.figures.ladder import words
+from idloop.report.effect_names import words
 from idloop.workbench.source import Activity, Fit, Health, Missing
 from idloop_nodes.codec import EffectSummary, FitSummary, LadderSummary, MissingSummary, Status
 from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, EFFECTS, SUGGEST, UNDO, MotionLimits

@@ -10,7 +10,8 @@ import numpy as np
 from bokeh.models import HoverTool, Range1d
 from bokeh.plotting import figure
 
-from idloop.report.figures.ladder import ROW, name_rows, words
+from idloop.report.effect_names import words
+from idloop.report.figures.ladder import ROW, name_rows
 from idloop.report.figures.theme import LIGHT, Theme, new_figure, source
 from idloop.report.ladder import p_text
 from idloop.report.unshown import unshown

@@ -15,6 +15,7 @@ from bokeh.models.annotations import Label, Span
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
+from idloop.report.effect_names import words
 from idloop.report.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, source
 from idloop.report.ladder import p_text
 
@@ -28,8 +29,6 @@ ROW = 44
 TRAIN, VALIDATION = "train", "validation"
 # From this ratio of the largest to the smallest error on, decades are read better.
 _DECADES = 5.0
-# Effects that bear the name of someone.
-_PEOPLE = ("coulomb", "stribeck")
 
 
 @dataclass(frozen=True)
@@ -68,22 +67,6 @@ def step_names(ladder: Ladder) -> list[str]:
         f"{number}  " + ("start" if step.added is None else f"+ {words(step.added.name)}")
         for number, step in enumerate(ladder.steps)
     ]
-
-
-def words(effect: str) -> str:
-    """Write ``coulomb_friction@axis`` as "Coulomb friction @ axis".
-
-    Parameters
-    ----------
-    effect : str
-
-    Returns
-    -------
-    str
-    """
-    name, at, site = effect.partition("@")
-    name = " ".join(part.capitalize() if part in _PEOPLE else part for part in name.split("_"))
-    return f"{name} @ {site}" if at else name
 
 
 def error_lines(ladder: Ladder) -> list[ErrorLine]:

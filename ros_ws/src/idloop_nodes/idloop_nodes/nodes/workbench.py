@@ -9,7 +9,7 @@ from typing import Any
 
 from idloop.errors import InputError
 from idloop.physics import load_model
-from idloop.report.figures.ladder import words
+from idloop.report.effect_names import words
 from idloop.workbench.server import Place, Site
 from idloop.workbench.source import WARN, Activity, Note
 from idloop_nodes.base import StreamNode
