@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.diagnose.confirm import confirm_behind_noise, without_long_memory
+from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import FAN, LONG_MEMORY, refit
+from idloop.diagnose.refit import FAN, refit
 from idloop.diagnose.screen import Screen
 from idloop.diagnose.setting import prepare_setting
 from idloop.physics import Model, catalogue, load_model

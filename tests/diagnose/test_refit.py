@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose.refit import LONG_MEMORY, Refit, _disturbance_elsewhere, refit, transfer
+from idloop.diagnose.disturbance import LONG_MEMORY
+from idloop.diagnose.refit import Refit, _disturbance_elsewhere, refit, transfer
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.estimate.innovations import WALK, WHITE
 from idloop.physics import Model, load_model

@@ -9,9 +9,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import FAN, LONG_MEMORY, Refit, refit, refit_or_none
+from idloop.diagnose.refit import FAN, Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screened, Trace
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.unevenness import unevenness

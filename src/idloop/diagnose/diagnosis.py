@@ -13,6 +13,7 @@ from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.evidence import consistent, holds, may_decide, rank, statistic, tied
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.gate import Gate, gate
@@ -28,7 +29,7 @@ from idloop.diagnose.pairs import (
     tied_members,
 )
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import LONG_MEMORY, Refit, refit
+from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.slight import same_motion, too_slight

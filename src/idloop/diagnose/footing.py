@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.diagnose.confirm import Confirmed, without_long_memory
+from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.parallel import in_parallel
-from idloop.diagnose.refit import LONG_MEMORY, Refit, refit, refit_or_none
+from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.setting import Setting
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.physics.model import Model

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idloop.diagnose.refit import Refit, felt, residual_or_infinite
+from idloop.diagnose.refit import Refit, felt
+from idloop.diagnose.weighing import residual_or_infinite
 from idloop.estimate import fit as fit_model
 from idloop.estimate.force import ForceCriterion
 from idloop.estimate.levenberg import difference_jacobian

@@ -2,57 +2,47 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.disturbance import (
+    COLD,
+    FAR,
+    GLIMPSE,
+    LONG_MEMORY,
+    NEAR,
+    NONE,
+    SETTLED,
+    Disturbance,
+    aside,
+    elsewhere,
+    glimpsed,
+    tune,
+)
 from idloop.diagnose.setting import Setting
+from idloop.diagnose.weighing import projected, residual_or_infinite, weigh
 from idloop.errors import IdloopError
 from idloop.estimate.criterion import Criterion
-from idloop.estimate.innovations import LEAST_EXPONENT, MOST_EXPONENT, WALK, WHITE, InnovationCriterion
+from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
 from idloop.estimate.levenberg import minimise
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
-from idloop.estimate.translated import TranslatedCriterion
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
-Disturbance = tuple[float, float]
 
 _MOST_ROUNDS = 10
 _ITERATIONS_PER_ROUND = 6
-# Gain in log-likelihood of one round below which the search ends, absolute and as part of what
-# the model has gained on the one beside it: thousands need not be known to a hundredth.
-_SETTLED, _SETTLED_PART = 0.05, 2e-4
-# Where a cold start looks for the disturbance's intensity, in decades.
-_MEMORIES = (WALK, 1.0, WHITE)
-_COLD = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
-_NONE = (LEAST_EXPONENT, WHITE)
-# Decades by which a missing effect that is added may weaken the disturbance.
-_WEAKER = -2.0
+# Gain of one round below which the search ends, as part of what the model has gained on the one beside it:
+# thousands need not be known to a hundredth.
+_SETTLED_PART = 2e-4
 # Change of the whitened errors, in all, below which a unit of a parameter, a typical change of a nuisance, is not felt.
 _LEAST_SLOPE, _FELT = 1e-6, 0.1
 # Parts of an effect's strength at which a search may start as well.
 FAN = (0.25, 0.35, 0.5, 0.6, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8)
-# How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
-# In the first round of a search, and in those that follow.
-_FAR, _NEAR, _FINEST, _FARTHEST, _MOST_PROBES = 0.8, 0.3, 0.1, 2.0, 10
-# Rise of the log-likelihood to the top of a bowl at which the search for the disturbance ends, and how
-# small the bowl must be to be one [decades].
-_FLAT, _FINE = 0.05, 0.35
-# Rise of the log-likelihood that is worth a longer step.
-_UPHILL = 0.01
-# How often the innovations are translated anew from where a search for the disturbance has led, and the
-# part of a promised rise by which the model itself may miss it before the translation is given up for good,
-# and by which it may be off and still be the last word.
-_TRANSLATIONS, _FAITHLESS, _EXACT = 4, 0.7, 0.02
-# Samples of long records that the first rounds look at to find the disturbance roughly.
-_GLIMPSE = 10_000
-# Decades of samples from which on a disturbance passes for a random walk.
-LONG_MEMORY = 2.0
 # Promised rise of the log-likelihood at which a round ends.
 _PROMISE = 0.02
 
@@ -128,14 +118,6 @@ class Refit:
         return found
 
 
-def log_likelihood(problem: Problem) -> float:
-    """Concentrated log-likelihood of a problem at the point at which it has just been weighed."""
-    value = 0.0
-    for instants, order, weight in zip(problem.instants, problem.orders, problem.weights, strict=True):
-        value += instants * float(np.sum(np.log(np.diag(weight)))) - order * len(weight) ** 2
-    return value if np.isfinite(value) else -np.inf
-
-
 def felt(slopes: Array, parameters: int, size: Array) -> NDArray[np.bool_]:
     """Which columns of a Jacobian the errors feel.
 
@@ -154,31 +136,6 @@ def felt(slopes: Array, parameters: int, size: Array) -> NDArray[np.bool_]:
     norms = np.linalg.norm(slopes, axis=0)
     least = np.concatenate([np.full(parameters, _LEAST_SLOPE), _FELT / np.maximum(np.abs(size), 1e-300)])
     return np.asarray(np.isfinite(norms) & (norms > least))
-
-
-def residual_or_infinite(problem: Problem, point: Array) -> Array:
-    """Residual, infinite where the model cannot be simulated."""
-    try:
-        return problem.frozen_residual(point)
-    except (IdloopError, np.linalg.LinAlgError):
-        return np.full(problem.length, np.inf)
-
-
-def _projected(problem: Problem, point: Array) -> Array:
-    """Residual with the whitening at its best for the point, infinite where there is none."""
-    try:
-        return problem.residual(point)
-    except (IdloopError, np.linalg.LinAlgError):
-        return np.full(problem.length, np.inf)
-
-
-def _weigh(problem: Problem, point: Array, orders: list[int] | None = None) -> float:
-    with np.errstate(all="ignore"):
-        try:
-            problem.reweigh(point, True, orders)
-            return log_likelihood(problem)
-        except (np.linalg.LinAlgError, IdloopError):
-            return -np.inf
 
 
 def refit(
@@ -281,9 +238,9 @@ def _search(
     if calm and isinstance(criterion, InnovationCriterion):
         value, elsewhere = _without_disturbance(criterion, problem, theta, lower, upper, size, orders)
         if value > best:
-            theta, start = elsewhere, np.array(_NONE)
+            theta, start = elsewhere, np.array(NONE)
     criterion.keep(start)
-    glimpse = criterion.glimpse(_GLIMPSE) if isinstance(criterion, InnovationCriterion) else None
+    glimpse = criterion.glimpse(GLIMPSE) if isinstance(criterion, InnovationCriterion) else None
     step: Array | None = None
     slopes = _slopes_of(beside, model) if beside is not None else None
     best, kept = -np.inf, None
@@ -291,18 +248,18 @@ def _search(
         criterion.retune(theta)
         # The first round moves the parameters so far that its best disturbance need not be near the next.
         early = round_ < 2
-        probes: Sequence[Disturbance] = (_COLD if beside is None else _aside(criterion)) if early else ()
-        reach = _FAR if round_ == 0 else _NEAR
+        probes: Sequence[Disturbance] = (COLD if beside is None else aside(criterion)) if early else ()
+        reach = FAR if round_ == 0 else NEAR
         if early and glimpse is not None:
-            probes, reach = [_glimpsed(glimpse, setting, criterion, theta, orders, probes, reach)], _NEAR * round_
-        value = _tune(criterion, problem, theta, orders, probes, reach)
+            probes, reach = [glimpsed(glimpse, setting, criterion, theta, orders, probes, reach)], NEAR * round_
+        value = tune(criterion, problem, theta, orders, probes, reach)
         if value == -np.inf:
             break
         nuisance, low, high, nuisance_size = criterion.nuisance()
         held = nuisance if isinstance(criterion, InnovationCriterion) else nuisance[:0]
         moving = len(nuisance) - len(held)
         found = minimise(
-            lambda at, held=held: _projected(problem, np.concatenate([at, held])),  # type: ignore[misc]
+            lambda at, held=held: projected(problem, np.concatenate([at, held])),  # type: ignore[misc]
             np.concatenate([theta, nuisance[:moving]]),
             np.concatenate([lower, low[:moving]]),
             np.concatenate([upper, high[:moving]]),
@@ -317,12 +274,12 @@ def _search(
         theta, step, slopes = found.point[:k], found.step, found.jacobian
         nuisance = np.concatenate([found.point[k:], held])
         criterion.keep(nuisance)
-        value = max(value, _weigh(problem, np.concatenate([theta, nuisance]), orders))
+        value = max(value, weigh(problem, np.concatenate([theta, nuisance]), orders))
         if value > best:
             steps = np.concatenate([step, nuisance_size[moving:] * 1e-4])
             kept = (theta, nuisance, steps, slopes[:, :k].astype(np.float32))
         gained = value - beside.log_likelihood if beside is not None else 0.0
-        if value < best + max(_SETTLED, _SETTLED_PART * gained) and round_ > 0:
+        if value < best + max(SETTLED, _SETTLED_PART * gained) and round_ > 0:
             break
         best = max(best, value)
     if kept is None:
@@ -331,7 +288,7 @@ def _search(
     criterion.keep(nuisance)
     criterion.retune(theta)
     point = np.concatenate([theta, nuisance])
-    value = _weigh(problem, point, orders)
+    value = weigh(problem, point, orders)
     fitted = model.with_values(dict(zip(model.free, (float(v) for v in theta), strict=True)))
     if isinstance(criterion, InnovationCriterion):
         # What forgets quickly is no walk, which is what an observer elsewhere takes a disturbance for.
@@ -380,6 +337,15 @@ def _slopes_of(beside: Refit, model: Model) -> Array | None:
     return slopes
 
 
+def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
+    """The same model with another disturbance altogether, where that explains its errors better."""
+    if not isinstance(fit.criterion, InnovationCriterion):
+        return None
+    theta = fit.point[: fit.parameters]
+    found = elsewhere(setting, fit.model, theta, (float(fit.nuisance[0]), float(fit.nuisance[1])), fit.problem.orders)
+    return None if found is None else replace(fit, point=np.append(theta, found))
+
+
 def refit_or_none(
     setting: Setting,
     model: Model,
@@ -419,7 +385,7 @@ def transfer(setting: Setting, fit: Refit) -> Refit | None:
         start, low, high, size = criterion.nuisance()
         problem = setting.problem(criterion, len(theta))
         point = np.concatenate([theta, start])
-        if _weigh(problem, point, fit.problem.orders) == -np.inf:
+        if weigh(problem, point, fit.problem.orders) == -np.inf:
             return None
         if len(start) and not isinstance(criterion, InnovationCriterion):
             # Initial states and timing belong to the records, not to the model.
@@ -432,7 +398,7 @@ def transfer(setting: Setting, fit: Refit) -> Refit | None:
                 max_iterations=5,
             )
             point = np.concatenate([theta, found.point])
-        value = _weigh(problem, point, fit.problem.orders)
+        value = weigh(problem, point, fit.problem.orders)
     except (IdloopError, np.linalg.LinAlgError):
         return None
     return Refit(fit.model, criterion, problem, point, value, fit.step)
@@ -449,8 +415,8 @@ def _start(
     nuisance = criterion.nuisance()[0]
     tries = [nuisance]
     if isinstance(criterion, InnovationCriterion) and cold:
-        tries = [np.array(at) for at in _COLD]
-    values = [_weigh(problem, np.concatenate([theta, at]), orders) for at in tries]
+        tries = [np.array(at) for at in COLD]
+    values = [weigh(problem, np.concatenate([theta, at]), orders) for at in tries]
     best = int(np.argmax(values))
     return values[best], tries[best]
 
@@ -467,10 +433,10 @@ def _without_disturbance(
     """Log-likelihood and parameters at which the model is best without any disturbance."""
     try:
         criterion.retune(theta)
-        if _weigh(problem, np.append(theta, _NONE), orders) == -np.inf:
+        if weigh(problem, np.append(theta, NONE), orders) == -np.inf:
             return -np.inf, theta
         found = minimise(
-            lambda at: _projected(problem, np.append(at, _NONE)),
+            lambda at: projected(problem, np.append(at, NONE)),
             theta,
             lower,
             upper,
@@ -480,177 +446,6 @@ def _without_disturbance(
             quick=True,
         ).point
         criterion.retune(found)
-        return _weigh(problem, np.append(found, _NONE), orders), found
+        return weigh(problem, np.append(found, NONE), orders), found
     except (IdloopError, np.linalg.LinAlgError):
         return -np.inf, theta
-
-
-def _tune(
-    criterion: Criterion,
-    problem: Problem,
-    theta: Array,
-    orders: list[int] | None,
-    probes: Sequence[Disturbance],
-    reach: float,
-) -> float:
-    """Set the disturbance's intensity and memory, with the whitening at its best for each, and weigh the errors.
-
-    Disturbance and whitening explain much the same: searched one after the other they crawl. The search
-    itself looks at translated innovations; where it ends, the model is run, and the search goes on from there.
-    """
-    nuisance = criterion.nuisance()[0]
-    here = _weigh(problem, np.concatenate([theta, nuisance]), orders)
-    if not isinstance(criterion, InnovationCriterion):
-        return here
-    at = criterion.exponent, criterion.memory
-    for _ in range(_TRANSLATIONS if criterion.translates else 0):
-        try:
-            near = Problem(
-                TranslatedCriterion(criterion, theta, np.array(at)), len(theta), problem.given, problem.floors
-            )
-        except (np.linalg.LinAlgError, IdloopError):
-            break
-        there, promised = _climb(near, theta, orders, at, probes, reach)
-        still = there == at
-        if still:
-            if not criterion.engine.model.effects:
-                break
-            # Nothing better is in sight; is the sight good?
-            there = at[0] + (_NEAR if at[0] + _NEAR <= criterion.strongest else -_NEAR), at[1]
-            promised = _weigh(near, np.append(theta, there), orders) - _weigh(near, np.append(theta, at), orders)
-        value = _weigh(problem, np.append(theta, there), orders)
-        missed = abs(value - here - promised)
-        if value > here:
-            at, here, probes, reach = there, value, (), _NEAR
-        if not missed <= _FAITHLESS * abs(promised) + _FLAT:
-            criterion.translates = False
-            break
-        if still or missed <= _EXACT * abs(promised) + _FLAT:
-            break
-    if not criterion.translates:
-        at, _ = _climb(problem, theta, orders, at, probes, reach)
-    criterion.exponent, criterion.memory = at
-    return _weigh(problem, np.append(theta, at), orders)
-
-
-def _climb(
-    problem: Problem,
-    theta: Array,
-    orders: list[int] | None,
-    start: Disturbance,
-    probes: Sequence[Disturbance],
-    reach: float,
-) -> tuple[Disturbance, float]:
-    """The disturbance at which the log-likelihood is largest, and how much larger than at the start."""
-    _, low, high, _ = problem.criterion.nuisance()
-    known: dict[Disturbance, float] = {}
-
-    def value(exponent: float, memory: float) -> float:
-        at = float(np.clip(exponent, low[0], high[0])), float(np.clip(memory, low[1], high[1]))
-        if at not in known:
-            known[at] = _weigh(problem, np.append(theta, at), orders)
-        return known[at]
-
-    before = value(*start)
-    for at in probes:
-        value(*at)
-    best = max(known, key=known.__getitem__)
-    for _ in range(_MOST_PROBES):
-        here = best
-        for place in range(2):
-            for sign in (-1.0, 1.0):
-                at = (best[0] + sign * reach, best[1]) if place == 0 else (best[0], best[1] + sign * reach)
-                if value(*at) > known[best]:
-                    break  # the other way lies lower
-            best = max(known, key=known.__getitem__)
-        if known[best] > known[here] + _UPHILL:
-            reach = min(2.0 * reach, _FARTHEST)
-            continue
-        # Intensity and memory go together along a ridge: only a bowl through all neighbours shows its way.
-        value(best[0] + reach, best[1] + reach)
-        if all(known[best] - other < 2.0 * _FLAT for other in _around(known, best, reach)):
-            break
-        value(*_vertex(known, best, reach))
-        best = max(known, key=known.__getitem__)
-        flat = reach < _FINE and known[best] < known[here] + _FLAT
-        reach *= 0.4
-        if flat or reach < _FINEST:
-            break
-    return best, known[best] - before
-
-
-def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
-    """The same model with another disturbance altogether, where that explains its errors better.
-
-    What is nearly white and strong, and what is nearly a walk and weak, may both be best among their like.
-    """
-    full = setting.criterion(fit.model)
-    if not isinstance(full, InnovationCriterion):
-        return None
-    theta, orders = fit.point[: fit.parameters], fit.problem.orders
-    criterion = full.glimpse(_GLIMPSE) or full
-    criterion.retune(theta)
-    problem = setting.problem(criterion, len(theta))
-    here = float(fit.nuisance[0]), float(fit.nuisance[1])
-    found: dict[Disturbance, float] = {}
-    for memory in _MEMORIES:
-        grid = {at: _weigh(problem, np.append(theta, at), orders) for at in _COLD if at[1] == memory}
-        criterion.keep(np.array(max(grid, key=grid.__getitem__)))
-        value = _tune(criterion, problem, theta, orders, (), _FAR)
-        found[criterion.exponent, criterion.memory] = value
-    criterion.keep(np.array(here))
-    value = _tune(criterion, problem, theta, orders, (), _NEAR)
-    found[criterion.exponent, criterion.memory] = value
-    best = max(found, key=found.__getitem__)
-    near = [found[at] for at in found if max(abs(a - b) for a, b in zip(at, here, strict=True)) < _FAR]
-    if near and found[best] <= max(near) + _SETTLED:
-        return None
-    return replace(fit, point=np.append(theta, best))
-
-
-def _glimpsed(
-    glimpse: InnovationCriterion,
-    setting: Setting,
-    criterion: Criterion,
-    theta: Array,
-    orders: list[int] | None,
-    probes: Sequence[Disturbance],
-    reach: float,
-) -> Disturbance:
-    """The disturbance that suits a part of the data."""
-    glimpse.keep(criterion.nuisance()[0])
-    glimpse.retune(theta)
-    problem = setting.problem(glimpse, len(theta))
-    _tune(glimpse, problem, theta, orders, probes, reach)
-    return glimpse.exponent, glimpse.memory
-
-
-def _aside(criterion: Criterion) -> list[Disturbance]:
-    """Disturbances that are weaker, or that forget sooner or later, than the present one."""
-    if not isinstance(criterion, InnovationCriterion):
-        return []
-    here = criterion.exponent
-    return [(here + _WEAKER, criterion.memory), *((here, memory) for memory in _MEMORIES)]
-
-
-def _around(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
-    """Values beside the best point and at one corner; what is out of range is left out."""
-    beside = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1))
-    places = [(best[0] + first * reach, best[1] + second * reach) for first, second in beside]
-    return [known[at] for at in places if at in known]
-
-
-def _vertex(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> Disturbance:
-    """Where the bowl through the best point, those beside it and one corner is highest, within twice the reach."""
-
-    def beside(first: float, second: float) -> float:
-        return known.get((best[0] + first * reach, best[1] + second * reach), -np.inf) - known[best]
-
-    east, west, north, south, corner = beside(1, 0), beside(-1, 0), beside(0, 1), beside(0, -1), beside(1, 1)
-    slope = 0.5 * np.array([east - west, north - south])
-    cross = corner - east - north
-    bend = np.array([[east + west, cross], [cross, north + south]])
-    if not np.all(np.isfinite(bend)) or bend[0, 0] >= 0.0 or np.linalg.det(bend) <= 0.0:
-        return best
-    move = np.clip(-np.linalg.solve(bend, slope), -2.0, 2.0) * reach
-    return best[0] + float(move[0]), best[1] + float(move[1])

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import Refit, felt, residual_or_infinite
+from idloop.diagnose.refit import Refit, felt
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.unevenness import unevenness
+from idloop.diagnose.weighing import residual_or_infinite
 from idloop.errors import IdloopError
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.levenberg import difference_jacobian
