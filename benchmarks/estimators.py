@@ -127,7 +127,8 @@ FALLS = 2.5
 
 def ours(name: str, data: dict[str, Array], settings: dict[str, Any], order: int = 2) -> NDArray[np.complex128]:
     """Response of the plant as a method of idloop finds it."""
-    from idloop.estimate.methods import Choices, identify
+    from idloop.estimate.identification import identify
+    from idloop.estimate.method import Choices
     from idloop.estimate.sampled import SampledData
 
     chosen = dict(settings)
@@ -383,7 +384,8 @@ def network_by_scikit_learn(train: dict[str, Array], test: dict[str, Array], see
 
 def network_by_ours(train: dict[str, Array], test: dict[str, Array], seed: int) -> dict[str, Any]:
     """Networks of idloop with their own free run."""
-    from idloop.estimate.methods import Choices, identify
+    from idloop.estimate.identification import identify
+    from idloop.estimate.method import Choices
     from idloop.estimate.sampled import SampledData
 
     data, other = (SampledData("data", one["u"][:, None], one["y"][:, None], STEP) for one in (train, test))

@@ -9,7 +9,9 @@ import pytest
 from scipy.signal import lfilter
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.methods import METHODS, Choices, identify
+from idloop.estimate.identification import identify
+from idloop.estimate.method import Choices
+from idloop.estimate.methods import METHODS
 from idloop.estimate.sampled import SampledData
 
 STEP, COUNT = 0.01, 1500

@@ -8,7 +8,9 @@ from scipy.signal import lfilter
 
 from idloop.control import build_controller
 from idloop.errors import InputError
-from idloop.estimate.methods import METHODS, Choices, find_method, identify, information
+from idloop.estimate.identification import identify, information
+from idloop.estimate.method import Choices
+from idloop.estimate.methods import METHODS, find_method
 from idloop.estimate.sampled import SampledData
 
 STEP = 0.01

@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from idloop.drawing import save
-from idloop.estimate.methods import Choices, identify
+from idloop.estimate.identification import identify
+from idloop.estimate.method import Choices
 from idloop.estimate.sampled import SampledData
 from idloop.report.identification import Drawn, SweepLine, plot_identification, plot_sweep
 from idloop.validate.score import score

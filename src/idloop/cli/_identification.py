@@ -17,7 +17,7 @@ from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
     from idloop.estimate.information import Information
-    from idloop.estimate.methods import Identified
+    from idloop.estimate.method import Identified
     from idloop.estimate.sampled import SampledData
     from idloop.records import Record
     from idloop.report.identification import Drawn, SweepLine

@@ -45,7 +45,7 @@ from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
-    from idloop.estimate.methods import Choices
+    from idloop.estimate.method import Choices
     from idloop.estimate.sampled import SampledData
     from idloop.physics import Model
     from idloop.records import Record
@@ -192,7 +192,8 @@ def command(
     if show_list:
         list_methods(as_json=as_json)
         return DONE
-    from idloop.estimate.methods import Choices, find_method
+    from idloop.estimate.method import Choices
+    from idloop.estimate.methods import find_method
 
     if not bags:
         raise InputError("no bag: give at least one recording, or --list for the methods")
@@ -343,7 +344,7 @@ def run_one(
     tell: Callable[[float, str], None],
 ) -> Outcome:
     """Identify by one method and judge the model."""
-    from idloop.estimate.methods import identify, information
+    from idloop.estimate.identification import identify, information
     from idloop.validate.score import score
 
     train, judged = data

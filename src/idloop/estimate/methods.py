@@ -5,14 +5,12 @@ Nothing of a method is imported before it is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import product
-from math import isfinite
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from idloop.errors import IdloopError, InputError
-from idloop.estimate.information import Information, of_errors
+from idloop.errors import InputError
+from idloop.estimate.method import Choices, Method
 from idloop.spelling import did_you_mean_or_known
 
 if TYPE_CHECKING:
@@ -25,311 +23,9 @@ if TYPE_CHECKING:
 
     Result = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
 
-Kind = Literal["response", "linear", "recursive", "network"]
-Numbers = int | tuple[int, ...] | Literal["auto"]
-Progress = Callable[[float, str], None]
-
 _ORDERS = tuple(range(1, 9))  # tried for "auto" where a method has no choice of its own
-_DELAYS = 20  # samples that "auto" looks back for the first effect of the command
-_FAR = 10.0  # times its motion that an output may lie from 0 before that is noted
 _SHORTENED = 0.02  # share of a recursion's steps that may be shortened before that is noted
 _HISTORY = 2000  # rows that are remembered of a recursive estimate
-
-
-@dataclass(frozen=True)
-class Choices:
-    """What a user chooses; each method reads what it `needs`.
-
-    Attributes
-    ----------
-    order : int, tuple of int or "auto"
-        Number of states, or degree of every polynomial; of several the one with the least BIC.
-    delay : int, tuple of int or "auto"
-        Lag of the first coefficient of B [samples].
-    structure : mapping of str to int
-        Degrees that differ from `order`, by ``na``, ``nb``, ``nc``, ``nd``, ``nf``.
-    horizon : int, optional
-        Of subspace methods [samples].
-    window : int, optional
-        Lag window, segment, or largest lag of a response [samples].
-    period : float, optional
-        Of a periodic excitation [s].
-    units : int, optional
-        Of a network.
-    focus : "prediction" or "simulation"
-    band : (float, float), optional
-        Frequencies that a fit is weighed towards [Hz]; 0 and infinity leave a side open.
-    stable : bool
-        Reflect poles into the unit circle.
-    integrates : bool, optional
-        Put the pole nearest 1 there; where nothing is said, n4sid, moesp and cva let the data decide.
-    closed_loop : bool
-        Go by way of the reference where a method can.
-    controller : mapping, optional
-        ``controller:`` section of a model file.
-    seed : int
-        Of networks.
-    """
-
-    order: Numbers = "auto"
-    delay: Numbers = 1
-    structure: Mapping[str, int] = field(default_factory=dict)
-    horizon: int | None = None
-    window: int | None = None
-    period: float | None = None
-    units: int | None = None
-    focus: Literal["prediction", "simulation"] = "prediction"
-    band: tuple[float, float] | None = None
-    stable: bool = False
-    integrates: bool | None = None
-    closed_loop: bool = False
-    controller: Mapping[str, Any] | None = None
-    seed: int = 0
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One order and delay that were tried.
-
-    Attributes
-    ----------
-    order : int or "auto"
-    delay : int
-    bic : float
-    error : str
-        Why there is no model; empty where there is one.
-    """
-
-    order: int | Literal["auto"]
-    delay: int
-    bic: float = float("nan")
-    error: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Identified:
-    """What a method found.
-
-    Attributes
-    ----------
-    method : Method
-    model : LinearModel, NarxModel, FrequencyResponse or ImpulseResponse
-    order : int or "auto"
-        That the method was given: number of states, or degree of the polynomials.
-    delay : int or None
-        [samples]; None where the method has none.
-    trials : tuple of Trial
-        What was tried on the way to the order and the delay.
-    history : tuple of CoefficientHistory
-        Of each output, from recursive methods.
-    """
-
-    method: Method
-    model: Result
-    order: int | Literal["auto"] = "auto"
-    delay: int | None = None
-    trials: tuple[Trial, ...] = ()
-    history: tuple[CoefficientHistory, ...] = ()
-
-    @property
-    def predicts(self) -> bool:
-        """Whether the result simulates and predicts; responses do not."""
-        return self.method.kind != "response"
-
-    @property
-    def linear(self) -> LinearModel | None:
-        """The result as a linear model, where it is one."""
-        from idloop.estimate.linear import LinearModel
-
-        return self.model if isinstance(self.model, LinearModel) else None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        return {
-            "method": self.method.name,
-            "kind": self.method.kind,
-            "order": self.order,
-            "delay": self.delay,
-            "trials": [vars(trial) for trial in self.trials],
-            "model": self.model.to_dict(),
-        }
-
-
-@dataclass(frozen=True)
-class Method:
-    """A black-box method.
-
-    Attributes
-    ----------
-    name, summary : str
-        The summary says what it is for.
-    kind : "response", "linear", "recursive" or "network"
-    loop : str
-        Which loop its theory allows: "open", "any", or "closed, controller known".
-    source : str
-    needs : tuple of str
-        Names of the `Choices` that it reads.
-    run : callable
-        ``run(data, choices, order, delay)`` to a result, or to a result and its history.
-    polynomials : tuple of str
-        Degrees that `Choices.structure` may set.
-    automatic : tuple of int
-        Orders tried for "auto"; empty where the method chooses itself.
-    """
-
-    name: str
-    kind: Kind
-    summary: str
-    loop: str
-    source: str
-    needs: tuple[str, ...]
-    run: Callable[..., Any]
-    polynomials: tuple[str, ...] = ()
-    automatic: tuple[int, ...] = ()
-
-
-def find_method(name: str) -> Method:
-    """Return a method by name.
-
-    Raises
-    ------
-    InputError
-        No such method.
-    """
-    if name not in METHODS:
-        raise InputError(f"no method {name!r}{did_you_mean_or_known(name, METHODS)}")
-    return METHODS[name]
-
-
-def identify(
-    data: SampledData | Sequence[SampledData],
-    method: str,
-    choices: Choices | None = None,
-    progress: Progress = lambda fraction, note: None,
-) -> Identified:
-    """Identify by any method; of several orders and delays the least BIC on these data wins.
-
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-    method : str
-        One of `METHODS`.
-    choices : Choices, optional
-    progress : callable, optional
-        Told the share done and what is tried.
-
-    Returns
-    -------
-    Identified
-
-    Raises
-    ------
-    InputError
-        No such method, a choice that it lacks, or data that it cannot use.
-    """
-    from idloop.estimate.sampled import together
-
-    found, chosen = find_method(method), choices or Choices()
-    experiments = together(data)
-    orders, delays = _orders(found, chosen), _delays(found, chosen, experiments)
-    tries = list(product(orders, delays))
-    if len(tries) == 1:
-        return _tried(found, experiments, chosen, *tries[0])
-    best: Identified | None = None
-    least = float("inf")
-    trials: list[Trial] = []
-    failure: IdloopError | None = None
-    for index, (order, delay) in enumerate(tries):
-        progress(index / len(tries), f"order {order}, delay {delay}" if "delay" in found.needs else f"order {order}")
-        try:
-            one = _tried(found, experiments, chosen, order, delay)
-        except IdloopError as error:
-            failure = failure or error
-            trials.append(Trial(order, delay, error=str(error)))
-            continue
-        bic = information(one, experiments).bic
-        trials.append(Trial(order, delay, bic))
-        # Written so that a model whose errors overflow never wins over one that has a BIC.
-        if best is None or bic < least or not isfinite(least):
-            best, least = one, bic
-    if best is None:
-        raise failure or IdloopError(f"{method}: nothing to try")
-    return replace(best, trials=tuple(trials))
-
-
-def information(found: Identified, data: Sequence[SampledData]) -> Information:
-    """Loss and criteria of a model on the data that it was identified from.
-
-    Raises
-    ------
-    InputError
-        A response, which predicts nothing.
-    """
-    import numpy as np
-
-    model = found.linear
-    if model is not None:
-        return model.information
-    if not found.predicts:
-        raise InputError(f"{found.method.name}: a response has no prediction errors, compare models")
-    network: Any = found.model
-    errors = [network.innovations(one)[network.first :] for one in data]
-    return of_errors(np.concatenate(errors), network.free)
-
-
-def _tried(
-    method: Method, data: list[SampledData], choices: Choices, order: int | Literal["auto"], delay: int
-) -> Identified:
-    found = method.run(data, choices, order, delay)
-    model, history = found if isinstance(found, tuple) else (found, ())
-    if method.kind in ("linear", "recursive"):
-        model = replace(model, notes=(*model.notes, *_offset_notes(data)))
-    return Identified(method, model, order, delay if "delay" in method.needs else None, history=history)
-
-
-def _offset_notes(data: list[SampledData]) -> list[str]:
-    """One note for each output that lies so far from 0 that a linear model spends itself on that."""
-    import numpy as np
-
-    notes = []
-    for column, name in enumerate(data[0].output_names):
-        levels = [abs(float(np.mean(one.output[:, column]))) for one in data]
-        spans = [float(np.ptp(one.output[:, column])) for one in data]
-        if max(levels) > _FAR * max(spans):
-            notes.append(
-                f"{name} lies {max(levels) / max(spans):.0f} times its whole motion from 0: take that away first"
-            )
-    return notes
-
-
-def _orders(method: Method, choices: Choices) -> Sequence[int | Literal["auto"]]:
-    if "order" not in method.needs:
-        return ("auto",)
-    if method.polynomials and set(method.polynomials) <= set(choices.structure):
-        # Every degree is given: there is nothing to choose.
-        return (1,)
-    if isinstance(choices.order, str):
-        return method.automatic or ("auto",)
-    return (choices.order,) if isinstance(choices.order, int) else choices.order
-
-
-def _delays(method: Method, choices: Choices, data: list[SampledData]) -> Sequence[int]:
-    if "delay" not in method.needs:
-        return (1,)
-    if not isinstance(choices.delay, str):
-        return (choices.delay,) if isinstance(choices.delay, int) else choices.delay
-    from idloop.estimate.polynomial import estimate_delay
-
-    columns = range(data[0].output.shape[1])
-    found = [estimate_delay([one.outputs([i]) for one in data], longest=_DELAYS) for i in columns]
-    # One delay serves all outputs: a longer one would cut into the response of the quickest.
-    shortest = min(min(one.delay) for one in found)
-    if shortest >= _DELAYS:
-        raise InputError(
-            f"{data[0].name}: the command has no clear effect within {_DELAYS} samples; look at the response with cra,"
-            " or give --delay a number"
-        )
-    return (shortest,)
 
 
 # ---------------------------------------------------------------- responses
@@ -726,3 +422,16 @@ METHODS: dict[str, Method] = {
         ),
     )
 }  # fmt: skip
+
+
+def find_method(name: str) -> Method:
+    """Return a method by name.
+
+    Raises
+    ------
+    InputError
+        No such method.
+    """
+    if name not in METHODS:
+        raise InputError(f"no method {name!r}{did_you_mean_or_known(name, METHODS)}")
+    return METHODS[name]

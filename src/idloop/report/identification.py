@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from idloop.estimate.methods import Identified
+    from idloop.estimate.method import Identified
     from idloop.estimate.sampled import SampledData
     from idloop.validate.score import Score
 
