@@ -195,7 +195,8 @@ class StreamNode(Node):
             return True
         if self.matched():
             self._ready = True
-            about = [str(self.parameters.values[name]) for name in ("model", "mode") if self.parameters.values.get(name)]
+            values = self.parameters.values
+            about = [str(values[name]) for name in ("model", "mode") if values.get(name)]
             self.get_logger().info(f"ready: {', '.join(about)}" if about else "ready")
             self.tell_progress(0, READY)
         else:
