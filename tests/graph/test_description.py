@@ -29,6 +29,7 @@ launch:
         - {name: list, value: "['a', 'b']"}
         - {name: text, value: "'3'"}
         - {name: empty, value: "''"}
+        - {name: law, value: "{type: pd, kp: $(var speed)}", type: str}
         - {name: home, value: $(env IDLOOP_NOT_SET nowhere)}
         - {name: side_by_side, value: $(var speed)/$(env IDLOOP_NOT_SET nowhere)}
         - {name: nested, value: [$(var speed), 1.5]}
@@ -55,6 +56,7 @@ def test_a_launch_file_is_read_as_ros_reads_it(launch_file):
         "list": ["a", "b"],
         "text": "3",
         "empty": "",
+        "law": "{type: pd, kp: 3}",
         "home": "nowhere",
         "side_by_side": "3/nowhere",
         "nested": [3, 1.5],
@@ -100,6 +102,8 @@ def test_wrong_arguments_are_one_line(launch_file, values, said):
         ("launch: [{node: {pkg: a, exec: b, param: [[]]}}]", "key name is missing"),
         ("launch: [{node: {pkg: a, exec: b, param: null}}]", "is no list"),
         ("launch: [{node: {pkg: a, exec: b, remap: {from: c}}}]", "is no list"),
+        ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: '{d: 1}'}]}}]", "add type: str"),
+        ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: 1, type: in}]}}]", "only str is"),
         ("launch: [{arg: 3}]", "no mapping"),
         ("launch: [3]", "no entry"),
     ],

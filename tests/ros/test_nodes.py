@@ -179,6 +179,32 @@ def test_health_is_named_node_and_check(bench):
     assert [status.name for status in statuses] == ["excitation: signal"]
 
 
+SLOW_END = """
+import signal, sys
+from idloop_nodes.nodes.controller import ControllerNode
+from idloop_nodes.runtime import run
+
+def close(self, end=ControllerNode.close):
+    signal.raise_signal(signal.SIGINT)
+    end(self)
+    signal.raise_signal(signal.SIGTERM)
+
+def poll(self):
+    signal.raise_signal(signal.SIGINT)
+
+ControllerNode.close, ControllerNode.poll = close, poll
+code = run("controller", ["controller"])
+signal.raise_signal(signal.SIGINT)
+sys.exit(code)
+"""
+
+
+def test_signals_that_come_again_do_not_kill_a_node_that_is_ending(ros_environment):
+    words = [sys.executable, "-c", SLOW_END]
+    done = subprocess.run(words, env=ros_environment, capture_output=True, text=True, check=False, timeout=200)
+    assert done.returncode == 0, done.stderr
+
+
 BROKEN_LOOP = """
 import sys
 from idloop_nodes.nodes.controller import ControllerNode

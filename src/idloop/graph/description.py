@@ -136,7 +136,7 @@ class _Reader:
                 files.append(Path(self.substitute(entry["from"])))
             else:
                 name = self.required(entry, "param", "name")
-                parameters[name] = self.value(entry.get("value"))
+                parameters[name] = self.parameter(name, entry)
         on_exit = content.get("on_exit")
         if on_exit not in (None, "shutdown"):
             raise self.fail(f"node: on_exit {on_exit!r} is not understood; only shutdown is")
@@ -180,6 +180,15 @@ class _Reader:
             raise self.fail(f"{kind}: key {key} is missing")
         return self.substitute(content[key])
 
+    def parameter(self, name: str, entry: dict[str, Any]) -> Any:
+        kind = entry.get("type")
+        if kind not in (None, "str"):
+            raise self.fail(f"param {name}: type {kind!r} is not understood here; only str is")
+        value = self.substitute(entry.get("value", "")) if kind == "str" else self.value(entry.get("value"))
+        if isinstance(value, dict):
+            raise self.fail(f"param {name}: ROS has no parameters that are mappings; for the text itself add type: str")
+        return value
+
     def value(self, value: Any) -> Any:
         """Return a parameter's value; text is read as YAML, as launch_ros does."""
         from ruamel.yaml import YAML
@@ -194,8 +203,8 @@ class _Reader:
             read = YAML(typ="safe", pure=True).load(text)
         except YAMLError:
             return text
-        # A text that looks like a mapping or like nothing stays the text it is: ROS has no such parameters.
-        return text if isinstance(read, dict) or read is None else read
+        # A text that looks like nothing stays the text it is: ROS has no such parameters.
+        return text if read is None else read
 
     def substitute(self, text: Any) -> str:
         """Replace $(var x), $(env X default), $(find-pkg-share p), $(dirname)."""

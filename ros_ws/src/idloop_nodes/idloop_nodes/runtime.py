@@ -21,6 +21,7 @@ from idloop_nodes.patience import become_patient, become_preferred
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+PATIENCE = 10.0  # seconds after which a further signal ends a process that still has not ended
 LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
 
 
@@ -108,12 +109,21 @@ def _spin(kind: str, arguments: list[str]) -> None:
     from idloop.errors import InputError
 
     stop = threading.Event()
+    asked = 0.0
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
+        nonlocal asked
+        if not stop.is_set():
+            asked = time.monotonic()
+            stop.set()
+        elif time.monotonic() - asked > PATIENCE:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
 
-    # rclpy's own handlers end the context at once; a controller must still publish its zero command.
-    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    # rclpy's own handlers end the context at once; a controller must still publish its zero command. They stay to the
+    # very end of the process: one Ctrl-C comes from the terminal and once more from `ros2 launch`.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
     module = importlib.import_module(f"idloop_nodes.nodes.{kind}")
     getattr(module, "prepare", lambda: None)()
     try:
@@ -156,5 +166,3 @@ def _spin(kind: str, arguments: list[str]) -> None:
             executor.shutdown()
         if node is not None:
             node.destroy_node()
-        for number, handler in previous.items():
-            signal.signal(number, handler)
