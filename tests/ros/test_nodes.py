@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import subprocess
 import sys
 
@@ -179,30 +180,14 @@ def test_health_is_named_node_and_check(bench):
     assert [status.name for status in statuses] == ["excitation: signal"]
 
 
-SLOW_END = """
-import signal, sys
-from idloop_nodes.nodes.controller import ControllerNode
-from idloop_nodes.runtime import run
-
-def close(self, end=ControllerNode.close):
-    signal.raise_signal(signal.SIGINT)
-    end(self)
-    signal.raise_signal(signal.SIGTERM)
-
-def poll(self):
-    signal.raise_signal(signal.SIGINT)
-
-ControllerNode.close, ControllerNode.poll = close, poll
-code = run("controller", ["controller"])
-signal.raise_signal(signal.SIGINT)
-sys.exit(code)
-"""
-
-
-def test_signals_that_come_again_do_not_kill_a_node_that_is_ending(ros_environment):
-    words = [sys.executable, "-c", SLOW_END]
-    done = subprocess.run(words, env=ros_environment, capture_output=True, text=True, check=False, timeout=200)
-    assert done.returncode == 0, done.stderr
+@pytest.mark.parametrize("kind", ["controller", "estimator"])
+def test_signals_that_come_again_do_not_kill_a_node_that_is_ending(ros_environment, kind):
+    words = [sys.executable, "-m", "idloop_nodes", kind, "--ros-args", "-p", "model:=dc_motor"]
+    with subprocess.Popen(words, env=ros_environment, stderr=subprocess.PIPE, text=True) as node:
+        assert "ready" in node.stderr.readline()
+        while node.poll() is None:  # as from `ros2 launch`, and from someone who cannot wait
+            node.send_signal(signal.SIGINT)
+        assert node.returncode == 0, node.stderr.read()
 
 
 BROKEN_LOOP = """

@@ -21,6 +21,7 @@ from idloop_nodes.patience import become_patient, become_preferred
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PATIENCE = 10.0  # seconds after which a further signal ends a process that still has not ended
 LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
 
@@ -64,6 +65,9 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
         return _complain(kind, f"{type(error).__name__}: {error}", COULD_NOT)
     finally:
         rclpy.try_shutdown()
+        # While the interpreter ends it gives a handler of Python's up, and the signal would kill.
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
     return DONE
 
 
@@ -122,7 +126,7 @@ def _spin(kind: str, arguments: list[str]) -> None:
 
     # rclpy's own handlers end the context at once; a controller must still publish its zero command. They stay to the
     # very end of the process: one Ctrl-C comes from the terminal and once more from `ros2 launch`.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, on_signal)
     module = importlib.import_module(f"idloop_nodes.nodes.{kind}")
     getattr(module, "prepare", lambda: None)()
