@@ -119,7 +119,10 @@ class Site:
             return
 
         async def end() -> None:
-            server.stop()
+            if hasattr(server, "stop_async"):  # from Bokeh 3.10 on a stop has something to wait for
+                await server.stop_async()
+            else:
+                server.stop()
             # A connection that is kept open would let the browser wait for an answer that never comes.
             await server._http.close_all_connections()  # noqa: SLF001  (Bokeh has no other way to it)
             loop.stop()
