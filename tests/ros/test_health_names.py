@@ -37,5 +37,7 @@ def test_another_axis_is_never_taken_for_this_one(space, other, node):
 def test_a_check_of_somebody_else_keeps_its_name():
     assert seen_from("/", "fan speed") == ("fan speed", "")
     assert seen_from("/left", "drive: temperature") == ("/drive", "temperature")
+    assert seen_from("/", "/drive: temperature") == ("drive", "temperature")
+    assert seen_from("/left", "/left/drive: temperature") == ("drive", "temperature")
     assert node_seen_from("/left", "/left/bridge") == "bridge"
     assert node_seen_from("/left", "/bridge") == "/bridge"

@@ -59,6 +59,26 @@ def tune(
 
     Disturbance and whitening explain much the same: searched one after the other they crawl. The search
     itself looks at translated innovations; where it ends, the model is run, and the search goes on from there.
+
+    Parameters
+    ----------
+    criterion : Criterion
+        Keeps what is found; one without a disturbance is only weighed.
+    problem : Problem
+        Of this criterion; keeps the noise model.
+    theta : array, shape (k,)
+        Free parameters of the model.
+    orders : list of int or None
+        Orders of the whitening, one for each group of outputs; None chooses them.
+    probes : sequence of Disturbance
+        Where the search looks as well before it begins.
+    reach : float
+        How far from the present disturbance it tries first [decades].
+
+    Returns
+    -------
+    float
+        Log-likelihood.
     """
     nuisance = criterion.nuisance()[0]
     here = weigh(problem, np.concatenate([theta, nuisance]), orders)
@@ -101,6 +121,22 @@ def elsewhere(
     """Another disturbance altogether, where that explains the errors better.
 
     What is nearly white and strong, and what is nearly a walk and weak, may both be best among their like.
+
+    Parameters
+    ----------
+    setting : Setting
+    model : Model
+    theta : array, shape (k,)
+        Free parameters of the model.
+    here : Disturbance
+        The present one.
+    orders : list of int or None
+        Orders of the whitening.
+
+    Returns
+    -------
+    Disturbance or None
+        None where none is better.
     """
     full = setting.criterion(model)
     if not isinstance(full, InnovationCriterion):

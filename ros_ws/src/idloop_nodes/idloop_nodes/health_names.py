@@ -23,7 +23,7 @@ def seen_from(namespace: str, name: str) -> tuple[str, str]:
     node, check : str
     """
     node, _, check = name.partition(": ")
-    return node_seen_from(namespace, f"/{node}"), check
+    return node_seen_from(namespace, f"/{node.lstrip('/')}"), check  # some publish it with the slash
 
 
 def node_seen_from(namespace: str, node: str) -> str:

@@ -82,9 +82,11 @@ class WorkbenchNode(StreamNode):
         self._health_due = self._limits_due = 0.0
         self._calls = Calls(self)
         estimator, excitation = values["estimator_node"], values["excitation_node"]
-        guards = [one for one in (values["bridge_node"], values["controller_node"]) if one]
-        self._named = [node_seen_from(self.get_namespace(), one) for one in (estimator, *guards, excitation)]
-        self._motor = MotorStop(self._calls, self._board, self._named[1:-1], self._start_again)
+        here = self.get_namespace()
+        guards = [node_seen_from(here, one) for one in (values["bridge_node"], values["controller_node"]) if one]
+        self._estimator = node_seen_from(here, estimator)
+        self._named = {self._estimator, *guards, node_seen_from(here, excitation)}
+        self._motor = MotorStop(self._calls, self._board, guards, self._start_again)
         self._calls.expect(
             *(f"{excitation}/{name}" for name in ("stop", "start")),
             *(f"{estimator}/{name}" for name in ("add_best_effect", *ASKED.values())),
@@ -247,7 +249,7 @@ class WorkbenchNode(StreamNode):
             if node.startswith("/") and node not in self._named:
                 continue  # another axis
             self._heard[one.name] = now, replace(one, name=f"{node}: {check}" if check else node)
-            if check == "diagnosis" and node == self._named[0]:
+            if check == "diagnosis" and node == self._estimator:
                 if not self._asked:
                     self._board.change(activity=activity_of(one))
             else:
