@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import signal
 import subprocess
@@ -180,6 +181,9 @@ def test_health_is_named_node_and_check(bench):
     assert [status.name for status in statuses] == ["excitation: signal"]
 
 
+BETWEEN_SIGNALS = 0.002  # seconds: without, handlers of Python's interrupt themselves without end
+
+
 @pytest.mark.parametrize("kind", ["controller", "estimator"])
 def test_signals_that_come_again_do_not_kill_a_node_that_is_ending(ros_environment, kind):
     words = [sys.executable, "-m", "idloop_nodes", kind, "--ros-args", "-p", "model:=dc_motor"]
@@ -187,7 +191,32 @@ def test_signals_that_come_again_do_not_kill_a_node_that_is_ending(ros_environme
         assert "ready" in node.stderr.readline()
         while node.poll() is None:  # as from `ros2 launch`, and from someone who cannot wait
             node.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                node.wait(BETWEEN_SIGNALS)
         assert node.returncode == 0, node.stderr.read()
+
+
+STUCK = """
+import threading
+from idloop_nodes import runtime
+from idloop_nodes.nodes.controller import ControllerNode
+
+runtime.PATIENCE = 1
+ControllerNode.close = lambda self: threading.Event().wait()
+runtime.run("controller", ["controller"])
+"""
+
+
+def test_a_node_that_does_not_end_is_killed_by_a_signal_after_some_patience(ros_environment):
+    with subprocess.Popen(
+        [sys.executable, "-c", STUCK], env=ros_environment, stderr=subprocess.PIPE, text=True
+    ) as node:
+        assert "ready" in node.stderr.readline()
+        while node.poll() is None:
+            node.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                node.wait(BETWEEN_SIGNALS)
+        assert node.returncode == -signal.SIGINT
 
 
 BROKEN_LOOP = """

@@ -22,7 +22,7 @@ WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-PATIENCE = 10.0  # seconds after which a further signal ends a process that still has not ended
+PATIENCE = 10  # seconds, whole, after which a further signal ends a process that still has not ended
 LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
 
 
@@ -65,10 +65,15 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
         return _complain(kind, f"{type(error).__name__}: {error}", COULD_NOT)
     finally:
         rclpy.try_shutdown()
+        signal.alarm(0)
         # While the interpreter ends it gives a handler of Python's up, and the signal would kill.
-        for number in SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
+        _answer_signals_by(signal.SIG_IGN)
     return DONE
+
+
+def _answer_signals_by(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> None:
+    for number in SIGNALS:
+        signal.signal(number, handler)
 
 
 def _complain(kind: str, text: str, code: int = WRONG_USE) -> int:
@@ -113,21 +118,17 @@ def _spin(kind: str, arguments: list[str]) -> None:
     from idloop.errors import InputError
 
     stop = threading.Event()
-    asked = 0.0
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        if not stop.is_set():
-            asked = time.monotonic()
-            stop.set()
-        elif time.monotonic() - asked > PATIENCE:
-            signal.signal(number, signal.SIG_DFL)
-            signal.raise_signal(number)
+        # A handler of Python's can be interrupted by its own signal, time and again: what comes next goes nowhere.
+        _answer_signals_by(signal.SIG_IGN)
+        stop.set()
+        signal.alarm(PATIENCE)
 
     # rclpy's own handlers end the context at once; a controller must still publish its zero command. They stay to the
     # very end of the process: one Ctrl-C comes from the terminal and once more from `ros2 launch`.
-    for number in SIGNALS:
-        signal.signal(number, on_signal)
+    _answer_signals_by(on_signal)
+    signal.signal(signal.SIGALRM, lambda number, frame: _answer_signals_by(signal.SIG_DFL))
     module = importlib.import_module(f"idloop_nodes.nodes.{kind}")
     getattr(module, "prepare", lambda: None)()
     try:
