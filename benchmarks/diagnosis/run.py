@@ -150,6 +150,7 @@ def _diagnosed(case: Case, settings: Settings) -> dict[str, Any]:
         "final": list(ladder.model.effect_names),
         "parameters": {n: v for n, v in ladder.model.values.items() if "@" in n},
         "untestable": list(ladder.untestable),
+        "shows_from": {name: limit.to_dict() for name, limit in ladder.limits.items()},
         "found": list(result.found),
         "exact": result.exact,
         "false": list(result.false),

@@ -14,6 +14,7 @@ from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.diagnose import Candidate
+    from idloop.diagnose.detection import DetectionLimit
     from idloop.diagnose.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
@@ -120,7 +121,13 @@ def p_text(value: float | None) -> str:
     return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
 
 
-def print_candidates(candidates: Sequence[Candidate], tied: Sequence[str], *, everything: bool = False) -> None:
+def print_candidates(
+    candidates: Sequence[Candidate],
+    tied: Sequence[str],
+    limits: Mapping[str, DetectionLimit],
+    *,
+    everything: bool = False,
+) -> None:
     """Print the ranked table of effects.
 
     Parameters
@@ -128,6 +135,8 @@ def print_candidates(candidates: Sequence[Candidate], tied: Sequence[str], *, ev
     candidates : sequence of Candidate
     tied : sequence of str
         Names of the best effect and of those that the data cannot tell from it.
+    limits : mapping of str to DetectionLimit
+        Size from which on each would show.
     everything : bool
         Also effects that were only screened.
     """
@@ -144,10 +153,13 @@ def print_candidates(candidates: Sequence[Candidate], tied: Sequence[str], *, ev
                 f"{100.0 * candidate.explains:.1f}" if candidate.model is not None else "-",
                 parameters_text(candidate.parameters) if candidate.model is not None else "-",
                 candidate.testable,
+                limits[candidate.name].short if candidate.name in limits else "-",
             )
         )
     if rows:
-        click.echo(format_table(("", "effect", "p", "explains %", "parameters (95 %)", "testable"), rows))
+        click.echo(
+            format_table(("", "effect", "p", "explains %", "parameters (95 %)", "testable", "would show with"), rows)
+        )
     screened = sum(candidate.model is None for candidate in candidates)
     if screened and not everything:
         click.echo(f"{screened} more effects were screened and show nothing (--all lists them)")

@@ -75,7 +75,7 @@ def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everyth
     for line in found.gate.findings:
         click.echo(line)
     click.echo()
-    print_candidates(found.candidates, found.set, everything=everything)
+    print_candidates(found.candidates, found.set, found.gate.limits, everything=everything)
     click.echo()
     best = found.best
     if best is not None and found.pair is not None:

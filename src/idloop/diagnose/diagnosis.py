@@ -143,7 +143,7 @@ class Diagnosis:
             "rival_pairs": [list(names) for names in self.rival_pairs],
             "candidates": [c.to_dict() for c in self.candidates],
             "untestable": list(self.untestable),
-            "gate": {"findings": list(self.gate.findings), "testable": self.gate.testable, "why": self.gate.why},
+            "gate": self.gate.to_dict(),
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
             "passed_over": dict(self.passed_over),
         }

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.detection import DetectionLimit, detection_limit
+from idloop.diagnose.lattice import resolution_limits
 from idloop.diagnose.screen import Screened
 from idloop.diagnose.setting import Setting
 from idloop.physics.model import Model
@@ -38,12 +41,15 @@ class Gate:
         One sentence by effect and site.
     from_a_level : tuple of str
         Effects that begin at a level, which the data may not have reached.
+    limits : dict
+        Size from which on an effect would be found, by effect and site, of those whose size has a name.
     """
 
     findings: tuple[str, ...]
     testable: dict[str, str]
     why: dict[str, str]
     from_a_level: tuple[str, ...] = ()
+    limits: dict[str, DetectionLimit] = field(default_factory=dict)
 
     @property
     def untestable(self) -> tuple[str, ...]:
@@ -54,6 +60,15 @@ class Gate:
     def poor(self) -> bool:
         """Whether the data cannot show effects that every servo axis may have."""
         return any(name.split("@")[0] in _EVERYDAY for name, answer in self.testable.items() if answer == "no")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "findings": list(self.findings),
+            "testable": self.testable,
+            "why": self.why,
+            "shows_from": {name: limit.to_dict() for name, limit in self.limits.items()},
+        }
 
 
 def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: float) -> Gate:
@@ -78,11 +93,14 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
         findings.append("the command has one size only: what depends on its size cannot be told from the gain")
     if facts.reversals < 4:
         findings.append(f"the axis reverses {facts.reversals} times: friction and play hardly show")
-    testable, why = {}, {}
+    testable, why, limits = {}, {}, {}
     for s in screened:
-        testable[s.proposal.name], why[s.proposal.name] = _judge(s, facts, chance)
+        name, limit = s.proposal.name, detection_limit(s, chance)
+        testable[name], why[name] = _judge(s, facts, chance, limit)
+        if limit is not None and testable[name] != "no":
+            limits[name] = limit
     levels = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
-    return Gate(tuple(findings), testable, why, levels)
+    return Gate(tuple(findings), testable, why, levels, limits | resolution_limits(model, setting))
 
 
 @dataclass(frozen=True)
@@ -146,7 +164,7 @@ def _slow_reversals(output: Array, field: str, noise: float) -> int:
     return count
 
 
-def _judge(s: Screened, facts: _Facts, chance: float) -> tuple[str, str]:
+def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | None) -> tuple[str, str]:
     """``yes``, ``weak`` or ``no``, and why."""
     name = s.proposal.effect.name
     if not s.traces:
@@ -156,14 +174,14 @@ def _judge(s: Screened, facts: _Facts, chance: float) -> tuple[str, str]:
     if s.left < _OWN_PART:
         return "no", "on this data it does no more than the free parameters or the initial state can do"
     worth = max((t.worth for t in s.traces), default=0.0)
-    value = f"worth {0.5 * worth:.3g} units of log-likelihood"
+    from_where = "" if limit is None else limit.text
     if worth < chance:
-        return "no", f"at typical strength it would be {value}: no more than chance"
+        return "no", "at its usual size it does no more than chance" + (f"; {from_where}" if from_where else "")
     if worth < _SURE * chance:
-        return "weak", f"only a strong effect would show ({value})"
+        return "weak", from_where or "only a strong effect would show"
     level = s.proposal.effect.from_a_level
     if level:
         return "weak", f"a {level} that this data has reached would show, one beyond it cannot"
     if name == "imbalance" and facts.turns < 1.0:
         return "weak", f"the motion covers {facts.turns:.2g} of a turn: it looks like an offset or a spring"
-    return "yes", f"at typical strength it would be {value}"
+    return "yes", from_where or f"at its usual size it would be worth {0.5 * worth:.3g} units of log-likelihood"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idloop.diagnose.candidate import Candidate
+from idloop.diagnose.detection import DetectionLimit
 from idloop.diagnose.unknown import UnknownStructure
 from idloop.errors import InputError
 from idloop.physics.model import Model
@@ -80,6 +81,8 @@ class Ladder:
     untestable : tuple of str
     findings : tuple of str
         What the data can show.
+    limits : mapping of str to DetectionLimit
+        Size from which on what was not found would have been, by effect and site.
     unknown : UnknownStructure or None
     suggested_experiment : dict or None
     criterion : str
@@ -98,6 +101,7 @@ class Ladder:
     criterion: str = "auto"
     level: float = 0.01
     passed_over: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, DetectionLimit] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -121,7 +125,7 @@ class Ladder:
             raise InputError("nothing to undo: no effect was added yet")
         return replace(
             self, steps=self.steps[:-1], verdict="missing", candidates=(), unknown=None, suggested_experiment=None,
-            passed_over={},
+            passed_over={}, limits={},
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -138,6 +142,7 @@ class Ladder:
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
             "suggested_experiment": self.suggested_experiment,
             "passed_over": dict(self.passed_over),
+            "shows_from": {name: limit.to_dict() for name, limit in self.limits.items()},
         }
 
     @classmethod
@@ -186,6 +191,7 @@ class Ladder:
             criterion=document.get("criterion", "auto"),
             level=document.get("level", 0.01),
             passed_over=document.get("passed_over", {}),
+            limits={name: DetectionLimit.from_dict(one) for name, one in document.get("shows_from", {}).items()},
         )
 
     def summary(self) -> str:

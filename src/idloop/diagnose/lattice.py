@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.candidate import Candidate
+from idloop.diagnose.detection import DetectionLimit
 from idloop.diagnose.setting import Setting
 from idloop.estimate.noise import resolution
 from idloop.physics.effect import OUTPUT, find_effect
@@ -19,6 +21,8 @@ Array = NDArray[np.float64]
 EFFECT = "sensor_quantisation"
 # The lattice must be at least this coarse against what else the readings scatter by.
 _COARSE = 0.9
+# Mean size of the second differences of white noise of deviation 1, and the most of it beside a lattice of 1.
+_BEND, _MOST_BEND = math.sqrt(12.0 / math.pi), 1.5 * _COARSE
 # Part of the readings that must lie on the lattice.
 _ON_LATTICE = 0.99
 
@@ -63,6 +67,21 @@ def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = No
     return sorted(found, key=lambda c: -float(c.parameters["resolution"]["value"]))
 
 
+def resolution_limits(model: Model, setting: Setting) -> dict[str, DetectionLimit]:
+    """From which resolution on each output's rounding would show beside its noise, by effect and site.
+
+    Parameters
+    ----------
+    model : Model
+    setting : Setting
+    """
+    limits = {}
+    for output, noise in zip(model.outputs, setting.noise, strict=True):
+        least = _BEND / _MOST_BEND * float(noise)
+        limits[f"{EFFECT}@{output.site}"] = DetectionLimit("resolution", output.unit, least, least)
+    return limits
+
+
 def rounding_step(records: Sequence[Record], column: int) -> float:
     """Quantum of one output in all records; 0 without one that stands above the noise."""
     steps = []
@@ -79,7 +98,7 @@ def rounding_step(records: Sequence[Record], column: int) -> float:
             return 0.0
         # Curvature of the rounded readings: with a noise above the quantum it scatters by several of them.
         bend = np.abs(np.diff(np.round(counts), 2))
-        if float(np.mean(bend)) * step > 1.5 * step * _COARSE:
+        if float(np.mean(bend)) > _MOST_BEND:
             return 0.0
         steps.append(step)
     if not steps or max(steps) > 1.02 * min(steps):

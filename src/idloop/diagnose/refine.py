@@ -175,6 +175,7 @@ class _Climb:
             findings=diagnosis.gate.findings,
             unknown=diagnosis.unknown,
             passed_over=diagnosis.passed_over,
+            limits=diagnosis.gate.limits,
         )
 
     def _with(self, ladder: Ladder, rung: Rung) -> Ladder:

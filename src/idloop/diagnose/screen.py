@@ -60,6 +60,8 @@ class Trace:
     scores : array, shape (g,)
         What the errors have along these directions, in their standard deviation: above 0 where they
         ask for more of the trial.
+    weakest : float
+        As `detectable`, of the direction that is worth least.
     uneven : float
         How much more the errors vary along the trace than elsewhere, at least 1.
     worth : float
@@ -76,6 +78,7 @@ class Trace:
     one_sided: bool
     sketch: Array
     scores: Array
+    weakest: float = 0.0
     uneven: float = 1.0
     worth: float = 0.0
     shift: Array | None = None
@@ -262,7 +265,8 @@ class Screen:
             return self._invisible(trials, 0.0, 0.0)
         own = raw - self.basis @ (self.basis.T @ raw)
         left = float(np.max(np.sum(own**2, axis=0) / np.maximum(power, 1e-300)))
-        detectable = float(np.max(np.sum(own**2, axis=0)))
+        powers = np.sum(own**2, axis=0)
+        detectable, weakest = float(np.max(powers)), float(np.min(powers))
         q, r = np.linalg.qr(own)
         useful = np.abs(np.diag(r)) > 1e-3 * np.max(np.abs(np.diag(r)))
         q, r = q[:, useful], r[np.ix_(useful, useful)]
@@ -281,7 +285,7 @@ class Screen:
         shift = -self._back @ (raw @ size)
         sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)
         return Trace(
-            trials, statistic, size, detectable, left, any(sides), sketch, scores, uneven, detectable, shift
+            trials, statistic, size, detectable, left, any(sides), sketch, scores, weakest, uneven, detectable, shift
         )  # fmt: skip
 
     def _invisible(self, trials: list[Trial], detectable: float, left: float) -> Trace:

@@ -17,7 +17,7 @@ from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.report.ladder import p_text
 from idloop.report.page_figures import MOST_RECORDS, effect_place, where_place, where_places
 from idloop.report.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders
-from idloop.report.unshown import unshown
+from idloop.report.unshown import absent, unshown
 from idloop.report.verdicts import VERDICTS
 from idloop.validate.variables import TITLES
 
@@ -71,6 +71,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
             if row.standing != UNTESTABLE
         ],
         "untestable": _untestable(ladder),
+        "absent": [{"name": words(name), "size": size} for name, size in absent(ladder).items()],
         "findings": list(ladder.findings),
         "suggestion": ladder.suggested_experiment,
         "experiment": _experiment(ladder),

@@ -1,4 +1,4 @@
-"""What the data of a ladder cannot show, without what the ladder has found after all."""
+"""What the data of a ladder cannot show, and how small what it has not shown must be."""
 
 from __future__ import annotations
 
@@ -23,11 +23,33 @@ def unshown(ladder: Ladder) -> dict[str, str]:
     dict
         Why, by ``effect@site``; empty words where that is not known any more.
     """
+    why = {candidate.name: candidate.why for candidate in ladder.candidates}
+    found = _found(ladder)
+    return {name: why.get(name, "") for name in ladder.untestable if name not in found}
+
+
+def absent(ladder: Ladder) -> dict[str, str]:
+    """Effects that were not found, and the size at which they would have been, for a table.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    dict
+        Size by ``effect@site``, such as "width ≥ 0.012 V"; without what the data cannot show at any size.
+    """
+    hidden = {*_found(ladder), *ladder.untestable}
+    return {name: limit.short for name, limit in ladder.limits.items() if limit.short and name not in hidden}
+
+
+def _found(ladder: Ladder) -> set[str]:
+    """Effects that the model has, that one of the model contains, or that tie with one of it."""
     model = ladder.model
     found = {*model.effect_names, *ladder.added}
     for active in model.effects:
         found.update(f"{inner}@{active.at}" for inner in active.effect.contains)
     for step in ladder.steps:
         found.update(step.set)
-    why = {candidate.name: candidate.why for candidate in ladder.candidates}
-    return {name: why.get(name, "") for name in ladder.untestable if name not in found}
+    return found
