@@ -3,7 +3,7 @@
     python benchmarks/diagnosis/limits.py --cases 60 --resume limits.jsonl
 
 On each clean case of a one-body machine the diagnosis states from which size on an effect would show. The
-same machine, with other noise, then hides one effect at a quarter of that size, at the size, and at twice it.
+same machine, with other noise, then hides one effect at a tenth of that size, at the size, and at twice it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from intervals import clopper_pearson
 from score import Rung, score
 
 MACHINES = ("axis", "dc_motor", "axis_position", "dc_position")
-FACTORS = (0.25, 1.0, 2.0)
+FACTORS = (0.1, 1.0, 2.0)
 # Other parameters of the effects that have some.
 BESIDE = {
     "imbalance": {"phase": 0.6},

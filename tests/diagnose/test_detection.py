@@ -17,6 +17,9 @@ from idloop.report.unshown import absent
 
 from .conftest import record_of
 
+# Power of a trace that shows where chance reaches 9.
+NEEDED = (2.5 * (3.0 + 1.645)) ** 2
+
 
 def trace(trials: list[dict[str, float]], detectable: float, weakest: float | None = None) -> Trace:
     none = np.zeros((1, 0))
@@ -35,7 +38,7 @@ def proposal(name: str) -> Proposal:
 def test_the_power_of_a_trace_grows_with_the_square_of_its_size(width: float, power: float) -> None:
     limit = detection_limit(Screened(proposal("dead_zone"), [trace([{"width": width}], power)]), 9.0)
     assert limit is not None
-    assert limit.least == limit.sure == pytest.approx(width * (3.0 + 1.645) / math.sqrt(power))
+    assert limit.least == limit.sure == pytest.approx(2.5 * width * (3.0 + 1.645) / math.sqrt(power))
     assert limit.hides(0.99 * limit.least)
     assert limit.shows(1.01 * limit.least)
     assert DetectionLimit.from_dict(limit.to_dict()) == limit
@@ -43,19 +46,23 @@ def test_the_power_of_a_trace_grows_with_the_square_of_its_size(width: float, po
 
 def test_a_soft_joint_shows_up_to_a_stiffness() -> None:
     values = {"stiffness": 100.0, "damping": 0.1, "split": 0.5}
-    limit = detection_limit(Screened(proposal("compliance"), [trace([values], 4.0 * (3.0 + 1.645) ** 2)]), 9.0)
+    stiffer = {**values, "stiffness": 200.0}
+    traces = [trace([values], 4.0 * NEEDED), trace([stiffer], 1.01 * NEEDED), trace([stiffer], 0.99 * NEEDED)]
+    limit = detection_limit(Screened(proposal("compliance"), traces), 9.0)
     assert limit is not None
-    assert limit.least == pytest.approx(200.0)
+    assert limit.least == 200.0, "nothing is said of what was not tried"
     assert limit.hides(201.0)
     assert limit.shows(199.0)
     assert limit.text.startswith("it would show with stiffness ≤ 200 N·m/rad")
+    limit = detection_limit(Screened(proposal("compliance"), [trace([values], 0.25 * NEEDED)]), 9.0)
+    assert limit is not None
+    assert limit.least == pytest.approx(50.0)
 
 
 def test_shapes_are_told_apart_and_what_lies_nearest_to_the_limit_speaks_for_its_shape() -> None:
     slow = [{"amplitude": 1.0, "harmonic": 2.0, "phase": 0.0}], [{"amplitude": 0.1, "harmonic": 2.0, "phase": 0.0}]
     fast = [{"amplitude": 1.0, "harmonic": 9.0, "phase": 0.0}]
-    needed = (3.0 + 1.645) ** 2
-    traces = [trace(slow[0], 1e9), trace(slow[1], needed), trace(fast, needed, 0.0)]
+    traces = [trace(slow[0], 1e9), trace(slow[1], NEEDED), trace(fast, NEEDED, 0.0)]
     limit = detection_limit(Screened(proposal("cogging"), traces), 9.0)
     assert limit is not None
     assert limit.least == pytest.approx(0.1)
@@ -86,13 +93,13 @@ def test_a_report_states_no_size_for_what_was_found_or_cannot_be_shown() -> None
     assert absent(ladder) == {"quadratic_drag@axis": "level ≥ 0.01 N·m"}  # type: ignore[arg-type]
 
 
-def test_an_effect_of_three_times_the_stated_size_is_found_and_a_tenth_of_it_is_not() -> None:
+def test_an_effect_of_twice_the_stated_size_is_found_and_a_twentieth_of_it_is_not() -> None:
     machine = load_model("axis")
     clean = diagnose(machine, [record_of(machine, 1, disturbance=0.02)], effects=["dead_zone", "coulomb_friction"])
     assert not clean.set
     limit = clean.gate.limits["coulomb_friction@axis"]
     answers = []
-    for part in (0.1, 3.0):
+    for part in (0.05, 2.0):
         stuck = machine.with_effect("coulomb_friction", "axis", level=part * limit.sure)
         record = record_of(stuck, 2, disturbance=0.02)
         answers.append(diagnose(machine, [record], effects=["dead_zone", "coulomb_friction"]).set)

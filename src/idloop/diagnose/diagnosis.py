@@ -18,6 +18,7 @@ from idloop.diagnose.evidence import consistent, holds, may_decide, rank, statis
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.leap import Leap, leap
 from idloop.diagnose.listing import all_candidates, p_value_of, pair_candidates
 from idloop.diagnose.pairs import (
     MissingPair,
@@ -122,6 +123,26 @@ class Diagnosis:
         return (
             Rung(self.alone, self.set),
             Rung(self.candidates[1], tied_members(second, first, self.rival_pairs)),
+        )
+
+    def or_rather(self, further: Leap) -> Diagnosis:
+        """Take what a leap has found instead, where that explains more."""
+        if self.best_fit is not None and self.best_fit.log_likelihood >= further.fit.log_likelihood:
+            return self
+        first, *beside = (rung.added for rung in further.rungs)
+        # Each candidate of a pair has the model that has both.
+        added = [replace(one, model=beside[-1].model if beside else one.model) for one in (first, *beside)]
+        names = {one.name for one in added}
+        return replace(
+            self,
+            candidates=(*added, *(c for c in self.candidates if c.name not in names)),
+            set=further.rungs[0].set,
+            verdict=MISSING,
+            unknown=None,
+            best_fit=further.fit,
+            pair=(first.name, beside[0].name) if beside else None,
+            rival_pairs=tuple((first.name, name) for name in further.rungs[-1].set[1:]) if beside else (),
+            alone=first if beside else None,
         )
 
     @property
@@ -234,7 +255,11 @@ def _diagnose(
     progress: Progress | None,
 ) -> Diagnosis:
     setting = with_common_whitening(prepare_setting(model, records, kind), model)
-    return diagnose_fitted(setting, refit(setting, model), level=level, effects=effects, seed=seed, progress=progress)
+    found = diagnose_fitted(setting, refit(setting, model), level=level, effects=effects, seed=seed, progress=progress)
+    further = leap(
+        setting, found.fit, model.values, level=level, effects=effects, pairs=found.best is None, seed=seed
+    )  # fmt: skip
+    return found if further is None else found.or_rather(further)
 
 
 def diagnose_fitted(

@@ -8,30 +8,29 @@ of those that promise most with it. The models do not contain each other: they a
 compared by the difference of their log-likelihoods over the stretches of the data (Vuong,
 Econometrica 57, 1989), times the number of comparisons.
 
-A coupling that slips all the time looks to a linear model like a damper without a spring: where the
-fit has left the user's stiffness far behind, what a coupling can do is tried from there.
+A coupling that slips all the time looks to a linear model like a damper without a spring: where the fit has left
+the user's machine far behind, effects are tried from near there as well (`idloop.diagnose.anchor`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from idloop.diagnose.anchor import from_near, left_behind
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
-from idloop.diagnose.confirm import MORE_ROUNDS, USUAL_REFITS, Confirmed, starts
+from idloop.diagnose.confirm import USUAL_REFITS, Confirmed, starts
+from idloop.diagnose.ends import best_first, ends
 from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, explained, holds
 from idloop.diagnose.intervals import with_stderr
-from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import Refit, refit_or_none
-from idloop.diagnose.scales import Sizes
+from idloop.diagnose.refit import Refit
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
-from idloop.physics.effect import COUPLING
 from idloop.physics.model import Model
 
 # Searches that are carried on after a first round.
@@ -48,10 +47,6 @@ _IDLE = 0.1
 _THOROUGH = 3
 # Choices of whole numbers, such as harmonics, that are searched for one effect.
 _STRUCTURES = 2
-# A stiffness that the fit has changed by this factor is not the user's any more.
-_LEFT_BEHIND = 5.0
-# Searches from there that are carried on after a first round.
-_CARRIED_ON = 2
 
 
 @dataclass(frozen=True)
@@ -81,7 +76,7 @@ def leap(
     pairs: bool = False,
     seed: int = 0,
 ) -> Leap | None:
-    """Look for an effect without parameters, and for those of a coupling whose stiffness went astray without them.
+    """Look for an effect without parameters, and for others from near the user's values when the fit has left them.
 
     Parameters
     ----------
@@ -105,19 +100,18 @@ def leap(
     Leap or None
     """
     bases: list[Confirmed] = []
-    count = 0
     for proposal in proposals(parent.model, effects):
-        own: list[Confirmed] = []
         if not proposal.effect.parameters:
-            own = _bases(setting, parent, proposal, given, seed)
-        elif _astray(parent.model, proposal, given):
-            own = _from_the_users(setting, parent, proposal, given)
-        bases += own
-        count += len(own)
+            bases += _bases(setting, parent, proposal, given, seed)
+    if left_behind(parent.model, given):
+        bases += from_near(setting, parent, given, effects, seed)
+    count = len(bases)
     bases.sort(key=lambda base: -base.gain)
-    for base in bases:
+    for place, base in enumerate(bases):
         if _better(setting, parent, base, count, level, held_out):
-            return Leap((_rung(setting, parent, base, count),), base.fit)
+            ties = [c.proposal.name for c in bases[place + 1 :] if not distinguishable(base.fit, c.fit)]
+            ties = [name for name in dict.fromkeys(ties) if name != base.proposal.name]
+            return Leap((_rung(setting, parent, base, count, ties),), base.fit)
     bare = [base for base in bases if not base.proposal.effect.parameters]
     if not pairs or not bare or _white(parent):
         return None
@@ -153,35 +147,13 @@ def _bases(
     """Where searches with an effect without parameters end, best first, without those where it does nothing."""
     model = proposal.model({})
     near = {**parent.model.values, **given}
-    fits = _ends(setting, model, [parent.model.values, near, *_scattered(near, model, _WIDE, _FAR_STARTS, seed)])
+    fits = ends(setting, model, [parent.model.values, near, *_scattered(near, model, _WIDE, _FAR_STARTS, seed)])
     found: list[Confirmed] = []
     for fit in fits:
         gain = fit.log_likelihood - parent.log_likelihood
         if all(abs(gain - other.gain) > _SAME for other in found) and _acts(setting, fit, proposal.name):
             found.append(Confirmed(proposal, fit, gain, 0.0))
     return found[:_MOST_BASES]
-
-
-def _astray(model: Model, proposal: Proposal, given: Mapping[str, float]) -> bool:
-    """Whether the fit has left the user's stiffness of the coupling that an effect acts in far behind."""
-    if proposal.effect.site != COUPLING or proposal.replaces is not None:
-        return False
-    name = f"{proposal.at}.stiffness"
-    if name not in model.free or not given.get(name, 0.0) > 0.0:
-        return False
-    found = model.values[name] / given[name]
-    return not 1.0 / _LEFT_BEHIND < found < _LEFT_BEHIND
-
-
-def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
-    """Where the best search with a coupling's effect ends that starts from the values the user gave."""
-    near = {**parent.model.values, **given}
-    scales = Sizes(parent.model.with_values(near), setting).at(proposal.effect.site, proposal.at)
-    trials = [trial for alternative in proposal.alternatives(scales) for trial in alternative]
-    model = proposal.model(trials[0])
-    choices = [{**near, **{f"{proposal.name}.{name}": v for name, v in trial.items()}} for trial in trials]
-    fits = _ends(setting, model, choices, most=_CARRIED_ON)
-    return [Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0) for fit in fits[:1]]
 
 
 def _acts(setting: Setting, fit: Refit, name: str) -> bool:
@@ -212,31 +184,6 @@ def _scattered(
     ]
 
 
-def _ends(
-    setting: Setting,
-    model: Model,
-    choices: Sequence[Mapping[str, float]],
-    beside: Refit | None = None,
-    most: int | None = None,
-) -> list[Refit]:
-    """Where searches from several starts end, each by itself, best first: the nearest start need not lead to the best.
-
-    After a first round only the best few are carried on, where there is a number of those.
-    """
-
-    def search(values: Mapping[str, float], begun: Refit | None = None) -> Refit | None:
-        theta = np.array([values.get(name, model.values[name]) for name in model.free])
-        rounds = 1 if begun is None else MORE_ROUNDS
-        return refit_or_none(setting, model, [theta], begun or beside, rounds=rounds) or begun
-
-    begun = _best_first(in_parallel(search, choices))[:most]
-    return _best_first(in_parallel(lambda fit: search(fit.model.values, fit), begun))
-
-
-def _best_first(fits: Iterable[Refit | None]) -> list[Refit]:
-    return sorted((fit for fit in fits if fit is not None), key=lambda fit: -fit.log_likelihood)
-
-
 def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: int) -> list[Confirmed]:
     """Effects refitted beside one without parameters, best first.
 
@@ -247,9 +194,7 @@ def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: 
     found = []
     for s in ranked:
         searches = _searches(s, base)
-        fits = _best_first(
-            fit for model, choices in searches for fit in _ends(setting, model, choices, base, _FINISHED)
-        )
+        fits = best_first(fit for model, choices in searches for fit in ends(setting, model, choices, base, _FINISHED))
         if fits:
             first = Confirmed(s.proposal, fits[0], 0.0, s.statistic, s.uneven).refitted(fits[0], base)
             found.append((first, searches))
@@ -258,8 +203,8 @@ def _beside(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: 
         again = [first.fit]
         for model, choices in searches:
             around = [at for values in choices for at in _scattered(values, model, _NEAR, _NEAR_STARTS, seed)]
-            again += _ends(setting, model, around, base, _FINISHED)
-        fit = _best_first(again)[0]
+            again += ends(setting, model, around, base, _FINISHED)
+        fit = best_first(again)[0]
         found[place] = (first.refitted(fit, base), searches)
     return sorted((c for c, _ in found), key=lambda c: -c.gain)
 

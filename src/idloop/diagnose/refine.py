@@ -137,18 +137,16 @@ class _Climb:
             )  # fmt: skip
             if count >= self.most:
                 break
-            rungs, fit = list(diagnosis.rungs), diagnosis.best_fit
-            if count + len(rungs) > self.most:
-                break
             further = leap(
                 setting, diagnosis.fit, self.given, level=self.level, effects=self.effects, held_out=held_out,
-                pairs=not rungs and count + 1 < self.most, seed=self.seed,
+                pairs=diagnosis.best is None and count + 1 < self.most, seed=self.seed,
             )  # fmt: skip
-            if further is not None and (fit is None or further.fit.log_likelihood > fit.log_likelihood):
-                rungs, fit = list(further.rungs), further.fit
-            if fit is None:
+            if further is not None:
+                diagnosis = diagnosis.or_rather(further)
+            fit = diagnosis.best_fit
+            if fit is None or count + len(diagnosis.rungs) > self.most:
                 break
-            *before, last = rungs
+            *before, last = diagnosis.rungs
             for rung in before:
                 ladder = self._with(ladder, rung)
                 if self.on_step is not None:

@@ -1,0 +1,130 @@
+"""A fit that has left the user's machine far behind, taken up again from near it.
+
+Beside a missing effect that rules the motion, a likelihood may prefer a machine that its drive hardly moves, a
+hundred times too heavy, with a disturbance that does everything. From there no effect promises much. The user's
+own values are no truth, but they are of the right size: held near them, the model is worse by itself and shows
+what it lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from idloop.diagnose.calibrate import calibrate
+from idloop.diagnose.confirm import Confirmed, confirm, promising
+from idloop.diagnose.ends import ends
+from idloop.diagnose.proposals import Proposal, proposals
+from idloop.diagnose.refit import Refit, refit_or_none
+from idloop.diagnose.scales import Sizes
+from idloop.diagnose.screen import Screen
+from idloop.diagnose.setting import Setting
+from idloop.physics.effect import COUPLING
+from idloop.physics.model import Model
+
+# A mass or a stiffness that the fit has changed by this factor is not the user's any more.
+_LEFT_BEHIND = 5.0
+# How far from the user's values the model may go when it is held near them.
+_NEAR = 3.0
+# Searches from the very values of the user that are carried on after a first round.
+_CARRIED_ON = 2
+_SIZES, _LOSSES = ("inertia", "stiffness"), ("viscous_friction", "damping")
+
+
+def left_behind(model: Model, given: Mapping[str, float]) -> bool:
+    """Whether a free inertia or stiffness is far from what the user gave.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted.
+    given : mapping
+        Values of the model's parameters as the user gave them.
+    """
+    return bool(_left(model, given))
+
+
+def from_near(
+    setting: Setting, parent: Refit, given: Mapping[str, float], effects: Sequence[str] | None, seed: int
+) -> list[Confirmed]:
+    """Effects refitted from where the model is best near the user's values.
+
+    Parameters
+    ----------
+    setting : Setting
+    parent : Refit
+        The fit that went far away.
+    given : mapping
+    effects : sequence of str, optional
+        Choose from these only.
+    seed : int
+
+    Returns
+    -------
+    list of Confirmed
+        All that were tried, best first; their gain is that above the parent, and may be below 0.
+    """
+    start = _held_near(setting, parent.model, given)
+    if start is None:
+        return []
+    screened = Screen(setting, start, seed).all(proposals(start.model, effects))
+    chosen = promising(screened, calibrate(screened, seed + 1).threshold(0.5))
+    # A score says little of what begins at a level, or of a joint whose spring is far from its right stiffness.
+    chosen += [s for s in screened if s.traces and s not in chosen and _strange_to_scores(s.proposal)]
+    # What is still behind the fit far away after a first round is not searched to its end.
+    found = confirm(setting, start, chosen, matters=lambda c: c.fit.log_likelihood > parent.log_likelihood)
+    if all(c.fit.log_likelihood <= parent.log_likelihood for c in found):
+        for proposal in proposals(parent.model, effects):
+            if proposal.effect.site == COUPLING and proposal.replaces is None:
+                found += _from_the_users(setting, parent, proposal, given)
+    gains = [replace(c, gain=c.fit.log_likelihood - parent.log_likelihood) for c in found]
+    return sorted(gains, key=lambda c: -c.gain)
+
+
+def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
+    """Where the best search with a coupling's effect ends that starts from the very values the user gave.
+
+    A coupling that slips all the time is nowhere near them without its slip.
+    """
+    name = f"{proposal.at}.stiffness"
+    if name not in _left(parent.model, given):
+        return []
+    near = {**parent.model.values, **given}
+    scales = Sizes(parent.model.with_values(near), setting).at(COUPLING, proposal.at)
+    trials = [trial for alternative in proposal.alternatives(scales) for trial in alternative]
+    choices = [{**near, **{f"{proposal.name}.{name}": v for name, v in trial.items()}} for trial in trials]
+    fits = ends(setting, proposal.model(trials[0]), choices, most=_CARRIED_ON)
+    return [Confirmed(proposal, fit, 0.0, 0.0) for fit in fits[:1]]
+
+
+def _left(model: Model, given: Mapping[str, float]) -> list[str]:
+    """Inertias and stiffnesses that are far from what the user gave."""
+    shares = {name: model.values[name] / given[name] for name in _linear(model, given, _SIZES)}
+    return [name for name, share in shares.items() if not 1.0 / _LEFT_BEHIND < share < _LEFT_BEHIND]
+
+
+def _strange_to_scores(proposal: Proposal) -> bool:
+    return proposal.replaces is None and bool(proposal.effect.site == COUPLING or proposal.effect.from_a_level)
+
+
+def _linear(model: Model, given: Mapping[str, float], kinds: Sequence[str]) -> list[str]:
+    """Free parameters of bodies and couplings of some kinds whose value the user gave."""
+    return [
+        name
+        for name in model.free
+        if "@" not in name and name.rpartition(".")[2] in kinds and given.get(name, 0.0) > 0.0
+    ]
+
+
+def _held_near(setting: Setting, model: Model, given: Mapping[str, float]) -> Refit | None:
+    """The model at its best near the user's values; free to leave them again."""
+    names = _linear(model, given, (*_SIZES, *_LOSSES))
+    start = model.with_values({name: given[name] for name in names})
+    held = tuple(
+        replace(p, min=max(p.min, given[p.name] / _NEAR), max=min(p.max, given[p.name] * _NEAR))
+        if p.name in names
+        else p
+        for p in start.parameters
+    )
+    fit = refit_or_none(setting, replace(start, parameters=held))
+    return None if fit is None else replace(fit, model=model.with_values(fit.model.values))
