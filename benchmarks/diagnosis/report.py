@@ -28,6 +28,8 @@ from oracle import HOPELESS, TESTABLE
 from score import Rung, Score, score
 from twins import pieces
 
+from idloop.diagnose.detection import DetectionLimit
+
 RATIO = 1.10
 
 
@@ -76,6 +78,18 @@ class Answer:
             return True
         named = any(name in self.row["untestable"] for name in self.case.truth)
         return not self.row["added"] and named
+
+    @property
+    def size_told(self) -> bool:
+        """Said that the data would not show an effect of this size, and nothing false."""
+        limits = self.row.get("shows_from", {})
+        if self.score.false or not self.case.hidden:
+            return False
+        for hidden in self.case.hidden:
+            limit = limits.get(hidden.name)
+            if limit is None or not DetectionLimit.from_dict(limit).hides(hidden.values[limit["parameter"]]):
+                return False
+        return True
 
     @property
     def condition(self) -> str:
@@ -171,6 +185,11 @@ def criteria(every: Sequence[Answer], level: float) -> None:
             "untestable on purpose: said so, or right set",
             "95 %",
             [a.trap_answered for a in every if a.case.category == "untestable"],
+        ),
+        (
+            "... or that one of its size would not show",
+            "95 %",
+            [a.trap_answered or a.size_told for a in every if a.case.category == "untestable"],
         ),
         (
             "untestable on purpose: resolved by the suggestion",

@@ -287,6 +287,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
         click.echo(line)
     kind = "validation" if any(step.validation for step in ladder.steps) else "train"
     names = list(ladder.steps[0].model.output_names)
+    forces = any(getattr(step, kind).get("force") is not None for step in ladder.steps)
     rows = []
     for step in ladder.steps:
         measures: Mapping[str, Any] = getattr(step, kind)
@@ -297,12 +298,12 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
                 "start" if added is None else f"+ {added.name}",
                 "-" if added is None else "own choice" if step.chosen_by == "user" else p_text(step.p_value),
                 *(number(measures.get("fit", {}).get(name)) for name in names),
-                "-" if force is None else number(100.0 * force, 3),
+                *(["-" if force is None else number(100.0 * force, 3)] if forces else []),
                 "" if added is None else parameters_text(added.parameters),
             )
         )
-    fits = [f"FIT % {name}" for name in names]
-    click.echo(format_table(("step", "p", *fits, "force error %", "parameters at that step (95 %)"), rows))
+    measured = [*(f"FIT % {name}" for name in names), *(["force error %"] if forces else [])]
+    click.echo(format_table(("step", "p", *measured, "parameters at that step (95 %)"), rows))
     click.echo(f"(errors of the {kind} data)")
     for step in ladder.steps:
         others = [name for name in step.set if step.added is not None and name != step.added.name]

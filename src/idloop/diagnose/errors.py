@@ -16,6 +16,9 @@ from idloop.validate.drive import force_error
 from idloop.validate.free_run import free_run
 from idloop.validate.measures import fit_percent, nrmse, rmse
 
+# Relative force error that the sensors' noise alone may make: beyond, the error says little about the model.
+_RULED_BY_NOISE = 0.2
+
 
 def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     """Free-run errors by output and the relative force error, over all records and for each.
@@ -50,7 +53,8 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
         values = measure(data.output, simulated)
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
     try:
-        found["force"] = force_error(model, record).relative
+        force = force_error(model, record)
+        found["force"] = force.relative if force.noise < _RULED_BY_NOISE else None
     except (InputError, IdloopError):
         found["force"] = None
     return found

@@ -44,6 +44,8 @@ class Motion:
         Motion in SI units.
     noise_share : array, shape (bodies,)
         Part of the acceleration's power that is measurement noise.
+    noise : array, shape (bodies,)
+        Standard deviation of the acceleration's measurement noise in the band in which forces are compared.
     cutoff : float
         Cut-off of the differentiating filter [Hz].
     """
@@ -53,6 +55,7 @@ class Motion:
     velocity: Array
     acceleration: Array
     noise_share: Array
+    noise: Array
     cutoff: float
 
     @property
@@ -228,11 +231,14 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
         velocity=np.column_stack([c[1] for c in columns]),
         acceleration=np.column_stack([c[2] for c in columns]),
         noise_share=np.array([c[3] for c in columns]),
+        noise=np.array([c[4] for c in columns]),
         cutoff=cutoff,
     )
 
 
-def _body(place: Array | None, speed: Array | None, cutoff: float, step: float) -> tuple[Array, Array, Array, float]:
+def _body(
+    place: Array | None, speed: Array | None, cutoff: float, step: float
+) -> tuple[Array, Array, Array, float, float]:
     """Motion of one body from whichever sensor gives the quieter acceleration."""
     # One-sided noise density 2 σ² step, through the derivative of the sensor, up to the cut-off.
     omega = 2.0 * np.pi * cutoff
@@ -241,6 +247,7 @@ def _body(place: Array | None, speed: Array | None, cutoff: float, step: float) 
         by_place = 2.0 * noise_std(place) ** 2 * step * cutoff * omega**4 / 5.0
     if speed is not None:
         by_speed = 2.0 * noise_std(speed) ** 2 * step * cutoff * omega**2 / 3.0
+    noise, compared = min((by_place, _COMPARISON_RATIO**5 * by_place), (by_speed, _COMPARISON_RATIO**3 * by_speed))
     if place is not None and by_place <= by_speed:
         position = low_pass(place, cutoff, step)
         velocity = differentiate(position, step)
@@ -251,5 +258,5 @@ def _body(place: Array | None, speed: Array | None, cutoff: float, step: float) 
         position = travelled if place is None else low_pass(place, cutoff, step)
     acceleration = differentiate(velocity, step)
     power = float(np.var(acceleration))
-    noise = min(by_place, by_speed)
-    return position, velocity, acceleration, float(min(noise / power, 1.0)) if power > 0 else 1.0
+    share = float(min(noise / power, 1.0)) if power > 0 else 1.0
+    return position, velocity, acceleration, share, float(np.sqrt(compared))

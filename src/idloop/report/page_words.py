@@ -48,6 +48,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "against": [_capital(line) + "." for line in remainder_lines(ladder.verdict, _fitted_remainders(contents))],
         "steps": [_step(n, step, ladder) for n, step in enumerate(ladder.steps) if step.added is not None],
         "rungs": rungs(ladder),
+        "forces": any(part.get("force") is not None for step in ladder.steps for part in (step.validation, step.train)),
         "kinds": [
             (kind, said)
             for kind, said in (("validation", "unseen"), ("train", "fitted"))

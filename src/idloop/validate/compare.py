@@ -193,6 +193,7 @@ class Comparison:
                 "band_hz": force.band,
                 "cutoff_hz": force.cutoff,
                 "noise_share": force.noise_share,
+                "noise": force.noise,
             },
             "share": self.share,
             "where": self.where.to_dict(),

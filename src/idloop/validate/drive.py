@@ -44,6 +44,8 @@ class ForceError:
         Cut-off of the differentiating filter and of the comparison [Hz].
     noise_share : float
         Part of the differentiated acceleration's power that is sensor noise.
+    noise : float
+        Relative error that the sensors' noise alone makes.
     """
 
     relative: float
@@ -54,6 +56,7 @@ class ForceError:
     cutoff: float
     band: float
     noise_share: float
+    noise: float
 
     def plot(self, axes: Any = None) -> Any:
         """Draw both forces and their difference; returns the matplotlib axes."""
@@ -115,6 +118,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     if np.sum(seen) < 2:
         raise InputError(f"record {record.name!r}: the motion is measured with too many gaps for the force error")
     forces, kept = forces[seen], kept[seen]
+    inertia = np.array([model.values[f"{body}.inertia"] for body in model.bodies])
     size = float(np.linalg.norm(forces[:, 0]))
     if size <= 0.0:
         raise InputError(f"record {record.name!r}: no drive force was applied")
@@ -127,6 +131,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         cutoff=m.cutoff,
         band=m.comparison_band,
         noise_share=float(np.max(m.noise_share)),
+        noise=float(np.linalg.norm(inertia * m.noise) * np.sqrt(len(forces))) / size,
     )
 
 

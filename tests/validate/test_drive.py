@@ -1,0 +1,38 @@
+"""The drive side: the force that a motion needs beside the one that was applied."""
+
+import numpy as np
+import pytest
+
+from idloop.diagnose.errors import model_errors
+from idloop.physics import Model, load_model
+from idloop.physics.simulation import simulate
+from idloop.records import Record
+from idloop.validate.drive import force_error
+
+
+def moved(model: Model, factor: float, seed: int = 0) -> Record:
+    """Random steps, measured with a multiple of the sensors' own noise."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 15.0, 0.005)
+    command = rng.normal(size=61)[(4.0 * time).astype(int)]
+    noise = np.column_stack([factor * rng.normal(size=len(time)) * float(o.noise or 0.0) for o in model.outputs])
+    output = simulate(model, time, command, time, noise=noise).output
+    names, units = tuple(o.name for o in model.outputs), tuple(o.unit for o in model.outputs)
+    return Record("run", time, command, time, output, "axis.effort", model.input.unit, names, units)
+
+
+@pytest.mark.parametrize("factor", [1.0, 10.0, 30.0])
+def test_the_true_model_misses_the_force_by_what_the_sensors_noise_makes(factor: float) -> None:
+    model = load_model("axis")
+    found = force_error(model, moved(model, factor))
+    quiet = force_error(model, moved(model, 0.0), cutoff=found.cutoff)
+    beyond = np.sqrt(max(found.relative**2 - quiet.relative**2, 0.0))
+    assert found.noise == pytest.approx(beyond, rel=0.35)
+
+
+def test_a_force_error_that_is_the_sensors_own_is_not_told() -> None:
+    model = load_model("axis")
+    quiet, loud = model_errors(model, [moved(model, 1.0)]), model_errors(model, [moved(model, 300.0)])
+    assert quiet["force"] is not None
+    assert quiet["force"] < 0.02
+    assert loud["force"] is None
