@@ -144,7 +144,7 @@ def _closed(graph: LiveGraph, chance: random.Random) -> Outcome:
     graph.end_recorder(found)
     graph.parameters["recorder"]["split_duration"] = 2.0
     graph.start("recorder")
-    graph.until(lambda: graph.recorded() > 4 * CHUNK_SIZE)
+    graph.until(lambda: graph.recorded() > 4 * CHUNK_SIZE and graph.measured())
     try:
         if places.close_for_new_files(graph.bag):
             _recorder_refused(graph, found, 1, ("Operation not permitted", "Permission denied"))

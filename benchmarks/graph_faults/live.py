@@ -122,9 +122,9 @@ class LiveGraph(RobotGraph):
         size = self.recorded()
         self.until(lambda: self.recorded() > size)
         # A recorder that has just joined may not have found the bridge yet.
-        self.until(self._measured)
+        self.until(self.measured)
 
-    def _measured(self) -> bool:
+    def measured(self) -> bool:
         """Whether the recording has a measurement in it."""
         if self.bag != self._seen:
             topics = (one.channel.topic for file in self.bag.glob("*.mcap") for one in mcap_messages(file) if one)

@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import yaml
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
@@ -29,6 +30,10 @@ def read(folder):
 
     with AnyReader([folder]) as reader:
         return [(connection.topic, stamp, bytes(data)) for connection, stamp, data in reader.messages()]
+
+
+def metadata(folder):
+    return yaml.safe_load((folder / "metadata.yaml").read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
 
 
 def fill(writer, count, start=10**9):
@@ -85,12 +90,10 @@ def test_a_killed_recorder_loses_at_most_a_chunk(tmp_path):
 
 
 def test_metadata_is_what_rosbag2_expects(tmp_path):
-    import yaml
-
     writer = BagWriter(tmp_path / "bag", TOPICS, "kilted")
     fill(writer, 10)
     writer.close()
-    information = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    information = metadata(tmp_path / "bag")
     assert information["version"] == 9
     assert information["storage_identifier"] == "mcap"
     assert information["message_count"] == 10
@@ -130,6 +133,21 @@ def test_a_folder_closed_for_new_files_still_says_what_was_recorded(tmp_path, mo
     monkeypatch.setattr(Path, "replace", refused)
     writer.close()
     assert read(tmp_path / "bag") == messages
+
+
+def test_a_split_for_which_no_file_can_be_made_leaves_a_bag_that_is_read(tmp_path, monkeypatch):
+    writer = BagWriter(tmp_path / "bag", TOPICS, "kilted", split_ns=100 * 10**6)
+    messages = fill(writer, 100)
+
+    def refused(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(BagWriter, "_open_file", refused)
+    with pytest.raises(PermissionError):
+        fill(writer, 1, start=2 * 10**9)
+    writer.close()
+    assert read(tmp_path / "bag") == messages
+    assert metadata(tmp_path / "bag")["message_count"] == 100
 
 
 def test_a_place_where_a_folder_can_be_made_and_no_file_is_one_line(tmp_path, monkeypatch):

@@ -117,6 +117,7 @@ class BagWriter:
         self._writer: Any = None
         self._stream: IO[bytes] | None = None
         self._whole: _Whole | None = None
+        self._closed = False
         try:
             folder.mkdir(parents=True)
             self._open_file()
@@ -139,9 +140,12 @@ class BagWriter:
 
     def close(self) -> None:
         """Finish the last file and write the metadata."""
-        if self._stream is not None:
-            self._close_file()
-            self._write_metadata()
+        if self._closed:
+            return
+        self._closed = True
+        # After a split for which no new file could be made there is no file to finish, but what to say of the last.
+        self._close_file()
+        self._write_metadata()
 
     def _is_full(self, file: _File, log_time: int) -> bool:
         if not file.count:
