@@ -86,8 +86,7 @@ def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: 
 
     A coupling that slips all the time is nowhere near them without its slip.
     """
-    name = f"{proposal.at}.stiffness"
-    if name not in _left(parent.model, given):
+    if f"{proposal.at}.stiffness" not in _left(parent.model, given):
         return []
     near = {**parent.model.values, **given}
     scales = Sizes(parent.model.with_values(near), setting).at(COUPLING, proposal.at)

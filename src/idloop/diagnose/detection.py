@@ -15,7 +15,7 @@ _MISSED = 1.645
 # A noise model that is free to follow takes its part of a weak effect: sizes found in nine of ten simulated
 # experiments beside those of theory (benchmarks/diagnosis/limits.py).
 _ABSORBED = 2.5
-# Parameter of an effect that splits a body: it is the plainer, the stiffer.
+# Of an effect that splits a body: it shows by being soft.
 _STIFFNESS = "stiffness"
 
 
