@@ -1,6 +1,7 @@
 """Black-box estimators beside independent implementations, and their errors as records grow.
 
     .venv/bin/python benchmarks/estimators.py                              # consistency: error against samples
+    .venv/bin/python benchmarks/estimators.py --long 1000000               # every method on one long record
     python3 -m venv peers && peers/bin/pip install statsmodels scikit-learn nfoursid sippy-unipi
     .venv/bin/python benchmarks/estimators.py --peers peers/bin/python     # the same data through other packages
 
@@ -184,6 +185,71 @@ def consistency_line(row: dict[str, Any]) -> str:
     theory = "falls" if row["consistent"] else "biased"
     said = "" if row["as_claimed"] else " (NOT SEEN)"
     return f"| `{row['method']}` | {row['noise']} | {row['loop']} | {errors} | {row['fall']:.1f} | {theory}{said} |"
+
+
+# -- one long record --------------------------------------------------------------------------------
+
+NETWORKS, RESPONSES = ("narx-wavelet", "narx-neural"), ("etfe", "spa", "welch", "indirect")
+
+
+def long_run(name: str, samples: int) -> dict[str, Any]:
+    """One method on one long record of an open loop: error [%], seconds, megabytes; or the line with which it declines.
+
+    The error is that of the response; the median over all lines where nothing is smooth; for networks the part
+    of the free run on another record that is not explained.
+    """
+    import resource
+    import time
+
+    from idloop.errors import IdloopError
+    from idloop.estimate.identification import identify
+    from idloop.estimate.method import Choices
+    from idloop.estimate.sampled import SampledData
+
+    noise, settings = next(((case[1], case[2]) for case in CASES if case[0] == name and case[3]), ("armax", {}))
+    data = duffing(samples, 1) if name in NETWORKS else simulate(noise, samples, 1)
+    before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
+    try:
+        if name in NETWORKS:
+            sampled = SampledData("data", data["u"][:, None], data["y"][:, None], STEP)
+            network: Any = identify(sampled, name, Choices(order=2)).model
+            spent = time.perf_counter() - started
+            other = duffing(20_000, 2)
+            unseen = SampledData("other", other["u"][:, None], other["y"][:, None], STEP)
+            error = 100.0 - fit_of(other["y"][2:], np.asarray(network.simulate(unseen))[2:, 0])
+        elif name in RESPONSES:
+            signals = {"output_names": ("motor.position",), "reference": data["r"]}
+            sampled = SampledData("data", data["u"][:, None], data["y"][:, None], STEP, **signals)
+            found: Any = identify(sampled, name, Choices()).model
+            spent = time.perf_counter() - started
+            true = respond(B, A, 2.0 * np.pi * STEP * found.frequency)
+            error = float(100.0 * np.median(np.abs(found.response[:, 0, 0] / true - 1.0)))
+        else:
+            response = ours(name, data, settings)
+            spent = time.perf_counter() - started
+            error = plant_error(response)
+    except IdloopError as refused:
+        return {"method": name, "said": str(refused), "seconds": time.perf_counter() - started}
+    more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0
+    return {"method": name, "error": error, "seconds": spent, "megabytes": more}
+
+
+def long_record(samples: int, methods: Collection[str] = ()) -> list[dict[str, Any]]:
+    """Every method on a record of so many samples, each in a process of its own after a short record."""
+    import multiprocessing
+
+    rows = []
+    every = [*RESPONSES, *dict.fromkeys(case[0] for case in CASES), *NETWORKS]
+    print(f"| method | error of {samples} samples [%] | time [s] | memory [MB] |\n|---|---|---|---|")
+    for name in methods or every:
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            pool.apply(long_run, (name, 2000))  # compiles what it needs
+            rows.append(pool.apply(long_run, (name, samples)))
+        one = rows[-1]
+        said = one["said"] if "said" in one else f"{one['error']:.3f}"
+        memory = f"{one['megabytes']:.0f}" if "megabytes" in one else ""
+        print(f"| `{name}` | {said} | {one['seconds']:.1f} | {memory} |", flush=True)
+    return rows
 
 
 # -- the same data through other packages ------------------------------------------------------------
@@ -479,8 +545,9 @@ def main() -> int:
     """Run what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peers", metavar="PYTHON", help="interpreter that has the other packages")
-    methods = sorted({case[0] for case in CASES})
-    parser.add_argument("--method", nargs="+", default=[], choices=methods, help="of the consistency (default all)")
+    parser.add_argument("--long", type=int, metavar="N", help="every method on one record of N samples")
+    methods = sorted({case[0] for case in CASES} | {*NETWORKS, *RESPONSES})
+    parser.add_argument("--method", nargs="+", default=[], choices=methods, help="these only (default all)")
     parser.add_argument("--seeds", type=int, default=12, help="records of each kind (default 12)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers")
     parser.add_argument("--inside", type=Path, help=argparse.SUPPRESS)
@@ -492,6 +559,8 @@ def main() -> int:
         found: Any = comparison(given.peers, given.seeds)
         print_comparison(found)
         failed = False
+    elif given.long:
+        found, failed = long_record(given.long, given.method), False
     else:
         print(f"| method | noise | loop | {' | '.join(f'{n} samples' for n in LENGTHS)} | fall | theory |")
         print("|---|---|---|" + "---|" * (len(LENGTHS) + 2))

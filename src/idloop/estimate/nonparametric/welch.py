@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ from idloop.estimate.sampled import SampledData, together
 Array = NDArray[np.float64]
 
 _AT_ONCE = 1 << 20  # samples transformed at a time, so that memory does not grow with the record
+_LONG = 1 << 16  # samples from which on resolution and averages grow alike
 
 
 def welch(
@@ -26,7 +28,8 @@ def welch(
     ----------
     data : SampledData or sequence of SampledData
     segment : int, optional
-        Length of a segment [samples]; an eighth of the data by default, at most the shortest experiment.
+        Length of a segment [samples]; by default an eighth of the data, of records above 65,536 samples as much
+        more as the root of their length, at most the shortest experiment.
     overlap : float
         Share of a segment that the next one repeats.
 
@@ -47,7 +50,7 @@ def welch(
 
 
 def segment_length(data: Sequence[SampledData], segment: int | None, overlap: float) -> int:
-    """Length of the segments after checks, an eighth of the data unless it is given.
+    """Length of the segments after checks; unless it is given, so that a longer record tells more of every line.
 
     Raises
     ------
@@ -56,7 +59,9 @@ def segment_length(data: Sequence[SampledData], segment: int | None, overlap: fl
     """
     shortest = min(len(one) for one in data)
     if segment is None:
-        segment = min(max(sum(len(one) for one in data) // 8, 16), shortest)
+        samples = sum(len(one) for one in data)
+        fine = samples if samples <= _LONG else math.isqrt(samples * _LONG)
+        segment = min(max(fine // 8, 16), shortest)
     if not 8 <= segment <= shortest:
         raise InputError(f"{data[0].name}: segments of {segment} samples; take between 8 and {shortest}")
     if not 0 <= overlap <= 0.9:
