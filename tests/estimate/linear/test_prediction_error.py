@@ -244,6 +244,19 @@ def test_free_run_is_not_disturbed_by_coloured_noise_in_open_loop():
     np.testing.assert_allclose(np.sort_complex(found.poles), np.sort_complex(sampled.poles()), atol=0.003)
 
 
+def test_a_free_run_from_a_stable_start_does_not_learn_to_diverge():
+    data = made_by(model(gain=np.zeros((2, 1))), 400, noise=0.05)
+    # What grows by itself is no part of the plant: a state that no command moves would follow it.
+    grown = replace(data, output=data.output + 1e-3 * 1.02 ** np.arange(400)[:, None])
+    a = np.zeros((3, 3))
+    a[:2, :2], a[2, 2] = 0.97 * A, 0.98
+    start = model(a=a, b=np.vstack([B, [[0.1]]]), c=np.hstack([C, [[0.1]]]), gain=np.zeros((3, 1)))
+    found = prediction_error(grown, start, focus="simulation")
+    assert np.max(np.abs(found.poles)) <= 1.0 + 1.0 / 400
+    unstable = prediction_error(grown, replace(start, a=np.diag([1.0, 1.0, 1.02 / 0.98]) @ a), focus="simulation")
+    assert np.max(np.abs(unstable.poles)) == pytest.approx(1.02, abs=1e-3)  # whoever starts there may stay there
+
+
 def test_prefilter_chooses_what_an_undersized_model_fits():
     slow, fast = model(a=np.array([[0.98]]), b=np.array([[0.02]]), c=np.eye(1), gain=np.zeros((1, 1))), 0.3
     data = made_by(slow, 6000, noise=0.0)

@@ -56,7 +56,8 @@ def prediction_error(
         Entries that are estimated; all others keep the start model's values. Their values and standard errors are
         the coefficients of the result.
     focus : "prediction" or "simulation"
-        Errors one step ahead, or of the free run; then the Kalman gain is zero.
+        Errors one step ahead, or of the free run; then the Kalman gain is zero, and a start model that is stable
+        stays so: with its first state estimated, an unstable mode that cancels on the data is without bound beyond.
     feedthrough : bool, optional
         Whether D is searched, without `free`; by default where the start model has one.
     prefilter : python-control system or (numerator, denominator), optional
@@ -106,7 +107,7 @@ def prediction_error(
         signals,
         initial=initial,
         white=focus == "prediction" and prefilter is None,
-        stable=focus == "prediction",
+        stable=focus == "prediction" or predictor_radius(matrices) <= stability_limit(signals),
         max_iterations=max_iterations,
     )
     if found is None:
