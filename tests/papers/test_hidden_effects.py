@@ -12,7 +12,7 @@ from idloop import papers
 from idloop.errors import InputError
 from idloop.papers import drifting_fits, torsion_amplitudes, torsion_effects
 from idloop.papers.drifting_fits import DEAD_ZONE, THESIS, implied, thesis_gains, true_motor
-from idloop.papers.hidden_effects import Worth, answer, part_of, told_nothing
+from idloop.papers.hidden_effects import Worth, answer, part_of, told_nothing, worth
 from idloop.papers.independent_motor import GearedMotor
 from idloop.papers.torsion_effects import ALL, EFFECTS, reference, simulated, torsion
 
@@ -115,17 +115,19 @@ def test_the_experiments_on_the_torsion_system_can_show_what_they_hide():
     assert np.ptp(moves.output[:, 0]) > 2.0 * 2.0 * np.pi
     assert np.max(np.abs(steps.input)) > EFFECTS["saturation"][2]["limit"]
     assert np.ptp(steps.output[:, 0] - steps.output[:, 1]) > 2.0 * EFFECTS["slip"][2]["limit"]
+    # The error of the drive's torque, by which the models are judged, tells them apart.
+    assert worth(truth, [steps]).force < 0.5 * worth(torsion(()), [steps]).force
 
 
 def test_a_case_of_the_torsion_system_is_told_from_end_to_end(complete):
     truth = torsion(("friction",))
     found = answer(ladder(truth, ("coulomb_friction@motor",)), truth, 1.0)
-    worth = {
+    worths = {
         torsion_effects.LINEAR: Worth(10.0, 20.0),
         torsion_effects.WITH_EFFECTS: Worth(90.0, 5.1),
         torsion_effects.TRUE: Worth(91.0, 5.0),
     }
-    complete(torsion_effects.TorsionEffects((torsion_effects.TorsionCase("friction", 0.01, 0, found, worth),)))
+    complete(torsion_effects.TorsionEffects((torsion_effects.TorsionCase("friction", 0.01, 0, found, worths),)))
 
 
 def test_the_amplitudes_of_the_torsion_system_are_told_from_end_to_end(complete):

@@ -44,8 +44,9 @@ class Motion:
         Motion in SI units.
     noise_share : array, shape (bodies,)
         Part of the acceleration's power that is measurement noise.
-    noise : array, shape (bodies,)
-        Standard deviation of the acceleration's measurement noise in the band in which forces are compared.
+    noise : array, shape (bodies, 3)
+        Standard deviations of the measurement noise of position, velocity and acceleration in the band in which
+        forces are compared.
     cutoff : float
         Cut-off of the differentiating filter [Hz].
     """
@@ -231,24 +232,26 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
         velocity=np.column_stack([c[1] for c in columns]),
         acceleration=np.column_stack([c[2] for c in columns]),
         noise_share=np.array([c[3] for c in columns]),
-        noise=np.array([c[4] for c in columns]),
+        noise=np.stack([c[4] for c in columns]),
         cutoff=cutoff,
     )
 
 
 def _body(
     place: Array | None, speed: Array | None, cutoff: float, step: float
-) -> tuple[Array, Array, Array, float, float]:
+) -> tuple[Array, Array, Array, float, Array]:
     """Motion of one body from whichever sensor gives the quieter acceleration."""
-    # One-sided noise density 2 σ² step, through the derivative of the sensor, up to the cut-off.
-    omega = 2.0 * np.pi * cutoff
-    by_place = by_speed = np.inf
-    if place is not None:
-        by_place = 2.0 * noise_std(place) ** 2 * step * cutoff * omega**4 / 5.0
-    if speed is not None:
-        by_speed = 2.0 * noise_std(speed) ** 2 * step * cutoff * omega**2 / 3.0
-    noise, compared = min((by_place, _COMPARISON_RATIO**5 * by_place), (by_speed, _COMPARISON_RATIO**3 * by_speed))
-    if place is not None and by_place <= by_speed:
+    by_place, by_speed = (
+        np.full(3, np.inf) if one is None else _noise(one, order, cutoff, step)
+        for order, one in enumerate((place, speed))
+    )
+    from_place = place is not None and by_place[2] <= by_speed[2]
+    noise = float(min(by_place[2], by_speed[2]))
+    compared = np.zeros(3)
+    for order, one in enumerate((place, speed)):
+        if one is not None and (order == 0 or not from_place):
+            compared[order:] = _noise(one, order, _COMPARISON_RATIO * cutoff, step)[order:]
+    if place is not None and from_place:
         position = low_pass(place, cutoff, step)
         velocity = differentiate(position, step)
     else:
@@ -259,4 +262,16 @@ def _body(
     acceleration = differentiate(velocity, step)
     power = float(np.var(acceleration))
     share = float(min(noise / power, 1.0)) if power > 0 else 1.0
-    return position, velocity, acceleration, share, float(np.sqrt(compared))
+    return position, velocity, acceleration, share, np.sqrt(compared)
+
+
+def _noise(values: Array, order: int, band: float, step: float) -> Array:
+    """Variance that a sensor's white noise makes in position, velocity and acceleration up to a frequency [Hz].
+
+    Its one-sided density is 2 σ² step, through as many derivatives as lie between the sensor (order 0 of a position,
+    1 of a velocity) and each of the three; zero before the sensor's own.
+    """
+    density = 2.0 * noise_std(values) ** 2 * step * band
+    return np.array(
+        [density * (2.0 * np.pi * band) ** (2 * n) / (2 * n + 1) if n >= 0 else 0.0 for n in range(-order, 3 - order)]
+    )

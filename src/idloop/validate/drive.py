@@ -118,7 +118,6 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     if np.sum(seen) < 2:
         raise InputError(f"record {record.name!r}: the motion is measured with too many gaps for the force error")
     forces, kept = forces[seen], kept[seen]
-    inertia = np.array([model.values[f"{body}.inertia"] for body in model.bodies])
     size = float(np.linalg.norm(forces[:, 0]))
     if size <= 0.0:
         raise InputError(f"record {record.name!r}: no drive force was applied")
@@ -131,8 +130,21 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         cutoff=m.cutoff,
         band=m.comparison_band,
         noise_share=float(np.max(m.noise_share)),
-        noise=float(np.linalg.norm(inertia * m.noise) * np.sqrt(len(forces))) / size,
+        noise=_of_noise(model, m.noise) * float(np.sqrt(len(forces))) / size,
     )
+
+
+def _of_noise(model: Model, noise: Array) -> float:
+    """Standard deviation of the required force that the sensors' noise (bodies, 3) makes.
+
+    The drive's force is that of the driven body and of the coupling behind it.
+    """
+    values, driven = model.values, model.bodies[0]
+    parts = [values[f"{driven}.inertia"] * noise[0, 2], values[f"{driven}.viscous_friction"] * noise[0, 1]]
+    for name in model.couplings[:1]:
+        parts += [values[f"{name}.stiffness"] * n for n in noise[:2, 0]]
+        parts += [values[f"{name}.damping"] * n for n in noise[:2, 1]]
+    return float(np.linalg.norm(parts))
 
 
 def _in_holes(time: Array, model: Model, data: Data, margin: float) -> NDArray[np.bool_]:
