@@ -141,11 +141,11 @@ class Worth:
 def worth(model: Model, records: Sequence[Record]) -> Worth:
     """Hold a model against records."""
     from idloop.diagnose.errors import model_errors
+    from idloop.validate.drive import force_error
 
-    errors = model_errors(model, records)
-    force = math.nan if errors["force"] is None else 100.0 * errors["force"]
-    fit = list(errors["fit"].values())
-    return Worth(float(np.mean(fit)) if fit else math.nan, force)
+    fit = list(model_errors(model, records)["fit"].values())
+    forces = [force_error(model, record).relative for record in records]
+    return Worth(float(np.mean(fit)) if fit else math.nan, 100.0 * float(np.sqrt(np.mean(np.square(forces)))))
 
 
 @dataclass(frozen=True)
