@@ -16,7 +16,7 @@ from idloop.errors import InputError
 
 def run(words: list[str], environment: dict[str, str], domain: int) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "idloop.cli", "demo", *words, "--domain", str(domain)],
+        [sys.executable, "-m", "idloop", "demo", *words, "--domain", str(domain)],
         env=environment | {"IDLOOP_DATA": os.devnull},
         capture_output=True,
         text=True,

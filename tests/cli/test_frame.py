@@ -21,7 +21,7 @@ VERB_FOLDER = Path(main.__file__).parent
 
 
 def idloop_process(*arguments: str, code: str | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", code] if code else [sys.executable, "-m", "idloop.cli"]
+    command = [sys.executable, "-c", code] if code else [sys.executable, "-m", "idloop"]
     return subprocess.run(
         [*command, *arguments],
         capture_output=True,

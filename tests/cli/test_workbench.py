@@ -38,7 +38,7 @@ def bag(tmp_path_factory):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_says_where_the_page_is_and_ends_cleanly(bag, number):
-    command = [sys.executable, "-m", "idloop.cli", "workbench", "dc_motor", str(bag), "--no-browser", "--json"]
+    command = [sys.executable, "-m", "idloop", "workbench", "dc_motor", str(bag), "--no-browser", "--json"]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}
     ) as process:

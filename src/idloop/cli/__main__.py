@@ -1,5 +1,0 @@
-"""`python -m idloop.cli`: the command where its script is not on the path."""
-
-from idloop.cli.main import main
-
-main()
