@@ -10,6 +10,7 @@ from typing import Any
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.detection import DetectionLimit
 from idloop.diagnose.unknown import UnknownStructure
+from idloop.diagnose.worsened import worsened
 from idloop.errors import InputError
 from idloop.physics.model import Model
 from idloop.physics.model_file import from_text
@@ -143,6 +144,7 @@ class Ladder:
             "suggested_experiment": self.suggested_experiment,
             "passed_over": dict(self.passed_over),
             "shows_from": {name: limit.to_dict() for name, limit in self.limits.items()},
+            "worsened": [one.to_dict() for one in worsened(self)],
         }
 
     @classmethod

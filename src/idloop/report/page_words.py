@@ -10,6 +10,7 @@ import numpy as np
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
+from idloop.diagnose.worsened import worsened
 from idloop.report.contents import FITTED
 from idloop.report.effect_names import words
 from idloop.report.estimates import NORMAL_95, figure_text, with_interval
@@ -45,7 +46,13 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "headline": headline(ladder),
         "verdict": verdict_text(ladder),
         "changes": changes(ladder),
-        "against": [_capital(line) + "." for line in remainder_lines(ladder.verdict, _fitted_remainders(contents))],
+        "against": [
+            _capital(line) + "."
+            for line in (
+                *(f"beware: {one.text}" for one in worsened(ladder)),
+                *remainder_lines(ladder.verdict, _fitted_remainders(contents)),
+            )
+        ],
         "steps": [_step(n, step, ladder) for n, step in enumerate(ladder.steps) if step.added is not None],
         "rungs": rungs(ladder),
         "forces": any(part.get("force") is not None for step in ladder.steps for part in (step.validation, step.train)),
