@@ -104,7 +104,7 @@ def test_what_is_wrong_is_said_in_one_line_that_names_the_file(old: str, new: st
 
 
 def test_the_same_effect_twice_is_refused() -> None:
-    with pytest.raises(InputError, match="dead_zone@input twice"):
+    with pytest.raises(InputError, match="dead_zone@input already"):
         read(GOOD).with_effect("dead_zone", "input")
 
 

@@ -286,7 +286,7 @@ class Model:
         effect = find_effect(name, kind, *self.effect_folders)
         active = ActiveEffect(effect, at)
         if active.name in self.effect_names:
-            raise InputError(f"model {self.name} has the effect {active.name} twice: remove one")
+            raise InputError(f"model {self.name} has the effect {active.name} already: name it once")
         output = next((o for o in self.outputs if o.site == at), None)
         if output is not None and output.field not in effect.outputs:
             raise InputError(
