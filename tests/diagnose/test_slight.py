@@ -55,6 +55,20 @@ def test_an_effect_whose_interval_holds_none_is_not_told_from_none() -> None:
     assert "95 %" in too_slight(parent, found, records)
 
 
+@pytest.mark.parametrize(("ratio", "told"), [(0.0, False), (0.3, True)])
+def test_a_richer_effect_must_be_told_from_the_plainer_one_whose_place_it_takes(ratio: float, told: bool) -> None:
+    plain, rich = "coulomb_friction@axis", "asymmetric_friction@axis"
+    bare = with_noise(load_model("axis"), 10.0)
+    records = [record_of(bare.with_effects([f"{rich}(level=0.05,ratio={ratio})"]), 4, seconds=8.0)]
+    start = bare.with_effects([f"{plain}(level=0.05)"])
+    setting = prepare_setting(start, records, "prediction")
+    parent = refit(setting, start)
+    proposal = next(p for p in proposals(parent.model, [rich]) if p.replaces == plain)
+    fit = refit(setting, proposal.model({"level": 0.05, "ratio": ratio + 0.01}), None, parent)
+    confirmed = Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0)
+    assert (f"what it has beyond {plain}" in too_slight(parent, confirmed, records)) is not told
+
+
 @pytest.mark.parametrize(("amplitude", "named"), [(3e-4, False), (0.05, True)])
 def test_what_a_coarse_sensor_rounds_off_is_no_ripple(amplitude: float, named: bool) -> None:
     name, start = "sensor_ripple@position[axis]", load_model("axis")

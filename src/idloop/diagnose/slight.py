@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,8 +62,9 @@ def too_slight(parent: Refit, confirmed: Confirmed, records: Sequence[Record]) -
         return f"it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
     if proposal.effect.site == OUTPUT and _within_rounding(fitted, without, proposal.at, records):
         return "it moves the reading by less than half a step of its rounding"
-    if proposal.replaces is None and not _tells_from_none(with_stderr(confirmed.fit, records), proposal):
-        return "the 95 % interval of its strength holds the value at which it does nothing"
+    if not _tells_from_none(with_stderr(confirmed.fit, records), proposal):
+        what = "its strength" if proposal.replaces is None else f"what it has beyond {proposal.replaces}"
+        return f"the 95 % interval of {what} holds the value at which it does nothing"
     return ""
 
 
@@ -113,13 +115,26 @@ def _apart(model: Model, other: Model, records: Sequence[Record]) -> Iterator[tu
 def _tells_from_none(fitted: Model, proposal: Proposal) -> bool:
     """Whether the interval of an effect's strength leaves out the value at which it does nothing.
 
+    Of an effect that takes a plainer one's place, whether that holds for anything that it has beyond the plainer one.
     True where nothing says what the strength is, or how sure. The standard errors hold for errors of any colour.
     """
     effect = proposal.effect
-    if not effect.strength or effect.strength in proposal.held:
+    names = {effect.strength} if proposal.replaces is None else _beyond(proposal)
+    found = effect_parameters(fitted, proposal.name)
+    if not any(names & found.keys()) or names & set(proposal.held):
         return True
-    fit = effect_parameters(fitted, proposal.name)[effect.strength]
+    return any(_away(found[name], effect.spec(name).neutral) for name in names & found.keys())
+
+
+def _beyond(proposal: Proposal) -> set[str]:
+    """Parameters that an effect has beyond those of the plainer one that it contains."""
+    plainer = (proposal.replaces or "").partition("@")[0]
+    return {p.name for p in proposal.effect.parameters} - set(proposal.effect.contains.get(plainer, {}).values())
+
+
+def _away(fit: dict[str, Any], neutral: float) -> bool:
+    """Whether a value is away from another by more than its interval, or nothing says how sure it is."""
     error = fit["stderr"]
     if error is None or not math.isfinite(error):
         return True
-    return abs(float(fit["value"]) - effect.spec(effect.strength).neutral) > _HALF_WIDTH * float(error)
+    return abs(float(fit["value"]) - neutral) > _HALF_WIDTH * float(error)
