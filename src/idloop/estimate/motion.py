@@ -241,17 +241,14 @@ def _body(
     place: Array | None, speed: Array | None, cutoff: float, step: float
 ) -> tuple[Array, Array, Array, float, Array]:
     """Motion of one body from whichever sensor gives the quieter acceleration."""
-    by_place, by_speed = (
-        np.full(3, np.inf) if one is None else _noise(one, order, cutoff, step)
-        for order, one in enumerate((place, speed))
-    )
-    from_place = place is not None and by_place[2] <= by_speed[2]
-    noise = float(min(by_place[2], by_speed[2]))
-    compared = np.zeros(3)
-    for order, one in enumerate((place, speed)):
-        if one is not None and (order == 0 or not from_place):
-            compared[order:] = _noise(one, order, _COMPARISON_RATIO * cutoff, step)[order:]
-    if place is not None and from_place:
+    white = {order: noise_std(one) for order, one in enumerate((place, speed)) if one is not None}
+    # Of equals the position goes first.
+    order = min(white, key=lambda k: float(_noise(k, white[k], cutoff, step)[2]))
+    noise = float(_noise(order, white[order], cutoff, step)[2])
+    band, first = _COMPARISON_RATIO * cutoff, min(white)
+    compared = _noise(first, white[first], band, step)
+    compared[order:] = _noise(order, white[order], band, step)[order:]
+    if place is not None and order == 0:
         position = low_pass(place, cutoff, step)
         velocity = differentiate(position, step)
     else:
@@ -265,13 +262,12 @@ def _body(
     return position, velocity, acceleration, share, np.sqrt(compared)
 
 
-def _noise(values: Array, order: int, band: float, step: float) -> Array:
+def _noise(order: int, white: float, band: float, step: float) -> Array:
     """Variance that a sensor's white noise makes in position, velocity and acceleration up to a frequency [Hz].
 
     Its one-sided density is 2 σ² step, through as many derivatives as lie between the sensor (order 0 of a position,
     1 of a velocity) and each of the three; zero before the sensor's own.
     """
-    density = 2.0 * noise_std(values) ** 2 * step * band
-    return np.array(
-        [density * (2.0 * np.pi * band) ** (2 * n) / (2 * n + 1) if n >= 0 else 0.0 for n in range(-order, 3 - order)]
-    )
+    density = 2.0 * white**2 * step * band
+    derivatives = [n - order for n in range(3)]
+    return np.array([density * (2.0 * np.pi * band) ** (2 * n) / (2 * n + 1) if n >= 0 else 0.0 for n in derivatives])
