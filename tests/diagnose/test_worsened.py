@@ -4,7 +4,6 @@ import pytest
 
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.ladder import Ladder, Step
-from idloop.diagnose.worsened import worsened
 from idloop.physics import load_model
 
 MODEL = load_model("axis")
@@ -22,7 +21,7 @@ def step(name, error, force=None, unseen=None):
 def test_a_step_that_spoils_the_unseen_motion_is_told():
     ladder = Ladder((step(None, 0.2, unseen=0.2), step("coulomb_friction", 0.1, unseen=0.1),
                      step("cogging", 0.1, unseen=0.9)))  # fmt: skip
-    (found,) = worsened(ladder)
+    (found,) = ladder.worsened
     assert found.name == "cogging@axis"
     assert (found.before, found.after) == (0.1, 0.9)
     assert "data that no fit saw worse, an error of 90 % after 10 %" in found.text
@@ -33,11 +32,11 @@ def test_a_step_that_spoils_the_unseen_motion_is_told():
 
 @pytest.mark.parametrize("last", [0.05, 0.1, 0.12, float("nan")])
 def test_less_than_chance_is_not_told(last):
-    assert worsened(Ladder((step(None, 0.1), step("cogging", last)))) == []
+    assert Ladder((step(None, 0.1), step("cogging", last))).worsened == []
 
 
 def test_without_validation_the_fitted_data_tell():
-    (found,) = worsened(Ladder((step(None, 0.1), step("cogging", 0.2))))
+    (found,) = Ladder((step(None, 0.1), step("cogging", 0.2))).worsened
     assert not found.unseen
     assert "on the fitted data" in found.text
 
@@ -45,4 +44,4 @@ def test_without_validation_the_fitted_data_tell():
 @pytest.mark.parametrize(("force", "told"), [(0.3, 0), (0.4, 1)])
 def test_a_free_run_that_drifts_while_the_force_is_explained_is_not_told(force, told):
     ladder = Ladder((step(None, 0.1, force=0.4), step("input_offset", 0.3, force=force)))
-    assert len(worsened(ladder)) == told
+    assert len(ladder.worsened) == told

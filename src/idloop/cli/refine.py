@@ -280,7 +280,6 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
         Residual tests of the last model on the fitted data.
     """
     from idloop.diagnose.twins import ladder_twins
-    from idloop.diagnose.worsened import worsened
     from idloop.report.remains import also_significant, remainder_lines
     from idloop.report.unshown import unshown
 
@@ -317,7 +316,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
     for group in ladder_twins(ladder):
         click.echo("\n".join(group.lines))
     click.echo(f"verdict: {VERDICTS.get(ladder.verdict, ladder.verdict)}")
-    for one in worsened(ladder):
+    for one in ladder.worsened:
         click.echo(f"beware: {one.text}")
     if ladder.unknown is not None:
         click.echo(ladder.unknown.text)

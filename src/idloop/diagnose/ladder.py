@@ -10,7 +10,7 @@ from typing import Any
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.detection import DetectionLimit
 from idloop.diagnose.unknown import UnknownStructure
-from idloop.diagnose.worsened import worsened
+from idloop.diagnose.worsened import Worsened, worsened
 from idloop.errors import InputError
 from idloop.physics.model import Model
 from idloop.physics.model_file import from_text
@@ -114,6 +114,14 @@ class Ladder:
         """Names of the effects that were added."""
         return tuple(step.added.name for step in self.steps if step.added is not None)
 
+    @property
+    def worsened(self) -> list[Worsened]:
+        """Steps after which the free run is worse; judged on validation records where there are any."""
+        unseen = bool(self.steps[0].validation)
+        errors = [step.validation if unseen else step.train for step in self.steps]
+        names = ["" if step.added is None else step.added.name for step in self.steps]
+        return worsened(names, errors, unseen=unseen)
+
     def undo(self) -> Ladder:
         """The ladder without its last step.
 
@@ -144,7 +152,7 @@ class Ladder:
             "suggested_experiment": self.suggested_experiment,
             "passed_over": dict(self.passed_over),
             "shows_from": {name: limit.to_dict() for name, limit in self.limits.items()},
-            "worsened": [one.to_dict() for one in worsened(self)],
+            "worsened": [one.to_dict() for one in self.worsened],
         }
 
     @classmethod

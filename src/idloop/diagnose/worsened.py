@@ -6,14 +6,12 @@ effect that stands in for one that the catalogue does not have may lessen those 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from idloop.diagnose.ladder import Ladder
 
 # The free run drifts by chance on an axis that integrates: less than this is not told.
 _FACTOR = 1.25
@@ -55,25 +53,28 @@ class Worsened:
         return {"effect": self.name, "unseen": self.unseen, "before": self.before, "after": self.after}
 
 
-def worsened(ladder: Ladder) -> list[Worsened]:
+def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unseen: bool) -> list[Worsened]:
     """Steps after which the free run is worse by a quarter or more, and the error of the force does not fall.
 
     Parameters
     ----------
-    ladder : Ladder
+    names : sequence of str
+        Of what each step added; the first one's does not count.
+    errors : sequence of mapping
+        Of each step, as `idloop.diagnose.errors.model_errors` tells them.
+    unseen : bool
+        Whether no fit saw the records.
 
     Returns
     -------
     list of Worsened
-        In the order of the steps; judged on validation records where there are any.
+        In the order of the steps.
     """
-    unseen = bool(ladder.steps[0].validation)
     found = []
-    for before, step in zip(ladder.steps, ladder.steps[1:], strict=False):
-        first, second = (one.validation if unseen else one.train for one in (before, step))
-        errors = _free_run(first), _free_run(second)
-        if step.added is not None and errors[1] > _FACTOR * errors[0] and not _force_falls(first, second):
-            found.append(Worsened(step.added.name, unseen, *errors))
+    for name, (before, after) in zip(names[1:], pairwise(errors), strict=True):
+        free_runs = _free_run(before), _free_run(after)
+        if free_runs[1] > _FACTOR * free_runs[0] and not _force_falls(before, after):
+            found.append(Worsened(name, unseen, *free_runs))
     return found
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
-from idloop.diagnose.worsened import worsened
 from idloop.report.contents import FITTED
 from idloop.report.effect_names import words
 from idloop.report.estimates import NORMAL_95, figure_text, with_interval
@@ -49,7 +48,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "against": [
             _capital(line) + "."
             for line in (
-                *(f"beware: {one.text}" for one in worsened(ladder)),
+                *(f"beware: {one.text}" for one in ladder.worsened),
                 *remainder_lines(ladder.verdict, _fitted_remainders(contents)),
             )
         ],
