@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,6 +63,20 @@ def test_numbers_survive_a_round_trip_exactly(value: float, error: float | None,
     again = read(model.to_yaml())
     assert again.values == model.values
     assert again.parameter("motor.viscous_friction").stderr == error
+
+
+@pytest.mark.parametrize("bounds", ["", ", min: 0.0", ", min: 0.2", ", max: 9.0", ", min: 0.2, max: 9.0"])
+def test_bounds_are_written_as_they_were_stated(bounds: str) -> None:
+    text = GOOD.replace("inertia: 1.0", f"inertia: {{value: 1.0{bounds}}}").replace(", min: 0.0}}", "}}")
+    text = text.replace("value: 0.12", f"value: 0.12{bounds.replace('0.2', '0.05')}")
+    fitted = read(text).with_values({"motor.inertia": 3.0, "motor.viscous_friction": 1.0}, {"motor.inertia": 0.1})
+    written = yaml.safe_load(read(fitted.to_yaml()).to_yaml())
+    stated = yaml.safe_load(f"{{value: 3.0{bounds}, stderr: 0.1}}")
+    assert written["bodies"][0]["inertia"] == stated
+    assert written["bodies"][0]["viscous_friction"] == {"value": 1.0}
+    assert {**written["effects"][0]["width"], "value": 1.0} == yaml.safe_load(
+        f"{{value: 1.0{bounds.replace('0.2', '0.05')}}}"
+    )
 
 
 WRONG = [

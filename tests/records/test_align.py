@@ -205,6 +205,22 @@ def test_unmeasured_values_inside_a_stream_are_legal(make_bag, model):
     assert "not_measured" in _kinds(record)
 
 
+def test_holes_in_the_command_are_a_warning_that_says_where(make_bag, model):
+    time = np.arange(200)
+    record = read_record(make_bag(command=np.where((time > 49) & (time < 60), np.nan, np.sin(time))), model)
+    (found,) = [finding for finding in record.findings if finding.kind == "not_measured"]
+    assert (found.level, found.count) == ("warning", 10)
+    assert "from 0.5 to 0.59 s; the last command before is taken to hold there" in found.text
+    before = read_record(make_bag(command=np.where(time < 10, np.nan, np.sin(time))), model)
+    (found,) = [finding for finding in before.findings if finding.kind == "not_measured"]
+    assert "hold" not in found.text
+
+
+def test_few_samples_are_a_warning(make_bag, model):
+    assert "few_samples" in _kinds(read_record(make_bag(np.arange(29) / 100), model))
+    assert "few_samples" not in _kinds(read_record(make_bag(), model))
+
+
 def test_a_unit_that_differs_from_the_imports_is_reported(tmp_path, record, model):
     units = {"joint_command motor.effort": "A", "joint_states motor.velocity": "rad/s"}
     bag = write_bag(tmp_path / "bag", record, custom={"idloop.import": json.dumps({"units": units})})

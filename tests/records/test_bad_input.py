@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from idloop.errors import InputError
-from idloop.records import read_record
+from idloop.records import check_identifiable, read_record
 
 N = 200
 
@@ -85,6 +85,28 @@ def test_bad_bag(name, make_bag, tmp_path, model):
     with pytest.raises(InputError) as caught:
         read_record(path, model)
     _one_line(caught, words)
+
+
+@pytest.mark.parametrize(
+    ("still", "words"),
+    [
+        (
+            {"position": np.ones(N), "velocity": np.zeros(N)},
+            ("nothing moves", "motor.position, motor.velocity", "check the sensors"),
+        ),
+        (
+            {"position": np.ones(N)},
+            ("motor.position stays at 1 while motor.velocity runs from -1 to 1", "mend the mapping"),
+        ),
+    ],
+)
+def test_a_motion_that_no_fit_can_use(still, words, make_bag, model):
+    record = read_record(make_bag(**still), model)
+    assert "no_motion" in {finding.kind for finding in record.findings}
+    with pytest.raises(InputError) as caught:
+        check_identifiable(record)
+    _one_line(caught, words)
+    assert check_identifiable(good := read_record(make_bag(), model)) is good
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -56,6 +56,29 @@ def test_nothing_can_be_identified(make_bag, what):
     assert _said(found, "nothing can be identified")
 
 
+def test_a_position_that_stands_still_beside_its_velocity(make_bag):
+    found = inspect_bag(make_bag(position=np.full(200, 0.7)))
+    assert found.verdict == "contradictory"
+    assert _said(found, "motor.position stays at 0.7 while motor.velocity runs from -1 to 1", "mend the mapping")
+
+
+@pytest.mark.parametrize(("count", "verdict"), [(9, "too_short"), (29, "short"), (100, "usable")])
+def test_few_samples(make_bag, count, verdict):
+    found = inspect_bag(make_bag(np.arange(count) / 100))
+    assert found.verdict == verdict
+    assert _said(found, f"{count} samples in {(count - 1) / 100:g} s") == (verdict != "usable")
+
+
+def test_holes_are_told_with_their_places(make_bag):
+    time = np.arange(200)
+    command = np.where((time > 49) & (time < 60), np.nan, np.sin(time))
+    found = inspect_bag(make_bag(command=command, velocity=np.where(time == 7, np.nan, np.cos(time / 10))))
+    said = {finding.where: finding for finding in found.findings if finding.kind == "not_measured"}
+    assert said["/joint_command"].level == "warning"
+    assert "10 of 200 values are empty (NaN), from 0.5 to 0.59 s; the last command" in said["/joint_command"].text
+    assert "1 of 200 values are empty (NaN), at 0.07 s" in said["/joint_states"].text
+
+
 def test_bad_clocks_are_findings_here_not_errors(make_bag):
     backwards = inspect_bag(make_bag(np.r_[0:100, 0:100] / 100))
     assert "clock_reset" in {finding.kind for finding in backwards.findings}

@@ -33,6 +33,13 @@ def test_short_forms():
     assert [(channel.column, channel.joint) for channel in mapping.position] == [("a", None), ("b", "load")]
 
 
+@pytest.mark.parametrize("bare", ["r", {"column": "r"}, ["r"]])
+def test_a_bare_reference_is_its_position(bare):
+    mapping = parse_mapping(GOOD | {"reference": bare}, "x")
+    assert [channel.column for channel in mapping.reference.position] == ["r"]
+    assert mapping.reference.velocity == []
+
+
 def test_a_part_replaces_only_what_it_says():
     mapping = parse_mapping(GOOD | {"parts": {"a": {"command": "u2"}, "b": {"rows": {"start": 5}}}}, "x")
     assert mapping.for_part("a").command[0].column == "u2"
@@ -51,6 +58,13 @@ BAD = {
     "unknown key": ({"comand": "u"}, "unknown key comand (did you mean 'command'"),
     "unknown key of a channel": ({"command": {"column": "u", "scael": 2}}, "did you mean 'scale'"),
     "unknown key of a part": ({"parts": {"a": {"velocty": "v"}}}, "did you mean 'velocity'"),
+    "key of another place": ({"time": {"scale": 2}}, "unknown key time.scale (known: column, unit,"),
+    "key of another place, beside a near one": ({"reference": {"postion": "r"}}, "did you mean 'position'"),
+    "bare and by name": (
+        {"reference": {"column": "r", "position": "r"}},
+        "reference.column (known: position, velocity)",
+    ),
+    "excitation of nothing": ({"excitation": {"column": "e"}}, "say what the signal is added to"),
     "no schema": ({"schema": "idloop/model/1"}, "must be idloop/mapping/1"),
     "two sources of time": ({"time": {"period": 0.1, "column": "t"}}, "give one of column, period"),
     "negative period": ({"time": {"period": -1}}, "time.period"),

@@ -27,6 +27,16 @@ def test_reversals_under_noise(seed, swings):
     assert motion.moves
 
 
+@given(seed=st.integers(0, 200), swings=st.integers(1, 9))
+def test_reversals_of_a_velocity_are_its_changes_of_sign(seed, swings):
+    phase = np.linspace(0.1, np.pi * swings - 0.1, 2000)
+    # Its turning points are not: they are those of the acceleration.
+    value = np.sin(phase) + 0.2 * np.sin(9.0 * phase) + 0.003 * np.random.default_rng(seed).normal(size=2000)
+    motion = analyse_motion(value, velocity=True)
+    assert motion is not None
+    assert motion.reversals == swings - 1
+
+
 def test_never_measured_and_constant():
     assert analyse_motion(np.full(9, np.nan)) is None
     still = analyse_motion(np.full(9, 2.0))

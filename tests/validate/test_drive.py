@@ -38,3 +38,31 @@ def test_a_force_error_that_is_the_sensors_own_is_not_told() -> None:
     assert quiet["force"] is not None
     assert quiet["force"] < 0.02
     assert loud["force"] is None
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0, 10.0])
+def test_a_command_that_dry_friction_holds_is_no_error(factor: float) -> None:
+    plain = load_model("axis")
+    right = plain.with_effect("coulomb_friction", "axis", level=0.7)
+    record = moved(right, factor)
+    quiet = moved(right, 0.0)
+    stands = np.mean(quiet.output[:, 1] == 0.0)
+    found, without = force_error(right, record), force_error(plain, record)
+    assert stands > 0.3
+    # Beside the noise: what the filters make of the moments at which the machine sticks.
+    assert found.relative < found.noise + 0.03
+    assert without.relative > 0.4
+
+
+def test_the_level_of_friction_is_no_error_at_rest_and_what_exceeds_it_is() -> None:
+    plain = load_model("axis")
+    right = plain.with_effect("coulomb_friction", "axis", level=0.7)
+    record = moved(right, 1.0)
+    errors = [
+        force_error(plain.with_effect("coulomb_friction", "axis", level=level), record).relative
+        for level in (0.5, 0.7, 0.9)
+    ]
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[1] < 0.5 * errors[2]
+    # Three standard deviations of the sensor, of which the filter may take a part.
+    assert 0.01 < force_error(right, record).rest_speed < 0.032

@@ -9,7 +9,7 @@ from idloop.errors import InputError
 from idloop.estimate.linear import LinearModel
 from idloop.estimate.sampled import SampledData
 from idloop.validate import fit_percent
-from idloop.validate.score import pooled_fit, score
+from idloop.validate.score import fit_difference, pooled_fit, score
 
 
 def model(pole=0.9, gain=0.3):
@@ -64,3 +64,24 @@ def test_short_data_has_no_tests_and_no_data_no_score():
     assert score(model(), [data(80)]).tests == ()
     with pytest.raises(InputError, match="no data"):
         score(model(), [])
+
+
+def test_a_difference_of_free_runs_knows_how_certain_it_is():
+    right, record = model(), data(4000)
+    scores = [score(one, [record]) for one in (right, model(0.9 + 1e-5), model(0.8))]
+    difference, stderr = fit_difference([record], scores[0], scores[2])
+    assert difference == pytest.approx(scores[0].free_run[0] - scores[2].free_run[0])
+    assert difference > 4 * stderr
+    difference, stderr = fit_difference([record], scores[0], scores[1])
+    assert 0 < stderr < 0.1
+    assert abs(difference) < 3 * stderr
+    assert fit_difference([record], scores[0], scores[0]) == (0.0, 0.0)
+
+
+def test_the_uncertainty_of_a_difference_is_that_of_repeated_records():
+    pair, found = (model(), model(0.9 + 3e-4)), []
+    for seed in range(60):
+        record = data(2000, seed)
+        found.append(fit_difference([record], *(score(one, [record]) for one in pair)))
+    differences, stderrs = np.array(found).T
+    assert np.median(stderrs) == pytest.approx(np.std(differences), rel=0.35)

@@ -328,6 +328,7 @@ class Model:
                     free,
                     value.stderr,
                     self.units.fill(spec.unit, unit),
+                    (value.min, value.max),
                 )
             )
         return added

@@ -28,15 +28,13 @@ def to_mapping(model: Model) -> dict[str, Any]:
     """Return the model as the mapping of a model file."""
     by_name = {parameter.name: parameter for parameter in model.parameters}
 
-    def number(name: str, default: tuple[float, float] = (-np.inf, np.inf)) -> float | dict[str, float]:
+    def number(name: str) -> float | dict[str, float]:
         p = by_name[name]
         if not p.free:
             return p.value
-        entry = {"value": p.value}
-        if np.isfinite(p.min) and p.min != default[0]:
-            entry["min"] = p.min
-        if np.isfinite(p.max) and p.max != default[1]:
-            entry["max"] = p.max
+        # The program's own bounds are no more than what it takes to calculate: they move with the value.
+        bounds = zip(("min", "max"), p.stated, strict=True)
+        entry = {"value": p.value} | {key: bound for key, bound in bounds if bound is not None}
         if p.stderr is not None:
             entry["stderr"] = p.stderr
         return entry
@@ -78,7 +76,7 @@ def to_mapping(model: Model) -> dict[str, Any]:
         line: dict[str, Any] = {"effect": active.effect.name, "at": active.at}
         for spec in active.effect.parameters:
             if f"{active.name}.{spec.name}" in by_name:
-                line[spec.name] = number(f"{active.name}.{spec.name}", (spec.min, spec.max))
+                line[spec.name] = number(f"{active.name}.{spec.name}")
         file["effects"].append(line)
     if model.disturbance is not None:
         file["disturbance"] = {"intensity": model.disturbance}
@@ -110,7 +108,7 @@ def _base_parameter(name: str, value: Value, unit: str, low: float, where: str, 
         low = LEAST_INERTIA * value.value
     low = low if value.min is None else max(low, value.min)
     high = np.inf if value.max is None else value.max
-    return Parameter(name, value.value, low, high, value.free, value.stderr, unit)
+    return Parameter(name, value.value, low, high, value.free, value.stderr, unit, (value.min, value.max))
 
 
 def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Model:

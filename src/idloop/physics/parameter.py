@@ -23,6 +23,8 @@ class Parameter:
         Standard error after a fit.
     unit : str
         Unit.
+    stated : (float or None, float or None)
+        Bounds as the model file gives them, which is how they are written again; None where it says nothing.
     """
 
     name: str
@@ -32,3 +34,4 @@ class Parameter:
     free: bool
     stderr: float | None
     unit: str
+    stated: tuple[float | None, float | None] = (None, None)

@@ -15,6 +15,7 @@ from idloop.records.bag import Bag, resolve_topic
 from idloop.records.checks import check_record
 from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics
 from idloop.records.finding import Finding
+from idloop.records.missing import missing_values
 from idloop.records.read import read_streams
 from idloop.records.record import Record
 from idloop.records.runs import announced_runs, backwards_message, on_receive_time, split_runs
@@ -198,10 +199,13 @@ def _sibling(command: str, other: str, topics: Collection[str]) -> str:
 
 
 def _sorted_column(
-    stream: JointStream, joint: str, field: str, *, keep_last: bool
+    stream: JointStream, joint: str, field: str, *, command: bool
 ) -> tuple[Stamps, Floats, list[Finding]]:
     """Return one column in the order of its stamps, NaN left out, one value per stamp."""
     value = stream.column(joint, field)
+    # A message that commands another joint is no hole in the command of this one.
+    held = command and not np.isfinite(getattr(stream, field)[np.isnan(value)]).any()
+    found = missing_values(f"{stream.topic} {joint}.{field}", stream.stamp_ns, value, stream.topic, command=held)
     known = ~np.isnan(value)
     stamp, value = stream.stamp_ns[known], value[known]
     order = np.argsort(stamp, kind="stable")
@@ -209,13 +213,8 @@ def _sorted_column(
     if stamp.size > 1:
         repeated = stamp[1:] == stamp[:-1]
         # Of two commands with one stamp the later replaces the earlier; of two measurements the first counts.
-        keep = np.append(~repeated, True) if keep_last else np.insert(~repeated, 0, True)
+        keep = np.append(~repeated, True) if command else np.insert(~repeated, 0, True)
         stamp, value = stamp[keep], value[keep]
-    lost = int(np.count_nonzero(~known))
-    name = f"{stream.topic} {joint}.{field}"
-    found = (
-        [Finding("not_measured", f"{name}: {lost} of {len(stream)} values are NaN", lost, stream.topic)] if lost else []
-    )
     return stamp, value, found
 
 
@@ -231,8 +230,8 @@ def _align(
     findings: list[Finding] = []
     for topic in dict.fromkeys((command, *measured)):
         findings += streams[topic].findings
-        findings += stamp_findings(topic, stamp_statistics(streams[topic].stamp_ns))
-    input_ns, value, found = _sorted_column(streams[command], model.input.joint, model.input.field, keep_last=True)
+        findings += stamp_findings(topic, stamp_statistics(streams[topic].stamp_ns), held=topic == command)
+    input_ns, value, found = _sorted_column(streams[command], model.input.joint, model.input.field, command=True)
     findings += found
     if input_ns.size == 0:
         raise InputError(
@@ -241,7 +240,7 @@ def _align(
         )
     columns = []
     for topic, signal in zip(measured, model.outputs, strict=True):
-        stamp, column, found = _sorted_column(streams[topic], signal.joint, signal.field, keep_last=False)
+        stamp, column, found = _sorted_column(streams[topic], signal.joint, signal.field, command=False)
         if stamp.size == 0:
             raise InputError(
                 f"{path}: {topic} {signal.joint}.{signal.field} is NaN (not measured) in every message; take this"

@@ -2,19 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from idloop.errors import InputError
 from idloop.records.finding import Finding
+from idloop.records.motion import Motion, analyse_motion
 from idloop.records.record import Record
 
 FEWEST_SAMPLES = 10
+_FEW_SAMPLES = 100  # below, noise and effects look alike: a fit runs, and its numbers hardly hold
+
+
+def dead_positions(motions: Mapping[str, Motion]) -> list[str]:
+    """Say which position stands still beside a velocity of its own joint that moves.
+
+    Parameters
+    ----------
+    motions : mapping of str to Motion
+        By ``joint.field``.
+
+    Returns
+    -------
+    list of str
+        A sentence for each: what, and how to mend it.
+    """
+    said = []
+    for name, motion in motions.items():
+        joint, _, field = name.rpartition(".")
+        velocity = motions.get(f"{joint}.velocity")
+        if field == "position" and motion.minimum == motion.maximum and velocity is not None and velocity.moves:
+            said.append(
+                f"{name} stays at {motion.minimum:g} while {joint}.velocity runs from {velocity.minimum:.4g} to"
+                f" {velocity.maximum:.4g}: its sensor is dead or the column another's; mend the mapping, or take {name}"
+                " out of the model file"
+            )
+    return said
+
+
+def few_samples(count: int, duration: float) -> str:
+    """Say that a record of `count` samples over `duration` [s] is short; nothing where it is not."""
+    if count >= _FEW_SAMPLES:
+        return ""
+    return (
+        f"only {count} samples in {duration:.3g} s: too few to tell effects from noise, and numbers fitted to them"
+        " hardly hold; record some seconds of motion to and fro"
+    )
 
 
 def check_record(record: Record) -> Record:
-    """Return the record, with a finding for every output that never moves.
+    """Return the record, with a finding for every output that never moves and where samples are few.
 
     Raises
     ------
@@ -52,8 +91,32 @@ def check_record(record: Record) -> Record:
             " can be identified from it; excite the axis, e.g. with a multisine"
         )
     still = [
-        Finding("no_motion", f"{output} never changes", where=output, level="warning")
+        output
         for column, output in enumerate(record.output_names)
         if np.nanmax(record.output[:, column]) == np.nanmin(record.output[:, column])
     ]
-    return replace(record, findings=(*record.findings, *still))
+    found = [Finding("no_motion", f"{output} never changes", where=output, level="warning") for output in still]
+    short = few_samples(record.time.size, record.duration)
+    if short:
+        found.append(Finding("few_samples", short, record.time.size, name, "warning"))
+    return replace(record, findings=(*record.findings, *found))
+
+
+def check_identifiable(record: Record) -> Record:
+    """Return the record where its motion can be fitted; a comparison or a monitor also takes one that stands still.
+
+    Raises
+    ------
+    InputError
+        No output changes, or a position stands still beside its moving velocity.
+    """
+    found = {name: analyse_motion(record.output[:, record.column(name)]) for name in record.output_names}
+    motions = {name: motion for name, motion in found.items() if motion is not None}
+    for dead in dead_positions(motions):
+        raise InputError(f"{record.name}: {dead}")
+    if all(motion.minimum == motion.maximum for motion in motions.values()):
+        raise InputError(
+            f"{record.name}: nothing moves, {', '.join(motions)} never changes; command more, or check the sensors and"
+            " the columns"
+        )
+    return record

@@ -100,7 +100,9 @@ def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
     )
 
 
-def stamp_findings(where: str, statistics: StampStatistics, *, announced: bool = False) -> list[Finding]:
+def stamp_findings(
+    where: str, statistics: StampStatistics, *, announced: bool = False, held: bool = False
+) -> list[Finding]:
     """Put what is remarkable about the stamps of one stream into words.
 
     Parameters
@@ -110,7 +112,10 @@ def stamp_findings(where: str, statistics: StampStatistics, *, announced: bool =
     statistics : StampStatistics
     announced : bool
         Whether the sender announces values ahead of the clock, and so may take them back.
+    held : bool
+        Whether this is a command, whose last value is taken to hold where one is missing.
     """
+    over = "; the last command before is taken to hold there" if held else ""
     found: list[Finding] = []
     if statistics.resets and announced:
         text = f"{where}: values that were announced ahead were announced anew {len(statistics.resets)} times"
@@ -152,7 +157,7 @@ def stamp_findings(where: str, statistics: StampStatistics, *, announced: bool =
             Finding(
                 "lost_samples",
                 f"{where}: {statistics.lost} samples missing on the {statistics.period * 1e3:.4g} ms grid"
-                f" ({100 * share:.2g} %)",
+                f" ({100 * share:.2g} %){over}",
                 statistics.lost,
                 where,
                 "warning" if share > 0.001 else "note",
@@ -164,7 +169,7 @@ def stamp_findings(where: str, statistics: StampStatistics, *, announced: bool =
             Finding(
                 "gap",
                 f"{where}: {len(statistics.gaps)} gaps longer than ten periods, the longest {length:.4g} s at"
-                f" {start:.4g} s",
+                f" {start:.4g} s{'' if statistics.lost else over}",
                 len(statistics.gaps),
                 where,
                 "warning",

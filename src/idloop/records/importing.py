@@ -15,6 +15,7 @@ from idloop.records.finding import Finding
 from idloop.records.from_bag import signals_from_bag
 from idloop.records.from_table import signals_from_table
 from idloop.records.mapping import Mapping, load_mapping
+from idloop.records.missing import missing_values
 from idloop.records.signal import Signal
 from idloop.records.stream import JointStream
 from idloop.records.tables import read_table
@@ -117,7 +118,11 @@ def import_bag(
     streams = _streams(read)
     channels = {f"{signal.topic} {signal.joint}.{signal.field}": signal.unit for signal in read}
     findings += [
-        finding for stream in streams for finding in stamp_findings(stream.topic, stamp_statistics(stream.stamp_ns))
+        finding
+        for stream in streams
+        for finding in stamp_findings(
+            stream.topic, stamp_statistics(stream.stamp_ns), held=stream.topic == "joint_command"
+        )
     ]
     findings += _value_findings(read)
     custom = {
@@ -198,10 +203,9 @@ def _value_findings(signals: list[Signal]) -> list[Finding]:
     found = []
     for signal in signals:
         name = f"{signal.topic} {signal.joint}.{signal.field}"
-        lost = int(np.isnan(signal.value).sum())
-        if lost:
-            found.append(Finding("not_measured", f"{name}: {lost} of {signal.value.size} values are empty", lost, name))
-        if signal.topic == "joint_command" and np.nanmax(signal.value) == np.nanmin(signal.value):
+        command = signal.topic == "joint_command"
+        found += missing_values(name, signal.stamp_ns, signal.value, name, command=command)
+        if command and np.nanmax(signal.value) == np.nanmin(signal.value):
             text = (
                 f"{name} is constant ({np.nanmax(signal.value):g} {signal.unit}): nothing can be identified"
                 " from this record"

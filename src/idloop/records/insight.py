@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idloop.records.checks import FEWEST_SAMPLES, dead_positions, few_samples
 from idloop.records.excitation import Excitation
 from idloop.records.motion import Motion
 
@@ -42,14 +43,28 @@ class Evidence:
 
 
 def verdict(evidence: Evidence) -> str:
-    """Return ``unreadable``, ``not_excited``, ``no_command`` or ``usable``."""
+    """Return one word, those of `idloop.records.inspection.Inspection`."""
     if not evidence.motions:
         return "unreadable"
     if not any(motion.moves for motion in evidence.motions.values()):
         return "not_excited"
     if evidence.command is None:
         return "no_command"
-    return "not_excited" if evidence.command.levels == 1 else "usable"
+    if evidence.command.levels == 1:
+        return "not_excited"
+    if dead_positions(evidence.motions):
+        return "contradictory"
+    if _count(evidence) < FEWEST_SAMPLES:
+        return "too_short"
+    return "short" if _few(evidence) else "usable"
+
+
+def _count(evidence: Evidence) -> int:
+    return max(motion.count for motion in evidence.motions.values())
+
+
+def _few(evidence: Evidence) -> str:
+    return few_samples(_count(evidence), (_count(evidence) - 1) / evidence.sample_rate)
 
 
 def insights(evidence: Evidence) -> list[str]:
@@ -63,7 +78,9 @@ def insights(evidence: Evidence) -> list[str]:
         return [
             "Nothing moves: every measured signal is constant or noise about one value, so nothing can be identified."
         ]
-    said = []
+    said = dead_positions(evidence.motions)
+    if few := _few(evidence):
+        said.append(few[:1].upper() + few[1:] + ".")
     if evidence.command is None:
         said.append("No command topic was found; name it with --command, without a command only the motion is known.")
     else:

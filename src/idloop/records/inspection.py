@@ -17,6 +17,7 @@ from idloop.records.clocks import StampStatistics, compare_clocks, stamp_finding
 from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
 from idloop.records.insight import Evidence, insights, verdict
+from idloop.records.missing import missing_values
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
 from idloop.records.said_units import imported, said_units
@@ -92,7 +93,7 @@ class Inspection:
     insights : tuple of str
         What this data can show, in sentences.
     verdict : str
-        ``usable``, ``not_excited``, ``no_command`` or ``unreadable``.
+        ``usable``, ``short``, ``too_short``, ``contradictory``, ``not_excited``, ``no_command`` or ``unreadable``.
     streams : dict of str to JointStream
         The data itself, for plots.
     command_topic : str
@@ -196,13 +197,20 @@ def inspect_bag(
             )
         if stream is not None:
             findings += stream.findings
-            findings += stamp_findings(topic.name, report.stamps, announced=topic.name.endswith(_ADDED))
+            findings += stamp_findings(
+                topic.name,
+                report.stamps,
+                announced=topic.name.endswith(_ADDED),
+                held=topic.name == command_topic,
+            )
     units = said_units(custom)
     measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
     commands = _commands(streams[command_topic]) if command_topic else {}
+    findings += _missing(measured, command=False)
     if command_topic:
+        findings += _missing({command_topic: streams[command_topic]}, command=True)
         findings += _clock_findings(streams, command_topic, measured)
     evidence = _evidence(streams, command_topic, commands, measured, signals, units)
     return Inspection(
@@ -270,7 +278,8 @@ def columns_of(stream: JointStream) -> dict[str, Floats]:
 
 
 def _motions(stream: JointStream) -> dict[str, Motion]:
-    found = {name: analyse_motion(column) for name, column in columns_of(stream).items()}
+    columns = columns_of(stream)
+    found = {name: analyse_motion(columns[name], velocity=name.endswith(".velocity")) for name in columns}
     return {name: motion for name, motion in found.items() if motion is not None}
 
 
@@ -293,6 +302,16 @@ def _value_findings(signals: Mapping[str, Mapping[str, Motion]]) -> list[Finding
         for name, motion in motions.items()
         if motion.infinite
     ]
+
+
+def _missing(streams: Mapping[str, JointStream], *, command: bool) -> list[Finding]:
+    found = []
+    for topic, stream in streams.items():
+        columns = {name: column for name, column in columns_of(stream).items() if np.isfinite(column).any()}
+        for name, column in columns.items():
+            held = command and len(columns) == 1
+            found += missing_values(f"{topic} {name}", stream.stamp_ns, column, topic, command=held)
+    return found
 
 
 def _clock_findings(

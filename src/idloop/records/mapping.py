@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from idloop.errors import InputError
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import did_you_mean, did_you_mean_or_known, listed
 
 SCHEMA = "idloop/mapping/1"
 
@@ -79,6 +79,13 @@ def _as_channels(value: Any) -> Any:
 Channels = Annotated[list[Channel], BeforeValidator(_as_channels)]
 
 
+def _is_signal(value: Any) -> bool:
+    """Whether this is a signal where signals by name are expected."""
+    if isinstance(value, dict):
+        return bool({"column", "topic"} & set(value)) and "position" not in value
+    return isinstance(value, str | int | list)
+
+
 class Time(_Strict):
     """Where stamps come from: a column, a fixed period, or the stamps of a bag."""
 
@@ -96,10 +103,15 @@ class Time(_Strict):
 
 
 class Reference(_Strict):
-    """What the controller follows."""
+    """What the controller follows; a bare signal is its position."""
 
     position: Channels = []
     velocity: Channels = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_position(cls, value: Any) -> Any:
+        return {"position": value} if _is_signal(value) else value
 
 
 class Excitation(_Strict):
@@ -107,6 +119,16 @@ class Excitation(_Strict):
 
     position: Channels = []
     effort: Channels = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _says_where(cls, value: Any) -> Any:
+        if _is_signal(value):
+            raise ValueError(
+                "say what the signal is added to: `excitation: {effort: ...}` for the command,"
+                " `excitation: {position: ...}` for the reference"
+            )
+        return value
 
 
 class Rows(_Strict):
@@ -234,17 +256,35 @@ def parse_mapping(content: Any, where: str) -> Mapping:
         raise InputError(f"{where}: {_explain(error)}") from None
 
 
-_MODELS: tuple[type[BaseModel], ...] = (Mapping, Part, Channel, Time, Reference, Excitation, Rows, Csv, SignBit)
+_SECTIONS: dict[str, type[BaseModel]] = {
+    "time": Time,
+    "reference": Reference,
+    "excitation": Excitation,
+    "rows": Rows,
+    "csv": Csv,
+    "decode": SignBit,
+}
+_MODELS: tuple[type[BaseModel], ...] = (Mapping, Part, Channel, *_SECTIONS.values())
 _WORDS = {"schema"}.union(*(set(model.model_fields) for model in _MODELS))
+
+
+def _keys_at(place: list[str]) -> list[str]:
+    """Keys that a place of the file has, by the keys that lead to it."""
+    model: type[BaseModel] = Mapping
+    if place:
+        within_part = place[0] == "parts" and len(place) <= 2
+        model = Part if within_part else _SECTIONS.get(place[-1], Channel)
+    return [field.alias or name for name, field in model.model_fields.items()]
 
 
 def _explain(error: ValidationError) -> str:
     first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"] if not (isinstance(part, str) and part[:1].isupper()))
+    place = [str(part) for part in first["loc"] if not (isinstance(part, str) and part[:1].isupper())]
+    key = ".".join(place)
     if first["type"] == "extra_forbidden":
-        key = str(first["loc"][-1])
-        return f"unknown key {place}{did_you_mean(key, _WORDS) or '; see idloop import --help'}"
+        known = _keys_at([part for part in place[:-1] if not part.isdigit()])
+        return f"unknown key {key}{did_you_mean_or_known(place[-1], known)}"
     if first["type"] == "missing":
-        return f"key {place} is missing"
+        return f"key {key} is missing"
     text = str(first["msg"]).removeprefix("Value error, ")
-    return f"{place or 'mapping'}: {text[:1].lower() + text[1:]}"
+    return f"{key or 'mapping'}: {text[:1].lower() + text[1:]}"

@@ -28,7 +28,8 @@ class Motion:
     moves : bool
         Whether it does more than noise about one value.
     reversals : int
-        How often the direction of motion changes, small steps (below 2 % of the range) left out.
+        How often the direction of motion changes: swings of a position, sign changes of a velocity, each of more
+        than 2 % of its range.
     infinite : int
         Infinite samples.
     """
@@ -47,8 +48,8 @@ class Motion:
         return asdict(self)
 
 
-def analyse_motion(value: Floats) -> Motion | None:
-    """Describe one measured signal (n,); None when it is never measured."""
+def analyse_motion(value: Floats, *, velocity: bool = False) -> Motion | None:
+    """Describe one measured position, or velocity, of shape (n,); None when it is never measured."""
     infinite = int(np.isinf(value).sum())
     known = value[np.isfinite(value)]
     if known.size == 0:
@@ -64,9 +65,15 @@ def analyse_motion(value: Floats) -> Motion | None:
         std=float(np.std(known)),
         resolution=resolution,
         moves=moves,
-        reversals=reversals(known) if moves else 0,
+        reversals=0 if not moves else sign_changes(known, noise**0.5) if velocity else reversals(known),
         infinite=infinite,
     )
+
+
+def sign_changes(velocity: Floats, noise: float) -> int:
+    """Count how often a velocity (n,) changes its sign beyond its noise, of which the standard deviation is given."""
+    sure = velocity[np.abs(velocity) > max(0.02 * float(np.ptp(velocity)), 3.0 * noise)]
+    return int(np.count_nonzero(np.diff(np.sign(sure))))
 
 
 def reversals(position: Floats) -> int:

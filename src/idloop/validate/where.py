@@ -13,7 +13,7 @@ from idloop.validate.breakdown import Breakdown
 from idloop.validate.doing import Doing, doing_of
 from idloop.validate.stretch import Stretch, worst_stretches
 from idloop.validate.variables import TITLES, break_down_all
-from idloop.validate.words import percent, short
+from idloop.validate.words import beside, percent, short
 
 if TYPE_CHECKING:
     from idloop.validate.compare import Comparison
@@ -77,7 +77,8 @@ class ErrorMap:
         """Say where the error falls: what stands out, what it follows, the worst stretches."""
         of = "of the applied force" if self.basis == "force" else "of the measured motion"
         relative = f", {short(100.0 * self.relative)} % {of}" if np.isfinite(self.relative) else ""
-        found = [f"{self.name}: {self.kind}, rms {short(self.rms)} {self.unit}{relative}, mean {short(self.mean)}"]
+        mean = beside(self.mean, self.rms)
+        found = [f"{self.name}: {self.kind}, rms {short(self.rms)} {self.unit}{relative}, mean {mean}"]
         if self.why:
             found.append(f"  {self.why}")
         loud = sorted((b for b in self.breakdowns if b.stands_out), key=lambda b: b.worst.usual - b.worst.error)

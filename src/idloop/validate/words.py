@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+_NOTHING = 1e-3  # three digits of the scale
+
 
 def percent(share: float) -> str:
     """Say a share: in whole percents, or what there is below one."""
@@ -16,6 +18,11 @@ def percent(share: float) -> str:
 def short(value: float) -> str:
     """Write a number with three digits and a true minus sign."""
     return f"{value:.3g}".replace("-", "−") if value else "0"
+
+
+def beside(value: float, scale: float) -> str:
+    """Write a number as `short` does, and one that is nothing beside a scale of its own unit as 0."""
+    return short(value) if abs(value) >= _NOTHING * scale else "0"
 
 
 def range_text(variable: str, low: float, high: float, unit: str) -> str:
