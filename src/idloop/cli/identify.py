@@ -18,27 +18,35 @@ from idloop.cli._common import (
     plot_option,
     print_json,
     progress,
-    read_records,
+    read_fitted_and_unseen,
 )
 from idloop.cli._identification import (
+    Outcome,
+    best_values,
+    drawn,
+    save_model,
+    smallest_orders,
+    sweep_lines,
+)
+from idloop.cli._identification_arguments import (
     SWEPT,
     NumbersArgument,
-    Outcome,
     Sweep,
-    best_values,
     check_save,
-    drawn,
+    check_structure,
     even_grids,
     parse_structure,
     parse_sweep,
+)
+from idloop.cli._identification_tables import (
+    loop_text,
     print_details,
+    print_distortion,
     print_methods,
     print_outcomes,
     print_responses,
     print_sweep,
     print_verdicts,
-    save_model,
-    sweep_lines,
 )
 from idloop.cli._places import OUTPUT_FILE, force_option
 from idloop.cli.main import COULD_NOT, DONE
@@ -69,6 +77,18 @@ A saved model in Python, with idloop or without it:
   m = json.load(open("motor.json"))              # or numpy.load("motor.npz")
   control.ss(m["a"], m["b"], m["c"], m["d"], m["sample_time"])
 """
+
+
+class ControllerArgument(click.ParamType["dict[str, Any]"]):
+    """FILE: a preset, a model file, or a controller's section by itself."""
+
+    name = "FILE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> dict[str, Any]:
+        """Load it; an InputError says in one line what is wrong with it."""
+        from idloop.physics.controller_file import load_controller
+
+        return load_controller(value)
 
 
 @click.command(cls=ListOptionCommand, epilog=EXAMPLE)
@@ -133,7 +153,10 @@ A saved model in Python, with idloop or without it:
 )
 @click.option("--closed-loop", is_flag=True, help="Go by way of the recorded reference (iv4, bla).")
 @click.option(
-    "--controller", type=MODEL, metavar="MODEL", help="Model file whose controller ran (vodma); that of --model."
+    "--controller",
+    type=ControllerArgument(),
+    metavar="FILE",
+    help="Controller that ran (vodma): a model file, or a file with its section `controller` alone; that of --model.",
 )
 @click.option(
     "--criterion-steps",
@@ -174,7 +197,7 @@ def command(
     stable: bool,
     integrates: bool | None,
     closed_loop: bool,
-    controller: Model | None,
+    controller: dict[str, Any] | None,
     steps: int,
     sweep: str | None,
     seed: int,
@@ -207,7 +230,7 @@ def command(
         raise InputError(f"--sweep {sweep}: responses predict nothing that could be judged; sweep over models")
     if save is not None:
         check_save(save, [method.kind for method in chosen.values()], swept=over is not None)
-    law = controller or model
+    law = controller if controller is not None or model is None else model.controller
     choices = Choices(
         order=order,
         delay=delay,
@@ -221,16 +244,28 @@ def command(
         stable=stable,
         integrates=integrates,
         closed_loop=closed_loop,
-        controller=None if law is None else law.controller,
+        controller=law,
         seed=seed,
     )
+    check_structure(choices.structure, list(chosen.values()))
     note_unused(list(chosen), choices, Choices())
     signals = named_signals(bags[0], model, joint, outputs)
-    train, unseen = read_records(bags, signals), read_records(validate, signals)
+    train, unseen = read_fitted_and_unseen(bags, validate, signals)
 
     def grids(period: float) -> tuple[list[SampledData], list[SampledData]]:
         fitted = even_grids(train, period, detrend, drop)
         return fitted, even_grids(unseen, period, detrend, drop) if unseen else fitted
+
+    def loop_document(fitted: list[SampledData]) -> dict[str, Any]:
+        from idloop.estimate.feedback import bears_feedback, loop_of, suitable
+
+        loop = loop_of(fitted)
+        biased = [name for name, method in chosen.items() if loop.closed and not bears_feedback(method, choices)]
+        return loop.to_dict() | {
+            "biased_methods": biased,
+            "suitable_methods": list(suitable(loop)) if loop.closed else [],
+            "note": loop_text(loop, biased),
+        }
 
     # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.
     own = sample_time or round(train[0].sample_time, 9)
@@ -248,13 +283,14 @@ def command(
     }
     title = judged_title(unseen or train, seen=not unseen)
     with progress("identifying") as update:
+        data = grids(own)
+        document["loop"] = loop_document(data[0])
         if over is None:
-            data = grids(own)
             outcomes = run_all(list(chosen), data, choices, steps, update)
         else:
-            rows = run_sweep(list(chosen), over, grids, own, choices, steps, update)
+            rows = run_sweep(list(chosen), over, grids, data, choices, steps, update)
     if over is not None:
-        return finish_sweep(over, rows, document, steps, plot, title, as_json=as_json)
+        return finish_sweep(over, rows, data[1], document, steps, plot, title, as_json=as_json)
     return finish(outcomes, data[1], document, steps, plot, save, title, as_json=as_json)
 
 
@@ -303,7 +339,7 @@ def named_signals(bag: Path, model: Model | None, joint: str | None, outputs: Se
 def judged_title(records: Sequence[Record], *, seen: bool) -> str:
     """What the models are judged on."""
     names = ", ".join(record.name for record in records)
-    return f"{'fitted' if seen else 'validation'}: {names}"
+    return f"{'fitted' if seen else 'unseen'}: {names}"
 
 
 def run_all(
@@ -345,10 +381,12 @@ def run_one(
 ) -> Outcome:
     """Identify by one method and judge the model."""
     from idloop.estimate.identification import identify, information
+    from idloop.estimate.methods import find_method
     from idloop.validate.score import score
 
     train, judged = data
-    found = identify(train, name, choices, tell)
+    own = {degree: number for degree, number in choices.structure.items() if degree in find_method(name).polynomials}
+    found = identify(train, name, replace(choices, structure=own), tell)
     if not found.predicts:
         return Outcome(name, found)
     model: Any = found.model
@@ -359,7 +397,7 @@ def run_sweep(
     names: Sequence[str],
     sweep: Sweep,
     grids: Callable[[float], tuple[list[SampledData], list[SampledData]]],
-    own: float,
+    data: tuple[list[SampledData], list[SampledData]],
     choices: Choices,
     steps: int,
     update: Callable[..., None],
@@ -373,14 +411,13 @@ def run_sweep(
     """
     rows: list[tuple[float, Outcome]] = []
     failure: IdloopError | None = None
-    data = None if sweep.name == "sample-time" else grids(own)
     for index, value in enumerate(sweep.values):
         setting: dict[str, Any] = {} if sweep.name == "sample-time" else {sweep.name: int(value)}
         here = replace(choices, **setting)
         for number, name in enumerate(names):
             update((index + number / len(names)) / len(sweep.values), f"{name}, {sweep.name} {value:g}")
             try:
-                at = data or grids(value)
+                at = grids(value) if sweep.name == "sample-time" else data
                 rows.append((value, run_one(name, at, here, steps, lambda *_: None)))
             except IdloopError as error:
                 failure = failure or error
@@ -415,9 +452,12 @@ def finish(
         click.echo(f"{title}, every {judged[0].sample_time * 1e3:.6g} ms\n")
         print_outcomes(outcomes, steps)
         print_responses(outcomes)
+        print_distortion(outcomes)
         if len(outcomes) == 1:
             print_details(outcomes[0])
         click.echo()
+        if document["loop"]["note"]:
+            click.echo(document["loop"]["note"])
         print_verdicts(outcomes)
     for written in (save, plot):
         if written is not None:
@@ -428,6 +468,7 @@ def finish(
 def finish_sweep(
     sweep: Sweep,
     rows: list[tuple[float, Outcome]],
+    judged: list[SampledData],
     document: dict[str, Any],
     steps: int,
     plot: Path | None,
@@ -436,6 +477,8 @@ def finish_sweep(
     as_json: bool,
 ) -> int:
     """Write the figure and print the sweep."""
+    # At another sample time the free runs are not judged on the same samples, and only fewer states are simpler.
+    smallest = smallest_orders(rows, judged) if sweep.name == "order" else {}
     if plot is not None:
         from idloop.drawing import save as save_figure
         from idloop.report.identification import plot_sweep
@@ -452,10 +495,14 @@ def finish_sweep(
             }
             for value, one in rows
         ]
-        print_json({**document, "sweep": {"over": sweep.name, "rows": table, "best": best_values(rows)}})
+        print_json(
+            {**document, "sweep": {"over": sweep.name, "rows": table, "best": best_values(rows), "smallest": smallest}}
+        )
     else:
         click.echo(f"{title}\n")
-        print_sweep(sweep, rows, steps)
+        print_sweep(sweep, rows, steps, smallest)
+        if document["loop"]["note"]:
+            click.echo(document["loop"]["note"])
     if plot is not None:
         log(f"written: {plot}")
     return DONE

@@ -21,7 +21,9 @@ standard errors come out three times those of the free run on average, or eight
 times for one parameter, the disturbance and the whitening have taken model error
 for noise, and with it the trace of the parameters; if the free run then follows
 the data at all (an error below half of the measured spread, outputs averaged), its
-answer is the one to report.
+answer is the one to report. So it is where prediction cannot tell a parameter at all,
+being a thousand times less precise: a constant force may be the disturbance's own. Of
+parameters that neither can tell nothing is compared.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ NOISE_MULTIPLE = 10.0
 LEAST_MODEL_ERROR = 0.01
 PRECISION_RATIO = 3.0
 SINGLE_RATIO = 8.0
+BLIND_RATIO = 1e3
 LARGEST_FREE_RUN_ERROR = 0.5
 
 
@@ -145,7 +148,11 @@ def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> C
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.log(prediction.stderr / simulation.stderr)
-    ratios = ratios[np.isfinite(ratios)]
+    # What has no error by prediction has no trace left there beside the disturbance.
+    ratios = np.where(np.isnan(prediction.stderr) & np.isfinite(simulation.stderr), np.inf, ratios)
+    hidden = ratios > np.log(BLIND_RATIO)
+    blind = [name for name, one in zip(prediction.names, hidden, strict=True) if one]
+    ratios = ratios[np.isfinite(ratios) & ~hidden]
     ratio = float(np.exp(np.mean(ratios))) if len(ratios) else 1.0
     largest = float(np.exp(np.max(ratios))) if len(ratios) else 1.0
     error = np.concatenate([r.value for r in simulation.residuals])
@@ -154,6 +161,12 @@ def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> C
     left = np.sqrt(np.nanmean(error[:, seen] ** 2, axis=0))
     spread = np.nanstd(measured[:, seen], axis=0)
     follows = bool(np.mean(left / np.maximum(spread, 1e-300)) < LARGEST_FREE_RUN_ERROR)
+    if blind and follows and simulation.converged:
+        return Choice(
+            "simulation",
+            f"prediction cannot tell {' and '.join(blind)} from a disturbance that its noise model allows; the free run"
+            " can",
+        )
     if (ratio > PRECISION_RATIO or largest > SINGLE_RATIO) and follows and simulation.converged:
         return Choice(
             "simulation",

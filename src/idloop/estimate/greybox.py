@@ -22,6 +22,7 @@ from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.solve import Solution, instrument, solve, typical_size
 from idloop.estimate.spread import problem_covariance
 from idloop.estimate.uncertainty import bounded, findings, ties
+from idloop.estimate.undetermined import common_scale, exactly_tied
 
 if TYPE_CHECKING:
     from idloop.physics import Engine, Model
@@ -32,6 +33,9 @@ Progress = Callable[[float, str], None]
 
 # Share of noise in the acceleration beyond which a force balance is not even a start.
 _HOPELESS_NOISE = 0.3
+
+# A loss that is larger by less than this is no other fit.
+_NO_WORSE = 1.01
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
 
@@ -82,6 +86,9 @@ def fit(
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     tell = progress or (lambda share, text: None)
     engine = RememberingEngine(model)
+    scale = common_scale(engine, data)
+    if scale is not None:
+        return scale.of_all(model, fit(scale.fixed(model), records, criterion, progress))
     noise = output_noise(model, data)
     tell(0.0, "looking at the data")
     short = openings(data) if criterion == "simulation" else None
@@ -111,12 +118,16 @@ def fit(
     if chosen == "force":
         if balance is None:
             raise IdloopError("the force balance cannot be evaluated at the starting values")
-        return _conclude(engine, model, data, balance, why, noise)
+        result = _conclude(engine, model, data, balance, why, noise)
+        return _without_ties(model, records, criterion, tell, result, balance) or result
     starts = [start] if balance is None else [start, balance.theta]
     tell(0.1, f"{chosen} criterion")
     best = _search(engine, model, data, noise, chosen, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
     tell(0.75, "standard errors")
     result = _conclude(engine, model, data, best, why, noise)
+    alone = _without_ties(model, records, criterion, tell, result, best)
+    if alone is not None:
+        return alone
     if criterion != "auto":
         return result
     tell(0.8, "free run, to compare with")
@@ -128,6 +139,27 @@ def fit(
     tell(0.95, "comparing the criteria")
     final = between(result, free, data)
     return replace(free if final.criterion == "simulation" else result, why=final.why)
+
+
+def _without_ties(
+    model: Model,
+    records: Sequence[Record],
+    criterion: str,
+    tell: Progress,
+    result: FitResult,
+    solution: Solution,
+) -> FitResult | None:
+    """The fit again with one of the parameters held that nothing tells apart; None without any, or where it is worse.
+
+    Along what changes nothing a search may have run far, to where rounding and bounds do.
+    """
+    together = exactly_tied(model, solution.jacobian)
+    if together is None:
+        return None
+    settled = fit(together.fixed(model), records, criterion, lambda share, text: tell(0.8 + 0.2 * share, text))
+    if settled.criterion == result.criterion and settled.loss > _NO_WORSE * result.loss:
+        return None
+    return together.of_all(model, settled)
 
 
 def _search(

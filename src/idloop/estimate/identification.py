@@ -9,7 +9,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.information import Information, of_errors
+from idloop.estimate.information import Information, independent_share, of_errors
 from idloop.estimate.method import Choices, Identified, Method, Trial
 from idloop.estimate.methods import find_method
 
@@ -28,7 +28,7 @@ def identify(
     choices: Choices | None = None,
     progress: Progress = lambda fraction, note: None,
 ) -> Identified:
-    """Identify by any method; of several orders and delays the least BIC on these data wins.
+    """Identify by any method; of several orders and delays the least BIC on these data wins (`Method.selects`).
 
     Parameters
     ----------
@@ -51,31 +51,33 @@ def identify(
     from idloop.estimate.sampled import together
 
     found, chosen = find_method(method), choices or Choices()
+    _check_structure(found, chosen)
     experiments = together(data)
+    _check_outputs(found, experiments)
     orders, delays = _orders(found, chosen), _delays(found, chosen, experiments)
     tries = list(product(orders, delays))
     if len(tries) == 1:
         return _tried(found, experiments, chosen, *tries[0])
-    best: Identified | None = None
-    least = float("inf")
+    models: list[Identified] = []
     trials: list[Trial] = []
     failure: IdloopError | None = None
     for index, (order, delay) in enumerate(tries):
         progress(index / len(tries), f"order {order}, delay {delay}" if "delay" in found.needs else f"order {order}")
         try:
-            one = _tried(found, experiments, chosen, order, delay)
+            models.append(_tried(found, experiments, chosen, order, delay))
         except IdloopError as error:
             failure = failure or error
             trials.append(Trial(order, delay, error=str(error)))
             continue
-        bic = information(one, experiments).bic
-        trials.append(Trial(order, delay, bic))
-        # Written so that a model whose errors overflow never wins over one that has a BIC.
-        if best is None or bic < least or not isfinite(least):
-            best, least = one, bic
-    if best is None:
+        trials.append(Trial(order, delay))
+    if not models:
         raise failure or IdloopError(f"{method}: nothing to try")
-    return replace(best, trials=tuple(trials))
+    criteria = _criteria(models, experiments)
+    known = iter(criteria)
+    trials = [trial if trial.error else replace(trial, bic=next(known)) for trial in trials]
+    # A model whose errors overflow never wins over one that has a BIC.
+    best = min(range(len(models)), key=lambda place: (not isfinite(criteria[place]), criteria[place], place))
+    return replace(models[best], trials=tuple(trials))
 
 
 def information(found: Identified, data: Sequence[SampledData]) -> Information:
@@ -96,6 +98,52 @@ def information(found: Identified, data: Sequence[SampledData]) -> Information:
     network: Any = found.model
     errors = [network.innovations(one)[network.first :] for one in data]
     return of_errors(np.concatenate(errors), network.free)
+
+
+def _check_structure(method: Method, choices: Choices) -> None:
+    """Refuse degrees that would be passed over in silence."""
+    unknown = [name for name in choices.structure if name not in method.polynomials]
+    if unknown:
+        own = f"its polynomials are {', '.join(method.polynomials)}" if method.polynomials else "it has no polynomials"
+        raise InputError(f"{method.name}: structure names {', '.join(unknown)}; {own}")
+    if choices.structure.get("nb") == 0:
+        raise InputError(f"{method.name}: with nb = 0 the command has no effect in the model; take 1 or more")
+
+
+def _check_outputs(method: Method, data: Sequence[SampledData]) -> None:
+    """Refuse outputs whose errors have no determinant: a model of one of them is one of all."""
+    import numpy as np
+
+    from idloop.estimate.collinear import move_together
+
+    if method.kind != "response" and move_together(np.vstack([one.output for one in data])):
+        raise InputError(
+            f"{data[0].name}: the outputs {', '.join(data[0].output_names)} move together at every sample, one is a"
+            " combination of the others; identify one of them (--output)"
+        )
+
+
+def _criteria(models: Sequence[Identified], data: Sequence[SampledData]) -> list[float]:
+    """Criterion of each that chooses between orders and delays; NaN or infinite of a free run that runs away.
+
+    Errors of a free run are as coloured as the disturbance, which no order of the model makes white: only the share of
+    them that is independent in the best one counts.
+    """
+    import numpy as np
+
+    if models[0].method.selects == "prediction":
+        return [information(one, data).bic for one in models]
+    told: list[tuple[Information, Any]] = []
+    for found in models:
+        model: Any = found.model
+        with np.errstate(all="ignore"):
+            errors = np.concatenate([one.output - model.simulate(one) for one in data])
+            told.append((of_errors(errors, model.free), errors))
+    finite = [one for one in told if isfinite(one[0].loss)]
+    if not finite:
+        return [one.bic for one, _ in told]
+    share = independent_share(min(finite, key=lambda one: one[0].loss)[1])
+    return [replace(one, samples=share * one.samples).bic for one, _ in told]
 
 
 def _tried(

@@ -25,7 +25,7 @@ class Choices:
     Attributes
     ----------
     order : int, tuple of int or "auto"
-        Number of states, or degree of every polynomial; of several the one with the least BIC.
+        Number of states, or degree of every polynomial; of several the one with the least BIC (`Method.selects`).
     delay : int, tuple of int or "auto"
         Lag of the first coefficient of B [samples].
     structure : mapping of str to int
@@ -114,6 +114,12 @@ class Identified:
     history: tuple[CoefficientHistory, ...] = ()
 
     @property
+    def at_limit(self) -> bool:
+        """Whether the order is the highest of several that were tried, so that a higher one might be better."""
+        tried = {trial.order for trial in self.trials if isinstance(trial.order, int)}
+        return len(tried) > 1 and self.order == max(tried)
+
+    @property
     def predicts(self) -> bool:
         """Whether the result simulates and predicts; responses do not."""
         return self.method.kind != "response"
@@ -125,12 +131,26 @@ class Identified:
 
         return self.model if isinstance(self.model, LinearModel) else None
 
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the result as it draws itself: Bode diagram, impulse response or training of a network.
+
+        Parameters
+        ----------
+        axes : matplotlib axes, optional
+
+        Returns
+        -------
+        matplotlib axes
+        """
+        return self.model.plot(axes)
+
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
         return {
             "method": self.method.name,
             "kind": self.method.kind,
             "order": self.order,
+            "order_at_limit": self.at_limit,
             "delay": self.delay,
             "trials": [vars(trial) for trial in self.trials],
             "model": self.model.to_dict(),
@@ -157,6 +177,9 @@ class Method:
         Degrees that `Choices.structure` may set.
     automatic : tuple of int
         Orders tried for "auto"; empty where the method chooses itself.
+    selects : "prediction" or "free run"
+        Errors whose BIC chooses between orders. Instrumental variables and output errors have no noise model: errors
+        one step ahead say nothing of theirs.
     """
 
     name: str
@@ -168,3 +191,4 @@ class Method:
     run: Callable[..., Any]
     polynomials: tuple[str, ...] = ()
     automatic: tuple[int, ...] = ()
+    selects: Literal["prediction", "free run"] = "prediction"

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
 from idloop.estimate.method import Choices, Method
 from idloop.spelling import did_you_mean_or_known
 
@@ -177,16 +177,14 @@ def _pbsid(data: list[SampledData], choices: Choices, order: int | Literal["auto
 def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
     from idloop.control.linear import linear_feedback
     from idloop.estimate.subspace import vodma
+    from idloop.estimate.subspace.recorded_command import controller_notes
 
     if choices.controller is None:
-        raise InputError("vodma needs the controller that ran; give a model file with one: --controller MODEL")
-    period, own = data[0].sample_time, float(choices.controller.get("sample_time", data[0].sample_time))
-    feedback = linear_feedback(choices.controller, period)
+        raise InputError("vodma needs the controller that ran; give a file with one: --controller FILE")
+    feedback = linear_feedback(choices.controller, data[0].sample_time)
+    notes = controller_notes(choices.controller, data)
     model = vodma(data, feedback, order, horizon=choices.horizon, **_poles(choices))
-    if abs(period - own) <= 1e-3 * period:
-        return model
-    note = f"the controller ran every {own:g} s and is only approximated on data every {period:g} s"
-    return replace(model, notes=(*model.notes, f"{note}; identify at its period"))
+    return replace(model, notes=(*model.notes, *notes))
 
 
 def _vodma_direct(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
@@ -206,9 +204,16 @@ def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"]
         )
     weighed = _weighed(data, choices)
     # One-step errors suit any loop, and so does the start for them; free runs are for the open one, as their start is.
-    begin = _n4sid if choices.focus == "simulation" else _pbsid
-    start = begin(prefiltered(data, weighed["prefilter"]), choices, order, 1)
-    return prediction_error(data, start, focus=choices.focus, **weighed)
+    if choices.focus == "simulation":
+        start = _n4sid(prefiltered(data, weighed["prefilter"]), choices, order, 1)
+        return prediction_error(data, start, focus="simulation", **weighed)
+    start = _pbsid(data, choices, order, 1)
+    try:
+        # Where sensor noise is all there is, the way from a subspace method's Kalman gain to none is long and bent.
+        quiet = prediction_error(data, start, focus="simulation")
+    except IdloopError:
+        return prediction_error(data, start)
+    return prediction_error(data, min(quiet, start, key=lambda model: model.loss))
 
 
 # ---------------------------------------------------------------- networks
@@ -346,6 +351,7 @@ METHODS: dict[str, Method] = {
             "iv4", "linear", "Instrumental variables: right whatever the noise, without a search.",
             "open, with --closed-loop by the reference", f"{_LJUNG}, 15.3; Gilson and Van den Hof 2005",
             ("order", "delay", "structure", "closed_loop", "band"), _iv4, ("na", "nb"), _ORDERS,
+            "free run",
         ),
         Method(
             "armax", "linear", "Disturbances that enter where the command does.", "any, noise model right",
@@ -354,7 +360,7 @@ METHODS: dict[str, Method] = {
         Method(
             "oe", "linear", "The best free run: sensor noise, simulation, control design.",
             "open; closed in white noise only", f"{_LJUNG}, 4.2",
-            ("order", "delay", "structure", "band"), _oe, ("nb", "nf"), _ORDERS,
+            ("order", "delay", "structure", "band"), _oe, ("nb", "nf"), _ORDERS, "free run",
         ),
         Method(
             "bj", "linear", "Plant and noise share nothing.", "any, noise model right", f"{_LJUNG}, 4.2",

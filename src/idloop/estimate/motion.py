@@ -30,6 +30,8 @@ _ENERGY_SHARE = 0.999
 _FILTER_RATIO = 10.0
 # Forces are compared in the lower part of the filter's band, where it is flat.
 _COMPARISON_RATIO = 0.4
+# Slower than so many standard deviations of its noise, a velocity does not tell motion from standstill.
+_REST = 3.0
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class Motion:
     noise : array, shape (bodies, 3)
         Standard deviations of the measurement noise of position, velocity and acceleration in the band in which
         forces are compared.
+    velocity_noise : array, shape (bodies,)
+        Standard deviation of what of the measurement noise is left in `velocity`, up to the cut-off.
     cutoff : float
         Cut-off of the differentiating filter [Hz].
     """
@@ -57,12 +61,18 @@ class Motion:
     acceleration: Array
     noise_share: Array
     noise: Array
+    velocity_noise: Array
     cutoff: float
 
     @property
     def sample_time(self) -> float:
         """Grid step [s]."""
         return float(self.time[1] - self.time[0])
+
+    @property
+    def rest_speed(self) -> Array:
+        """Speed of every body below which it counts as standing, shape (bodies,)."""
+        return _REST * self.velocity_noise
 
     @property
     def comparison_band(self) -> float:
@@ -233,18 +243,19 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
         acceleration=np.column_stack([c[2] for c in columns]),
         noise_share=np.array([c[3] for c in columns]),
         noise=np.stack([c[4] for c in columns]),
+        velocity_noise=np.array([c[5] for c in columns]),
         cutoff=cutoff,
     )
 
 
 def _body(
     place: Array | None, speed: Array | None, cutoff: float, step: float
-) -> tuple[Array, Array, Array, float, Array]:
+) -> tuple[Array, Array, Array, float, Array, float]:
     """Motion of one body from whichever sensor gives the quieter acceleration."""
     white = {order: noise_std(one) for order, one in enumerate((place, speed)) if one is not None}
     # Of equals the position goes first.
     order = min(white, key=lambda k: float(_noise(k, white[k], cutoff, step)[2]))
-    noise = float(_noise(order, white[order], cutoff, step)[2])
+    passed = _noise(order, white[order], cutoff, step)
     band, first = _COMPARISON_RATIO * cutoff, min(white)
     compared = _noise(first, white[first], band, step)
     compared[order:] = _noise(order, white[order], band, step)[order:]
@@ -258,8 +269,8 @@ def _body(
         position = travelled if place is None else low_pass(place, cutoff, step)
     acceleration = differentiate(velocity, step)
     power = float(np.var(acceleration))
-    share = float(min(noise / power, 1.0)) if power > 0 else 1.0
-    return position, velocity, acceleration, share, np.sqrt(compared)
+    share = float(min(passed[2] / power, 1.0)) if power > 0 else 1.0
+    return position, velocity, acceleration, share, np.sqrt(compared), float(np.sqrt(passed[1]))
 
 
 def _noise(order: int, white: float, band: float, step: float) -> Array:

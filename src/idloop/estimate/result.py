@@ -38,6 +38,29 @@ class RecordResidual:
 
 
 @dataclass(frozen=True)
+class Ratio:
+    """Quotient of two parameters that the data tell although they tell neither of the two.
+
+    Attributes
+    ----------
+    name : str
+        ``first / second``.
+    value, stderr : float
+    unit : str
+    """
+
+    name: str
+    value: float
+    stderr: float
+    unit: str
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % confidence interval."""
+        return _interval(self.value, self.stderr)
+
+
+@dataclass(frozen=True)
 class FitResult:
     """A fitted model with its uncertainty.
 
@@ -70,6 +93,10 @@ class FitResult:
         One line each.
     samples, iterations : int
     converged : bool
+    orders : tuple of int
+        Of the autoregressions that whiten the errors.
+    ratios : tuple of Ratio
+        What is known of parameters that the data tell only together.
     """
 
     model: Model
@@ -91,6 +118,7 @@ class FitResult:
     iterations: int
     converged: bool
     orders: tuple[int, ...] = field(default=())
+    ratios: tuple[Ratio, ...] = ()
 
     @property
     def correlation(self) -> Array:
@@ -125,13 +153,12 @@ class FitResult:
         low, high : float
         """
         index = self.names.index(name)
-        reach = 1.959963984540054 * self.stderr[index]
-        return float(self.values[index] - reach), float(self.values[index] + reach)
+        return _interval(float(self.values[index]), float(self.stderr[index]))
 
     def summary(self) -> str:
         """Return the result as a text table."""
         units = {p.name: p.unit for p in self.model.parameters}
-        width = max([len(n) for n in self.names] + [9])
+        width = max(len(n) for n in ("parameter", *self.names, *(ratio.name for ratio in self.ratios)))
         lines = [
             f"{self.model.name}: {self.criterion} criterion ({self.why})",
             f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>25}  unit",
@@ -142,6 +169,11 @@ class FitResult:
             mark = "  at bound" if name in self.at_bound else ""
             error = f"{stderr:.2g}" if np.isfinite(stderr) else "-"
             lines.append(f"{name:<{width}}  {value:>12.6g}  {error:>10}  {span:>25}  {units[name]}{mark}")
+        for ratio in self.ratios:
+            span = "{:.5g} .. {:.5g}".format(*ratio.interval)
+            lines.append(
+                f"{ratio.name:<{width}}  {ratio.value:>12.6g}  {ratio.stderr:>10.2g}  {span:>25}  {ratio.unit}"
+            )
         lines.append(f"loss {self.loss:.6g}, FPE {self.fpe:.6g}, {self.samples} samples")
         lines += [f"warning: {text}" for text in self.warnings]
         return "\n".join(lines)
@@ -168,6 +200,15 @@ class FitResult:
             "criterion": self.criterion,
             "why": self.why,
             "parameters": parameters,
+            "ratios": {
+                ratio.name: {
+                    "value": number(ratio.value),
+                    "stderr": number(ratio.stderr),
+                    "interval": [number(end) for end in ratio.interval],
+                    "unit": ratio.unit,
+                }
+                for ratio in self.ratios
+            },
             "correlation": [[number(v) for v in row] for row in self.correlation],
             "loss": number(self.loss),
             "fpe": number(self.fpe),
@@ -200,3 +241,9 @@ class FitResult:
         axes[0].set_title(f"{self.model.name}: what the {self.criterion} criterion leaves over")
         axes[-1].set_xlabel("time [s]")
         return axes
+
+
+def _interval(value: float, stderr: float) -> tuple[float, float]:
+    """95 % confidence interval of a normal estimate."""
+    reach = 1.959963984540054 * stderr
+    return float(value - reach), float(value + reach)

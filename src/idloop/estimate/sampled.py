@@ -39,6 +39,10 @@ class SampledData:
         Instant of the first sample on the record's time axis [s].
     reference : ndarray, shape (n,), or None
         What the controller followed, the excitation included, in the unit of the position.
+    reference_velocity : ndarray, shape (n,), or None
+        Its velocity, where one was recorded.
+    feedforward : ndarray, shape (n,), or None
+        What the excitation added to the command [`input_units`].
 
     Raises
     ------
@@ -56,6 +60,8 @@ class SampledData:
     output_units: tuple[str, ...] = ("-",)
     start: float = 0.0
     reference: Array | None = None
+    reference_velocity: Array | None = None
+    feedforward: Array | None = None
 
     def __post_init__(self) -> None:
         for what, value, names in (
@@ -103,7 +109,9 @@ class SampledData:
             input=self.input[first:last],
             output=self.output[first:last],
             start=self.start + first * self.sample_time,
-            reference=None if self.reference is None else self.reference[first:last],
+            reference=_part(self.reference, slice(first, last)),
+            reference_velocity=_part(self.reference_velocity, slice(first, last)),
+            feedforward=_part(self.feedforward, slice(first, last)),
         )
 
     def outputs(self, columns: Sequence[int]) -> SampledData:
@@ -160,7 +168,9 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
             f"{record.name}: no stretch of {_SHORTEST} samples in which every output is measured;"
             " record for longer or leave out the output that is missing"
         )
-    reference = _reference(grid)
+    reference = _held_sum(grid, ("reference", 0), ("excitation", 0))
+    velocity = _held_sum(grid, ("reference", 1))
+    feedforward = _held_sum(grid, ("excitation", 1))
     return [
         SampledData(
             name=record.name,
@@ -172,7 +182,9 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
             output_names=record.output_names,
             output_units=record.output_units,
             start=float(grid.time[stretch.start]),
-            reference=None if reference is None else reference[stretch],
+            reference=_part(reference, stretch),
+            reference_velocity=_part(velocity, stretch),
+            feedforward=_part(feedforward, stretch),
         )
         for stretch in stretches
     ]
@@ -232,18 +244,20 @@ def _runs(known: NDArray[np.bool_]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _reference(record: Record) -> Array | None:
-    """Position that the controller follows at each sample: the reference and what the excitation adds to it."""
+def _part(value: Array | None, stretch: slice) -> Array | None:
+    return None if value is None else value[stretch]
+
+
+def _held_sum(record: Record, *columns: tuple[str, int]) -> Array | None:
+    """Sum of columns of the reference and the excitation at each sample; None where none of them says anything."""
     from idloop.records.filtering import resample_held
 
     total: Array | None = None
-    for when, what in (
-        (record.reference_time, record.reference),
-        (record.excitation_time, record.excitation),
-    ):
-        if when is None or what is None or not np.any(np.isfinite(what[:, 0])):
+    for name, column in columns:
+        when, what = getattr(record, f"{name}_time"), getattr(record, name)
+        if when is None or what is None or not np.any(np.isfinite(what[:, column])):
             continue
         # Before its first sample, and where it says nothing, a signal adds nothing.
-        held = np.nan_to_num(resample_held(when, what[:, 0], record.time))
+        held = np.nan_to_num(resample_held(when, what[:, column], record.time))
         total = held if total is None else total + held
     return total

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.estimate.bode_labels import ratio_unit
 from idloop.report.comparison import legend_above
 
 if TYPE_CHECKING:
@@ -155,13 +156,6 @@ def plot_sweep(name: str, unit: str | None, lines: Sequence[SweepLine], steps: i
     return figure
 
 
-def _ratio(output: str, given: str) -> str:
-    """Unit of a response."""
-    if given == "-":
-        return output
-    return f"{'1' if output == '-' else output}/{f'({given})' if set(given) & set('/·') else given}"
-
-
 def _whole_numbers(axes: Axes) -> None:
     from matplotlib.ticker import MaxNLocator
 
@@ -200,6 +194,7 @@ def _draw_bode(
     grid = _frequencies(bode, data)
     # Models first: a measured phase is drawn at the turn that lies nearest to theirs.
     nearest: tuple[Array, Array] | None = None
+    shaded = False
     for one in sorted(bode, key=lambda one: one.found.linear is None):
         frequency, value, size_error, angle_error = _response(one.found, column, grid)
         look = _look(one, drawn)
@@ -213,6 +208,7 @@ def _draw_bode(
             look = {"color": look["color"], "linestyle": "none", "marker": ".", "markersize": 2}
         drawing.line(magnitude, frequency, size, **look)
         drawing.line(phase, frequency, angle, **look)
+        shaded = shaded or banded
         if banded:
             shade = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
             # A band that reaches zero has no lower edge on a logarithmic axis: it ends below the curve.
@@ -220,10 +216,16 @@ def _draw_bode(
             magnitude.fill_between(frequency, lower, size + size_error, **shade)
             turn = np.minimum(np.degrees(angle_error), 180.0)
             phase.fill_between(frequency, angle - turn, angle + turn, **shade)
-    magnitude.set(xscale="log", yscale="log", title=f"{data.input_names[0]} → {data.output_names[column]}")
-    magnitude.set_ylabel(drawing.label("magnitude", _ratio(data.output_units[column], data.input_units[0])))
+        distortion = getattr(one.found.model, "distortion", None)
+        if distortion is not None:
+            distortion.draw_levels(magnitude, column)
+            legend_above(magnitude, 2)
+    bands = ", bands of 95 %" if shaded else ""
+    magnitude.set(xscale="log", yscale="log")
+    magnitude.set_title(f"{data.input_names[0]} → {data.output_names[column]}{bands}", loc="left")
+    magnitude.set_ylabel(drawing.label("magnitude", ratio_unit(data.output_units[column], data.input_units[0])))
     magnitude.tick_params(labelbottom=False)
-    phase.set_ylabel(drawing.label("phase, 95 % bands", "deg"))
+    phase.set_ylabel(drawing.label("phase", "deg"))
     phase.set_xlabel(drawing.label("frequency", "Hz"))
 
 
@@ -270,7 +272,7 @@ def _draw_impulses(axes: Axes, impulses: Sequence[Drawn], drawn: Sequence[Drawn]
             model.time, model.response[:, column], half, fmt=".", color=color, markersize=4, linewidth=0.6,
             label="with 95 % bands",
         )  # fmt: skip
-        axes.set_ylabel(drawing.label("weight", _ratio(model.output_units[column], model.input_unit)))
+        axes.set_ylabel(drawing.label("weight", ratio_unit(model.output_units[column], model.input_unit)))
         axes.set_title(f"{model.input_name} → {model.output_names[column]}")
     axes.set_xlabel(drawing.label("lag", "s"))
     axes.legend()

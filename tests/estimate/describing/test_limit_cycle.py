@@ -53,6 +53,14 @@ def test_saturation_closed_solution(gain: float, limit: float) -> None:
     assert found[0].stable
 
 
+def test_limit_cycles_print_as_one_line() -> None:
+    text = repr(limit_cycles(8.0 * LAG, Saturation(1.0), unit="V"))
+    assert text.startswith("LimitCycles(saturation: stable: ")
+    assert " V at 0.1592 Hz" in text
+    assert "\n" not in text
+    assert repr(limit_cycles(0.5 * LAG, Saturation(1.0))).endswith(": none)")
+
+
 def test_as_python_control_finds_it() -> None:
     system = control.tf([8.0], [1.0, 2.0, 2.0, 1.0])
     theirs = control.describing_function_response(

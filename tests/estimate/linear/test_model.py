@@ -109,3 +109,18 @@ def test_the_bode_diagram_names_units():
     magnitude, phase = model().plot()
     assert magnitude.get_ylabel() == "magnitude [rad/V]"
     assert phase.get_xlabel() == "frequency [Hz]"
+
+
+def test_a_noisy_output_does_not_spoil_what_a_quiet_one_tells_of_the_first_state():
+    # Both show the same integrator, one with a thousand times the noise.
+    pair = model(
+        gain=np.zeros((1, 2)), a=np.array([[1.0]]), b=np.array([[1.0]]), c=np.array([[1.0], [1.0]]), d=np.zeros((2, 1)),
+        covariance=np.eye(2), output_names=("quiet", "loud"), output_units=("rad", "rad"),
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=(400, 1))
+    motion = 0.7 + np.concatenate([[0.0], np.cumsum(u[:-1, 0])])
+    noise = rng.normal(size=(400, 2)) * [1e-3, 1.0]
+    data = SampledData("pair", u, motion[:, None] + noise, 0.1, ("u",), ("V",), ("quiet", "loud"), ("rad", "rad"))
+    assert np.std(pair.innovations(data)[:, 0]) < 1.1e-3
+    assert abs(np.mean(pair.simulate(data)[:, 0] - motion)) < 2e-4

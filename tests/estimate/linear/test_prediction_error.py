@@ -293,7 +293,7 @@ def test_an_unstable_plant_is_refined_by_its_stable_predictor():
     np.testing.assert_allclose(without.covariance, found.covariance, rtol=1e-3)
     with pytest.raises(InputError, match="predictor A - K C is unstable"):
         prediction_error(data, replace(true, gain=np.zeros((2, 1))), free={"b": True})
-    with pytest.raises(InputError, match='its free run overflows on the data; refine it with focus="prediction"'):
+    with pytest.raises(InputError, match='its free run overflows on the data; refine it with focus "prediction"'):
         prediction_error(data, off(true, 0.02), focus="simulation")
 
 

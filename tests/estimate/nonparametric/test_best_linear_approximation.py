@@ -34,6 +34,9 @@ def test_a_cube_changes_the_gain_and_adds_distortion_that_is_no_noise(plant):
     assert np.mean(estimate.response[:, 0, 0] / true) == pytest.approx(gain, abs=0.005)
     relative = estimate.distortion.stochastic[:, 0] / np.abs(true)
     assert np.sqrt(np.mean(relative**2)) == pytest.approx(0.038, rel=0.1)
+    (shares,) = estimate.distortion.shares(estimate.response[:, :, 0])
+    assert shares["stochastic"] > 10.0 * shares["noise"] > 0.0
+    assert np.isnan(shares["even"])  # no line was left empty
     # At the highest lines, where the plant hardly answers, noise comes near.
     assert np.median(estimate.distortion.stochastic / estimate.distortion.noise) > 5
 

@@ -37,6 +37,18 @@ def test_feedback_shows_at_negative_lags(plant):
     assert cra(plant.open_loop(0), 20).notes == ()
 
 
+def test_a_held_command_in_an_open_loop_is_not_called_feedback(plant):
+    told = 0
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        held = np.repeat(random.choice([-1.0, 1.0], 500), 6)[:, None]
+        output = signal.lfilter([0.0, 0.1], [1.0, -0.9], held[:, 0])[:, None] + 0.02 * random.normal(size=(3000, 1))
+        said = " ".join(cra(plant.pack(held, output), 40).notes)
+        assert "the input follows the output" not in said
+        told += "smears" in said
+    assert told > 0
+
+
 def test_a_delay_is_seen(plant):
     data = plant.open_loop(2, 5000, noise=0.01)
     late = plant.pack(data.input, np.roll(data.output, 5, axis=0))

@@ -225,3 +225,63 @@ def test_the_result_shows_itself(plant):
     np.testing.assert_allclose(system.omega, 2 * np.pi * estimate.frequency)
     assert system.dt == plant.sample_time
     assert len(etfe(plant.open_loop(0)).plot()) == 2
+
+
+def resonant(integrates=False, samples=6000, seed=0):
+    """Velocity or position of an axis with a resonance at 12 Hz, every 5 ms, and its true response."""
+    step, pole = 0.005, np.exp(0.005 * 2 * np.pi * 12.0 * (-0.05 + 1j))
+    a = np.real(np.poly([pole, pole.conj(), *([1.0] if integrates else [])]))
+    random = np.random.default_rng(seed)
+    u = random.choice([-1.0, 1.0], samples)
+    y = signal.lfilter([0.0, 1.0], a, u) + 0.1 * random.normal(size=samples)
+    data = SampledData("axis", u[:, None], y[:, None], step)
+    return data, lambda hz: signal.freqz([0.0, 1.0], a, worN=2 * np.pi * np.asarray(hz) * step)[1]
+
+
+def test_the_usual_lag_window_shows_a_resonance_and_a_short_one_says_that_it_does_not():
+    data, true = resonant()
+    usual, short = spa(data), spa(data, 30)
+    heights = [np.max(np.abs(one.response[:, 0, 0])) / np.max(np.abs(true(one.frequency))) for one in (usual, short)]
+    assert heights[0] > 0.9
+    assert heights[1] < 0.7
+    assert not usual.notes
+    assert len(short.notes) == 1
+    assert "smoothed too much, near 1" in short.notes[0]
+    assert "window of 60 samples" in short.notes[0]
+
+
+def test_the_usual_window_and_its_lines_grow_with_the_record():
+    short, long = (spa(resonant(samples=n)[0]) for n in (3000, 12000))
+    assert long.resolution == pytest.approx(short.resolution / 4, rel=0.02)
+    for one in (short, long):
+        assert np.max(np.diff(one.frequency)) <= 0.51 * one.resolution
+
+
+def test_lines_by_one_transform_are_those_asked_for_by_frequency():
+    data = resonant()[0]
+    for window in (50, 400):
+        all_lines = spa(data, window)
+        some = spa(data, window, all_lines.frequency[10:90])
+        np.testing.assert_allclose(some.response, all_lines.response[10:90], rtol=1e-8)
+
+
+def test_an_axis_that_turns_on_does_not_hide_its_response_behind_low_frequencies():
+    data, true = resonant(integrates=True)
+    found = spa(data)
+    seen = (found.frequency > 1.0) & (found.frequency < 30.0)
+    error = np.abs(found.response[:, 0, 0] / true(found.frequency) - 1.0)[seen]
+    assert np.median(error) < 0.1
+    inside = np.abs(found.response[:, 0, 0] - true(found.frequency)) <= found.radius()[:, 0, 0]
+    assert np.mean(inside) > 0.85
+
+
+def test_the_resolution_is_the_width_of_the_window_at_half_its_height():
+    data, segment, step = resonant()[0], 512, 0.005
+    fine = np.abs(np.fft.rfft(signal.get_window("hann", segment), 64 * segment)) ** 2
+    width = 2 * np.argmax(fine < 0.5 * fine[0]) / (64 * segment * step)
+    assert welch(data, segment).resolution == pytest.approx(width, rel=0.03)
+    lag = np.abs(np.fft.fft(signal.get_window("hann", 600), 64 * 600))
+    width = 2 * np.argmax(lag < 0.5 * lag[0]) / (64 * 600 * step)
+    assert spa(data, 300).resolution == pytest.approx(width, rel=0.03)
+    assert etfe(data, 2.0).resolution == pytest.approx(2.0, rel=0.05)
+    assert etfe(data).resolution is None

@@ -65,6 +65,20 @@ def test_instruments_have_no_bias_where_least_squares_has(made):
     assert np.max(np.abs(biased.mean(axis=0) - TRUE)) > 0.05
 
 
+@pytest.mark.parametrize("order", (3, 4))
+def test_instruments_find_a_resonance_in_sensor_noise_that_turns_least_squares_upside_down(order):
+    # Least squares of this order put a pole outside the circle, and instruments of such a model are of no use.
+    pole = np.exp(2 * np.pi * 12.0 * 0.005 * (-0.05 + 1j))
+    a = np.real(np.poly([pole, pole.conj(), 0.975]))
+    random = np.random.default_rng(0)
+    u = np.repeat(random.choice([-1.0, 1.0], 3000), 2)
+    clean = lfilter([0.0, 1.0, -1.8, 0.9], a, u)
+    y = clean + 0.1 * np.std(clean) * random.normal(size=u.size)
+    found = iv4(SampledData("axis", u[:, None], y[:, None], 0.005), order, order)
+    free = found.simulate(SampledData("axis", u[:, None], clean[:, None], 0.005))[:, 0]
+    assert np.std(free - clean) < 0.02 * np.std(clean)
+
+
 def test_feedback_biases_instruments_of_the_command_but_not_least_squares_of_the_true_structure(looped):
     data = looped(20000, 1, c=(1.0, 0.0))
     assert values(arx(data, 1, 1)) == pytest.approx([-0.8, 1.0], abs=0.03)

@@ -114,6 +114,15 @@ class LimitCycles:
     response: Complexes
     unit: str = ""
 
+    def __repr__(self) -> str:
+        """Name the element and its cycles; the curves are what `plot` and `to_dict` are for."""
+        unit = f" {self.unit}" if self.unit else ""
+        told = [
+            f"{'stable' if one.stable else 'unstable'}: {one.amplitude:.4g}{unit} at {one.frequency:.4g} Hz"
+            for one in self.cycles
+        ]
+        return f"LimitCycles({self.name}: {'; '.join(told) or 'none'})"
+
     @property
     def stable(self) -> tuple[LimitCycle, ...]:
         """Those that the loop settles on."""

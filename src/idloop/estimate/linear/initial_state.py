@@ -12,8 +12,15 @@ Array = NDArray[np.float64]
 _LONGEST = 20_000  # samples: a mode that has not died away by then drifts in everything that follows as well
 
 
+_WEIGHINGS = 3  # rounds: the errors give the weights, and the weights the errors
+_LEAST_SHARE = 1e-9  # of an output's size: errors below are rounding
+
+
 def initial_state(a: Array, c: Array, rest: Array) -> Array:
     """State that explains best what the model's response from rest leaves of the outputs.
+
+    Each output counts in units of its own errors, so that a noisy one does not spoil what a quiet one tells of a
+    mode that never dies away, such as an integrator's.
 
     Parameters
     ----------
@@ -37,8 +44,19 @@ def initial_state(a: Array, c: Array, rest: Array) -> Array:
     # A free response that overflows says nothing beyond the samples before it.
     finite = np.all(np.isfinite(free) & (np.abs(free) < 1e12), axis=(1, 2))
     last = used.shape[0] if finite.all() else int(np.argmin(finite))
-    columns = free[:last].reshape(-1, order)
-    scale = np.linalg.norm(columns, axis=0)
+    columns, target = free[:last], used[:last]
+    size = np.sqrt(np.mean(target**2, axis=0))
+    floor = np.where(size > 0.0, _LEAST_SHARE * size, 1.0)
+    deviation, state = np.maximum(size, floor), np.zeros(order)
+    for _ in range(_WEIGHINGS if len(c) > 1 else 1):
+        state = _least_squares(columns / deviation[:, None], target / deviation)
+        deviation = np.maximum(np.sqrt(np.mean((target - columns @ state) ** 2, axis=0)), floor)
+    return state
+
+
+def _least_squares(columns: Array, target: Array) -> Array:
+    """State of least errors, of smallest norm where the outputs do not show the whole of it."""
+    flat = columns.reshape(-1, columns.shape[2])
+    scale = np.linalg.norm(flat, axis=0)
     scale[scale == 0.0] = 1.0
-    solution: Array = np.linalg.lstsq(columns / scale, used[:last].ravel(), rcond=None)[0] / scale
-    return solution
+    return np.asarray(np.linalg.lstsq(flat / scale, target.ravel(), rcond=None)[0] / scale)

@@ -257,7 +257,9 @@ class LinearModel:
         import matplotlib.pyplot as plt
 
         from idloop import drawing
+        from idloop.estimate.bode_labels import bode_labels, title_over_legend
 
+        unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
         frequency = np.geomspace(1e-3, 0.5, 400) / self.sample_time
         values = self.response(frequency)
         with drawing.styled():
@@ -265,13 +267,11 @@ class LinearModel:
                 _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
             magnitude, phase = axes
             for index, (row, column) in enumerate(np.ndindex(values.shape[1:])):
-                text = f"{self.input_names[column]} → {self.output_names[row]}"
                 look = drawing.model_look(index)
-                magnitude.loglog(frequency, np.abs(values[:, row, column]), label=text, **look)
+                magnitude.loglog(frequency, np.abs(values[:, row, column]), label=texts[row][column], **look)
                 phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(values[:, row, column]))), **look)
-            magnitude.set_title(f"{self.method}, order {self.order}")
-            magnitude.set_ylabel(drawing.label("magnitude", "/".join((self.output_units[0], self.input_units[0]))))
-            magnitude.legend()
+            magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
+            title_over_legend(magnitude, f"{self.method}, order {self.order}")
             phase.set_ylabel(drawing.label("phase", "deg"))
             phase.set_xlabel(drawing.label("frequency", "Hz"))
         return axes

@@ -180,7 +180,7 @@ def finished(
 def overflowing(name: str, focus: Focus) -> InputError:
     """Error for a start model whose errors grow without bound."""
     if focus == "simulation":
-        what = 'its free run overflows on the data; refine it with focus="prediction"'
+        what = 'its free run overflows on the data; refine it with focus "prediction"'
     else:
         what = "its predictor A - K C is unstable; give it a stabilising Kalman gain"
     return InputError(f"start model {name}: {what} or start from a stable model")

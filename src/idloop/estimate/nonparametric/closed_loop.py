@@ -90,6 +90,7 @@ def indirect(
         disturbance=disturbance if known else None,
         disturbance_stderr=disturbance / np.sqrt(spare) if known else None,
         samples=spectra.samples,
+        resolution=spectra.resolution,
         notes=tuple(notes),
         **first.labels,
     )

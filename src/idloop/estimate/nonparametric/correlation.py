@@ -84,13 +84,15 @@ def cra(
     before = response[lag < 0]
     notes = []
     left = np.abs(covariance[zero + 1 : zero + lags + 1, p, p] / power)
-    if np.max(left) > max(_COLOURED, 5.0 / np.sqrt(total)):
+    smeared = bool(np.max(left) > max(_COLOURED, 5.0 / np.sqrt(total)))
+    if smeared:
         notes.append(
             f"the whitened input still has a correlation of {np.max(left):.2g} with its past, which smears the"
-            " weights; raise the order of the whitening filter"
+            " weights, to negative lags as well: whether the loop is closed they do not tell; excite with a signal"
+            " that is not held, or take spa"
         )
     feedback = np.array([_pooled(before[:, i], covariance[zero : zero + lags, i, i] / power / total) for i in range(p)])
-    if np.any(feedback < 1e-3):
+    if np.any(feedback < 1e-3) and not smeared:
         notes.append("the input follows the output (weights at negative lags): the loop is closed")
     return ImpulseResponse(
         method="correlation analysis",

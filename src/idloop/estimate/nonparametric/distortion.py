@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,14 +85,61 @@ class Distortion:
             },
         }
 
-    def draw_levels(self, axes: Any) -> None:
-        """Add the standard errors with and without nonlinear distortion to the magnitudes of a Bode diagram."""
+    def shares(self, response: NDArray[np.complex128]) -> list[dict[str, float]]:
+        """Noise and distortion as parts of the linear response, root mean square over the lines.
+
+        Parameters
+        ----------
+        response : ndarray, shape (f, p)
+            Best linear approximation at the excited lines.
+
+        Returns
+        -------
+        list of dict
+            For each output ``noise`` (of the average), ``stochastic`` (of one experiment), and ``odd`` and ``even`` of
+            the output at the excited lines, where lines were left empty; NaN elsewhere.
+        """
+
+        def rms(values: NDArray[Any]) -> float:
+            return float(np.linalg.norm(values)) / float(np.sqrt(values.size)) if values.size else float("nan")
+
+        def above_noise(lines: LineLevels | None, index: int) -> float:
+            if lines is None or self.excited is None or not lines.frequency.size:
+                return float("nan")
+            power = float(np.mean(lines.level[:, index] ** 2 - lines.noise[:, index] ** 2))
+            return math.sqrt(max(power, 0.0)) / max(rms(self.excited.level[:, index]), 1e-300)
+
+        found = []
+        for index in range(len(self.output_names)):
+            size = max(rms(response[:, index]), 1e-300)
+            found.append(
+                {
+                    "noise": rms(self.noise[:, index]) / size,
+                    "stochastic": rms(self.stochastic[:, index]) / size,
+                    "odd": above_noise(self.odd, index),
+                    "even": above_noise(self.even, index),
+                }
+            )
+        return found
+
+    def draw_levels(self, axes: Any, only: int | None = None) -> None:
+        """Add the standard errors with and without nonlinear distortion to the magnitudes of a Bode diagram.
+
+        Parameters
+        ----------
+        axes : matplotlib axes
+        only : int, optional
+            Draw this output; all when left out.
+        """
         from idloop import drawing
 
         for index, name in enumerate(self.output_names):
+            if only not in (None, index):
+                continue
             look = {"markersize": 3, "linestyle": "none", "rasterized": self.frequency.size > drawing.RASTERISE_FROM}
-            axes.plot(self.frequency, self.total[:, index], "s", color="#E69F00", label=f"total error, {name}", **look)
-            axes.plot(self.frequency, self.noise[:, index], "v", color=drawing.BAND, label=f"noise, {name}", **look)
+            of = "" if only == index else f", {name}"
+            axes.plot(self.frequency, self.total[:, index], "s", color="#E69F00", label=f"total error{of}", **look)
+            axes.plot(self.frequency, self.noise[:, index], "v", color=drawing.BAND, label=f"noise{of}", **look)
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the output at excited and empty lines, or else the standard errors; returns the matplotlib axes."""

@@ -83,6 +83,7 @@ def etfe(
         matrix,
         float(total / length / np.sum(weight**2)),
         total,
+        None if smoothing is None else (half + 1) / (length * first.sample_time),
     )
     return response_from(spectra, several, "etfe" if smoothing is None else "smoothed etfe")
 

@@ -47,6 +47,9 @@ class FrequencyResponse:
         One-sided power density of what the inputs do not explain, and its standard error [output unit² / Hz].
     distortion : Distortion or None
         Noise and nonlinear distortion told apart (best linear approximations).
+    resolution : float or None
+        Width of what is averaged over, at half its height [Hz]: a narrower peak comes out too low and too wide, which
+        `stderr` does not know. None where every line is its own.
     notes : tuple of str
         What a user should know of this estimate.
     """
@@ -66,6 +69,7 @@ class FrequencyResponse:
     disturbance: Array | None = None
     disturbance_stderr: Array | None = None
     distortion: Distortion | None = None
+    resolution: float | None = None
     notes: tuple[str, ...] = ()
 
     def radius(self, share: float = 0.95) -> Array:
@@ -118,6 +122,7 @@ class FrequencyResponse:
             "inputs": list(self.input_names),
             "outputs": list(self.output_names),
             "samples": self.samples,
+            "resolution": self.resolution,
             "coherence": self.coherence,
             "disturbance": self.disturbance,
             "disturbance_stderr": self.disturbance_stderr,
@@ -142,7 +147,9 @@ class FrequencyResponse:
         import matplotlib.pyplot as plt
 
         from idloop import drawing
+        from idloop.estimate.bode_labels import bode_labels, title_over_legend
 
+        unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
         radius = self.radius(share)
         with drawing.styled():
             if axes is None:
@@ -153,8 +160,7 @@ class FrequencyResponse:
                 look = drawing.model_look(index)
                 value, width = self.response[:, row, column], radius[:, row, column]
                 size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
-                text = f"{self.input_names[column]} → {self.output_names[row]}"
-                drawing.line(magnitude, self.frequency, size, label=text, **look)
+                drawing.line(magnitude, self.frequency, size, label=texts[row][column], **look)
                 drawing.line(phase, self.frequency, angle, **look)
                 if np.any(np.isfinite(width)):
                     # A circle that holds the origin says nothing of the phase.
@@ -167,9 +173,13 @@ class FrequencyResponse:
                     phase.fill_between(self.frequency, angle - turn, angle + turn, **shade)
             if self.distortion is not None:
                 self.distortion.draw_levels(magnitude)
-            magnitude.set(xscale="log", yscale="log", title=f"{self.method}, bands of {100 * share:g} %")
-            magnitude.set_ylabel(drawing.label("magnitude", f"{self.output_units[0]}/{self.input_units[0]}"))
-            magnitude.legend()
+            magnitude.set(
+                xscale="log",
+                yscale="log",
+            )
+            fine = "" if self.resolution is None else f", resolution {self.resolution:.3g} Hz"
+            magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
+            title_over_legend(magnitude, f"{self.method}, bands of {100 * share:g} %{fine}")
             phase.set_ylabel(drawing.label("phase", "deg"))
             if self.coherence is not None and len(axes) > 2:
                 for index, name in enumerate(self.output_names):

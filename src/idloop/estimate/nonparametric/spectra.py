@@ -35,12 +35,15 @@ class CrossSpectra:
         Number of independent averages that the estimate is worth.
     samples : int
         That it rests on.
+    resolution : float, optional
+        Width of what is averaged over, at half its height [Hz]; None where every line is its own.
     """
 
     frequency: Array
     matrix: Complex
     averages: float
     samples: int
+    resolution: float | None = None
 
 
 def without_trend(values: Array, trend: Trend) -> Array:
@@ -129,6 +132,7 @@ def response_from(
         disturbance=disturbance if known else None,
         disturbance_stderr=disturbance / np.sqrt(spare) if known else None,
         samples=spectra.samples,
+        resolution=spectra.resolution,
         notes=notes,
         **first.labels,
     )

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _AT_ONCE = 1 << 20  # samples transformed at a time, so that memory does not grow with the record
 _LONG = 1 << 16  # samples from which on resolution and averages grow alike
+HANN_WIDTH = 1.44  # lines: width of a Hann window's power at half its height
 
 
 def welch(
@@ -59,14 +60,19 @@ def segment_length(data: Sequence[SampledData], segment: int | None, overlap: fl
     """
     shortest = min(len(one) for one in data)
     if segment is None:
-        samples = sum(len(one) for one in data)
-        fine = samples if samples <= _LONG else math.isqrt(samples * _LONG)
-        segment = min(max(fine // 8, 16), shortest)
+        segment = usual_segment(data)
     if not 8 <= segment <= shortest:
         raise InputError(f"{data[0].name}: segments of {segment} samples; take between 8 and {shortest}")
     if not 0 <= overlap <= 0.9:
         raise InputError(f"overlap of {overlap:g}; take a share between 0 and 0.9")
     return int(segment)
+
+
+def usual_segment(data: Sequence[SampledData]) -> int:
+    """Length of the segments that a longer record makes longer, and also more [samples]."""
+    samples = sum(len(one) for one in data)
+    fine = samples if samples <= _LONG else math.isqrt(samples * _LONG)
+    return min(max(fine // 8, 16), *(len(one) for one in data))
 
 
 def averaged(signals: Sequence[Array], length: int, overlap: float, sample_time: float) -> CrossSpectra:
@@ -113,5 +119,6 @@ def averaged(signals: Sequence[Array], length: int, overlap: float, sample_time:
         pairs += float(common**2) * sum(max(n - lag, 0) for n in counts)
     averages = count / (1.0 + 2.0 * pairs / count)
     return CrossSpectra(
-        np.arange(1, last + 1) / (length * sample_time), matrix, averages, sum(len(values) for values in signals)
-    )
+        np.arange(1, last + 1) / (length * sample_time), matrix, averages, sum(len(values) for values in signals),
+        HANN_WIDTH / (length * sample_time),
+    )  # fmt: skip

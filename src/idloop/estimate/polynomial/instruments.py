@@ -31,7 +31,7 @@ from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]
 
-_LONG = 20  # order of the models from the reference to the signals of a loop
+_LONG = 20  # order of the models that make the instruments
 
 
 def iv4(
@@ -46,9 +46,11 @@ def iv4(
 ) -> PolynomialModel:
     """Estimate B_i / A by Ljung's four-step method with approximately optimal instruments.
 
-    The instruments are the noise-free outputs that the commands alone cause, so the estimate is consistent in
-    noise of any colour in open loop. Under feedback the commands carry the noise, and it is biased; there the
-    part of commands and outputs that the reference causes serves instead, whatever the controller.
+    The instruments are the noise-free outputs that the commands alone cause in a long ARX model, so the estimate is
+    consistent in noise of any colour in open loop. An ARX model of the order asked for, as in the book, is so biased
+    in sensor noise that its outputs may have nothing to do with the plant's. Under feedback the commands carry the
+    noise, and the estimate is biased; there the part of commands and outputs that the reference causes serves
+    instead, whatever the controller.
 
     Parameters
     ----------
@@ -90,8 +92,8 @@ def iv4(
     first = first_row(orders, initial)
     for column, name in enumerate(experiments[0].output_names):
         signals = channels(weighted, column)
-        clean = _by_reference(weighted, signals) if instruments == "reference" else None
-        coefficients, factor, variance, undetermined = four_steps(signals, orders, initial, clean)
+        clean = _by_reference(weighted, signals) if instruments == "reference" else by_command(signals, orders, initial)
+        coefficients, factor, variance, undetermined = four_steps(signals, orders, clean, initial)
         own = channels(experiments, column)
         polynomials = Polynomials.from_vector(
             orders, coefficients, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
@@ -104,17 +106,17 @@ def iv4(
 
 
 def four_steps(
-    data: Sequence[Channel], orders: Orders, initial: Initial = "estimate", clean: Sequence[Channel] | None = None
+    data: Sequence[Channel], orders: Orders, clean: Sequence[Channel], initial: Initial = "estimate"
 ) -> tuple[Array, Array, float, NDArray[np.bool_]]:
-    """Least squares, instruments from it, whitening of what is left, instruments again.
+    """Instruments, the solution by them, whitening of what is left, instruments again.
 
     Parameters
     ----------
     data : sequence of Channel
     orders : Orders
+    clean : sequence of Channel
+        Signals without noise to make the instruments from.
     initial : "estimate" or "zero"
-    clean : sequence of Channel, optional
-        Signals without noise to make the instruments from; by default the commands and what they alone cause.
 
     Returns
     -------
@@ -128,10 +130,9 @@ def four_steps(
     from scipy.signal import lfilter
 
     first = first_row(orders, initial)
-    start = least_squares(data, orders, initial).coefficients
-    second, _, _ = _instrumental(data, orders, start, np.ones(1), first, clean=clean)
-    whitener = _autoregression([residual_of(c, orders, second, first) for c in data], orders.na + max(orders.nb))
-    coefficients, factor, undetermined = _instrumental(data, orders, second, whitener, first, clean=clean)
+    begun, _, _ = _instrumental(data, clean, orders, np.ones(1), first)
+    whitener = _autoregression([residual_of(c, orders, begun, first) for c in data], orders.na + max(orders.nb))
+    coefficients, factor, undetermined = _instrumental(data, clean, orders, whitener, first)
     errors = [lfilter(whitener, [1.0], residual_of(c, orders, coefficients, first))[len(whitener) :] for c in data]
     degrees = max(sum(map(len, errors)) - orders.size, 1)
     return coefficients, factor, float(sum(e @ e for e in errors)) / degrees, undetermined
@@ -160,7 +161,8 @@ def refined(data: Sequence[Channel], orders: Orders, start: Array, rounds: int =
     coefficients = start.copy()
     for _ in range(rounds):
         denominator = reflect(np.concatenate([[1.0], coefficients[orders.a]]))
-        following, _, _ = _instrumental(data, orders, coefficients, np.ones(1), first, denominator)
+        clean = _caused(data, orders, coefficients)
+        following, _, _ = _instrumental(data, clean, orders, np.ones(1), first, denominator)
         if not np.all(np.isfinite(following)):
             break
         following[orders.a] = reflect(np.concatenate([[1.0], following[orders.a]]))[1:]
@@ -173,12 +175,11 @@ def refined(data: Sequence[Channel], orders: Orders, start: Array, rounds: int =
 
 def _instrumental(
     data: Sequence[Channel],
+    clean: Sequence[Channel],
     orders: Orders,
-    coefficients: Array,
     whitener: Array,
     first: int,
     damper: Array | None = None,
-    clean: Sequence[Channel] | None = None,
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Solve sum zeta(t) [y(t) - phi(t)^T theta] = 0 with noise-free signals in zeta, all through whitener / damper."""
     from scipy.signal import lfilter
@@ -186,7 +187,7 @@ def _instrumental(
     below = np.ones(1) if damper is None else damper
     instruments, rows, targets = [], [], []
     skip = first + (len(whitener) - 1 if first else 0)
-    for channel, source in zip(data, _caused(data, orders, coefficients) if clean is None else clean, strict=True):
+    for channel, source in zip(data, clean, strict=True):
         filtered, noise_free = (
             Channel(lfilter(whitener, below, c.output), lfilter(whitener, below, c.inputs, axis=0))
             for c in (channel, source)
@@ -228,6 +229,14 @@ def _caused(data: Sequence[Channel], orders: Orders, coefficients: Array) -> lis
     return caused
 
 
+def by_command(signals: Sequence[Channel], orders: Orders, initial: Initial = "estimate") -> list[Channel]:
+    """Commands, and the outputs that they alone cause, by an ARX model at least as long as the one asked for."""
+    usual = _usual_length(signals)
+    degrees = tuple(max(usual, nb) if nb else 0 for nb in orders.nb)
+    longer = Orders(max(usual, orders.na), degrees, 0, 0, (0,) * orders.inputs, orders.nk)
+    return _caused(signals, longer, least_squares(signals, longer, initial).coefficients)
+
+
 def _by_reference(data: Sequence[SampledData], signals: Sequence[Channel]) -> list[Channel]:
     """Commands and outputs that the reference alone causes, by long ARX models from it to each."""
     references = [one.reference for one in data if one.reference is not None and np.any(one.reference)]
@@ -235,7 +244,7 @@ def _by_reference(data: Sequence[SampledData], signals: Sequence[Channel]) -> li
         raise InputError(
             f"{data[0].name}: no reference that moves; record it, or make the instruments from the command (open loop)"
         )
-    length = min(_LONG, max(min(map(len, data)) // 10, 1))
+    length = _usual_length(signals)
     orders = Orders(length, (length,), 0, 0, (0,), (0,))
     columns = []
     for column in range(-1, signals[0].inputs.shape[1]):
@@ -244,6 +253,10 @@ def _by_reference(data: Sequence[SampledData], signals: Sequence[Channel]) -> li
         caused = _caused(pairs, orders, least_squares(pairs, orders).coefficients)
         columns.append([c.output for c in caused])
     return [Channel(parts[0], np.column_stack(parts[1:])) for parts in zip(*columns, strict=True)]
+
+
+def _usual_length(signals: Sequence[Channel]) -> int:
+    return min(_LONG, max(min(len(c.output) for c in signals) // 10, 1))
 
 
 def _autoregression(series: Sequence[Array], order: int) -> Array:

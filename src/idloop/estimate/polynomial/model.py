@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimate.collinear import together_notes
 from idloop.estimate.linear import Coefficient, LinearModel
 from idloop.estimate.linear.instability import instability_notes
 from idloop.estimate.polynomial.polynomials import Polynomials
@@ -87,5 +88,6 @@ def assemble(
         samples=len(innovations), free=len(coefficients), coefficients=coefficients,
         # Between outputs the errors may correlate, which leaves each output's own block as it is.
         coefficient_covariance=block_diag(*known) if len(known) == len(polynomials) else None,
-        notes=(*dict.fromkeys(notes), *instability_notes(form.a)), polynomials=tuple(polynomials),
+        notes=(*dict.fromkeys(notes), *together_notes(data), *instability_notes(form.a)),
+        polynomials=tuple(polynomials),
     )  # fmt: skip

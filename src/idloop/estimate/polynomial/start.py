@@ -16,7 +16,7 @@ from idloop.estimate.polynomial.channels import (
     regressors,
     residual_of,
 )
-from idloop.estimate.polynomial.instruments import four_steps, refined
+from idloop.estimate.polynomial.instruments import by_command, four_steps, refined
 from idloop.estimate.polynomial.objective import Objective
 from idloop.estimate.polynomial.orders import Orders
 from idloop.estimate.polynomial.regression import lagged, rows_in_blocks, solve, triangle
@@ -100,7 +100,7 @@ def _shared(data: Sequence[Channel], orders: Orders, innovations: list[Array]) -
         found.append(_placed(orders, extended, joint))
     candidates = [least_squares(data, plain).coefficients]
     if any(orders.nb) and orders.na:
-        candidates.append(four_steps(data, plain)[0])
+        candidates.append(four_steps(data, plain, by_command(data, plain))[0])
         candidates.append(refined(data, plain, candidates[-1]))
     for candidate in candidates:
         series = [residual_of(c, plain, candidate, first_row(plain, "estimate")) for c in data]
@@ -120,7 +120,7 @@ def _separate(data: Sequence[Channel], orders: Orders, responses: list[Array]) -
     plain = Orders(max(orders.nf), orders.nb, 0, 0, (0,) * orders.inputs, orders.nk)
     if orders.inputs > 1 and len(set(orders.nf)) == 1 and any(orders.nb):
         rounds = shared_denominator(data, plain)
-        instrumental = four_steps(data, plain)[0]
+        instrumental = four_steps(data, plain, by_command(data, plain))[0]
         alike = [*rounds, instrumental, refined(data, plain, instrumental)]
         plants += [[(one[plain.b(i)], one[plain.a]) for i in range(orders.inputs)] for one in alike]
     for plant in plants:
@@ -142,7 +142,7 @@ def _split(data: Sequence[Channel], orders: Orders) -> list[Array]:
 
     degree = orders.na + max(orders.nf)
     plain = Orders(degree, tuple(nb + orders.na for nb in orders.nb), 0, 0, (0,) * orders.inputs, orders.nk)
-    joint = refined(data, plain, four_steps(data, plain)[0])
+    joint = refined(data, plain, four_steps(data, plain, by_command(data, plain))[0])
     roots = np.roots(np.concatenate([[1.0], joint[plain.a]]))
     rest = Orders(0, orders.nb, orders.nc, orders.nd, orders.nf, orders.nk)
     found = []

@@ -53,7 +53,7 @@ def command_matrices(
     everything[at_d : at_d + p * m, n * m :] = np.eye(p * m, count - n * m)
     residual, jacobian = compressed_errors(base, base.like(everything), compression.scaled(), np.eye(p))
     if not np.all(np.isfinite(residual)):
-        raise IdloopError("the model found is unstable and its free run overflows; ask for stable=True")
+        raise IdloopError("the model found is unstable and its free run overflows; add --stable, in Python stable=True")
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0.0] = 1.0
     solution = -np.linalg.lstsq(jacobian / scale, residual, rcond=1e-12)[0] / scale

@@ -205,5 +205,8 @@ def _nearer(free: LinearModel, integrating: LinearModel, experiments: Sequence[S
             errors.append(float(np.sum((np.concatenate(left) / spread) ** 2)))
     if not errors[1] < errors[0]:
         return free
-    note = "the slowest pole is an integrator: with it the free run of the data is nearer (integrates=False: as found)"
+    note = (
+        "the slowest pole is an integrator: with it the free run of the data is nearer"
+        " (--no-integrates, in Python integrates=False, leaves it as found)"
+    )
     return replace(integrating, notes=(*integrating.notes, note))

@@ -1,0 +1,201 @@
+"""Arguments of `identify`: numbers and ranges, sweeps, degrees of a structure, even grids, where to save."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from idloop.errors import InputError
+from idloop.spelling import did_you_mean, listed
+
+if TYPE_CHECKING:
+    from idloop.estimate.method import Method
+    from idloop.estimate.sampled import SampledData
+    from idloop.records import Record
+
+_MOST_VALUES = 200  # of a range: more are a slip of the pen
+_FINEST = 0.95  # of a record's own sample time: less is no rounding of it
+# Settings that a sweep may go over, and their units.
+SWEPT: dict[str, str | None] = {"order": None, "delay": "samples", "horizon": "samples", "sample-time": "s"}
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One setting and the values that it takes.
+
+    Attributes
+    ----------
+    name : str
+        One of `SWEPT`.
+    values : tuple of float
+        Whole numbers but for the sample time.
+    """
+
+    name: str
+    values: tuple[float, ...]
+
+
+class NumbersArgument(click.ParamType[Any]):
+    """A whole number, a range such as 1:8, a list such as 1,2,4, or auto."""
+
+    name = "numbers"
+
+    def __init__(self, least: int) -> None:
+        self.least = least
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return an int, a tuple of int or "auto"."""
+        text, option = str(value).strip(), param.opts[0] if param is not None else "numbers"
+        if text == "auto":
+            return text
+        numbers = tuple(map(int, parse_values(text, option, whole=True, least=self.least)))
+        return numbers[0] if len(numbers) == 1 else numbers
+
+
+def parse_values(text: str, option: str, *, whole: bool, least: float) -> tuple[float, ...]:
+    """Numbers of "4", "1:8", "0.01:0.05:0.01" or "1,2,4".
+
+    Raises
+    ------
+    InputError
+        No numbers, too many, or numbers below `least`.
+    """
+    kind: type[int | float] = int if whole else float
+    example = "3, 1:8 or 1,2,4" if whole else "0.01,0.02 or 0.01:0.05:0.01"
+    try:
+        ranges = [[kind(word) for word in part.split(":")] for part in text.split(",")]
+    except ValueError:
+        ranges = [[]]
+    values: list[float] = []
+    for limits in ranges:
+        spread = _spread(limits, whole=whole)
+        if not spread:
+            raise InputError(f"{option} {text}: write {example}")
+        values += spread
+    if not all(math.isfinite(value) and value >= least for value in values):
+        raise InputError(f"{option} {text}: the least value is {least:g}")
+    return tuple(values)
+
+
+def _spread(limits: list[float], *, whole: bool) -> list[float]:
+    """Numbers of one part, none where it is no range."""
+    if len(limits) == 1:
+        return limits
+    # Between two times every step is possible: it has to be said.
+    if len(limits) not in {2, 3} or (len(limits) == 2 and not whole) or not all(map(math.isfinite, limits)):
+        return []
+    first, last, step = limits if len(limits) == 3 else (*limits, 1)
+    count = math.floor((last - first) / step * (1 + 1e-9)) + 1 if step else 0
+    return [first + index * step for index in range(count)] if count <= _MOST_VALUES else []
+
+
+def parse_sweep(text: str) -> Sweep:
+    """Setting and values of "order=1:10".
+
+    Raises
+    ------
+    InputError
+        Another setting, or no values.
+    """
+    name, equals, values = text.partition("=")
+    name = name.strip().replace("_", "-")
+    if not equals or name not in SWEPT:
+        near = did_you_mean(name, SWEPT)
+        raise InputError(f"--sweep {text}: write NAME=VALUES{near}, NAME one of {listed(SWEPT)}")
+    whole = name != "sample-time"
+    least = {"order": 1, "delay": 0, "horizon": 2, "sample-time": 1e-9}[name]
+    return Sweep(name, parse_values(values.strip(), f"--sweep {name}", whole=whole, least=least))
+
+
+def parse_structure(text: str | None) -> dict[str, int]:
+    """Degrees of "na=2,nb=1".
+
+    Raises
+    ------
+    InputError
+        Another name than of a polynomial, or no whole number.
+    """
+    degrees: dict[str, int] = {}
+    for part in (text or "").split(",") if text else ():
+        name, _, value = part.partition("=")
+        name = name.strip()
+        if name not in {"na", "nb", "nc", "nd", "nf"} or not value.strip().isdigit():
+            raise InputError(f"--structure {text}: write NAME=NUMBER,..., NAME one of na, nb, nc, nd, nf")
+        degrees[name] = int(value)
+        if name == "nb" and degrees[name] == 0:
+            raise InputError(f"--structure {text}: with nb=0 the command has no effect in the model; take 1 or more")
+    return degrees
+
+
+def check_structure(degrees: Mapping[str, int], methods: Sequence[Method]) -> None:
+    """Refuse degrees of polynomials that none of the methods has.
+
+    Raises
+    ------
+    InputError
+    """
+    with_some = [method for method in methods if method.polynomials]
+    for name in degrees if with_some else ():
+        if not any(name in method.polynomials for method in with_some):
+            own = "; ".join(f"{method.name} has {', '.join(method.polynomials)}" for method in with_some)
+            raise InputError(f"--structure {name}={degrees[name]}: {own}; leave {name} out")
+
+
+def even_grids(
+    records: Sequence[Record], sample_time: float, detrend: Literal["none", "mean", "linear"], drop: float
+) -> list[SampledData]:
+    """Records cut, freed of their trends and put on one even grid.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    sample_time : float
+        [s]; not below that of a record.
+    detrend : "none", "mean" or "linear"
+        Of each record by itself.
+    drop : float
+        Seconds left out at both ends.
+
+    Raises
+    ------
+    InputError
+        A finer grid than the record's, or nothing left of it.
+    """
+    from idloop.estimate.sampled import sampled
+
+    stretches: list[SampledData] = []
+    for record in records:
+        if sample_time < _FINEST * record.sample_time:
+            raise InputError(
+                f"{record.name}: --sample-time {sample_time:g}, but the record has a sample every"
+                f" {record.sample_time:.4g} s and nothing between; take that or more"
+            )
+        kept = record.drop(drop, drop) if drop else record
+        level = kept if detrend == "none" else kept.detrend(detrend)
+        stretches += sampled(level, sample_time)
+    return stretches
+
+
+def check_save(path: Path, kinds: Sequence[str], *, swept: bool) -> None:
+    """Refuse a result that is no model, or a format that it does not have, before the work is done.
+
+    Raises
+    ------
+    InputError
+    """
+    from idloop.estimate import linear, networks
+
+    if swept or len(kinds) != 1:
+        raise InputError(f"--save {path}: it takes one model; give one --method and no --sweep")
+    if kinds[0] == "response":
+        raise InputError(
+            f"--save {path}: the method gives a response and no model (idloop identify --list shows which do); leave it"
+            " out, --json holds the response"
+        )
+    file = networks.model_file if kinds[0] == "network" else linear.model_file
+    file.check_suffix(path)

@@ -1,0 +1,44 @@
+"""Words of a Bode diagram of several signals: which unit the axis has, and what each curve is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+
+def bode_labels(
+    inputs: Sequence[str], input_units: Sequence[str], outputs: Sequence[str], output_units: Sequence[str]
+) -> tuple[str | None, list[list[str]]]:
+    """Unit of the magnitude, where all curves have the same, and the text of each curve.
+
+    Parameters
+    ----------
+    inputs, input_units, outputs, output_units : sequence of str
+
+    Returns
+    -------
+    unit : str or None
+        None where the curves have several; then each has its own in its text.
+    texts : list of list of str
+        By output and input.
+    """
+    units = [[ratio_unit(out, given) for given in input_units] for out in output_units]
+    shared = len({unit for row in units for unit in row}) == 1
+    texts = [
+        [f"{given} → {out}" + ("" if shared else f" [{units[row][column]}]") for column, given in enumerate(inputs)]
+        for row, out in enumerate(outputs)
+    ]
+    return (units[0][0] if shared else None), texts
+
+
+def ratio_unit(output: str, given: str) -> str:
+    """Unit of a response."""
+    if given == "-":
+        return output
+    return f"{'1' if output == '-' else output}/{f'({given})' if set(given) & set('/·') else given}"
+
+
+def title_over_legend(axes: Any, title: str) -> None:
+    """Write title and legend above the axes, one over the other: inside, the legend would lie on the curves."""
+    axes.set_title(title, loc="left", pad=20)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=2, columnspacing=1.2)
