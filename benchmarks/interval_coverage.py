@@ -5,10 +5,12 @@ velocity measured) many times, in open loop and under a P and a PD controller, w
 white noise, with coloured noise (first-order autoregression, pole 0.9) and with a
 disturbance torque; fits it each time from wrong starting values and counts for
 every parameter how many intervals hold. `gain` is estimated with the inertia known,
-`inertia` with the gain known; the two cannot be told apart from one another.
+`inertia` with the gain known; the two cannot be told apart from one another. With `--unknown both` everything is
+free, and it is the intervals of the ratios to the inertia that are counted.
 
     python benchmarks/interval_coverage.py                  # 200 fits a case, all cases
     python benchmarks/interval_coverage.py --fits 50 --loop open --noise ar
+    python benchmarks/interval_coverage.py --unknown both   # ratios
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ SAMPLE_TIME = 0.01
 COULOMB = 0.8
 LOOPS = ("open", "p", "pd")
 NOISES = ("white", "ar", "torque")
-UNKNOWN = ("gain", "inertia")
+UNKNOWN, RATIOS = ("gain", "inertia"), "both"
 
 
 @dataclass(frozen=True)
@@ -114,18 +116,26 @@ def trial(case: Case, samples: int, seed: int, criterion: str) -> dict[str, Any]
     from idloop.estimate import fit
 
     truth, record = experiment(case, samples, seed)
-    scale = "drive.gain" if case.unknown == "gain" else "motor.inertia"
-    names = (scale, "motor.viscous_friction", "coulomb_friction@motor.level")
-    start = truth.with_free(names).with_values({scale: 0.6 * truth.values[scale], names[1]: 1.0, names[2]: 0.2})
-    result = fit(start, [record], criterion=criterion)
+    scales = {"gain": ("drive.gain",), "inertia": ("motor.inertia",), RATIOS: ("drive.gain", "motor.inertia")}
+    scale, rest = scales[case.unknown], ("motor.viscous_friction", "coulomb_friction@motor.level")
+    wrong = {**{name: 0.6 * truth.values[name] for name in scale}, rest[0]: 1.0, rest[1]: 0.2}
+    result = fit(truth.with_free((*scale, *rest)).with_values(wrong), [record], criterion=criterion)
+    told = [
+        (name, *row, truth.values[name]) for name, *row in zip(result.names, result.values, result.stderr, strict=True)
+    ]
+    if case.unknown == RATIOS:
+        told = [(one.name, one.value, one.stderr, true_ratio(truth, one.name)) for one in result.ratios]
     return {
-        "parameters": {
-            name: [float(value), float(stderr), float(truth.values[name])]
-            for name, value, stderr in zip(result.names, result.values, result.stderr, strict=True)
-        },
+        "parameters": {name: [float(number) for number in row] for name, *row in told},
         "criterion": result.criterion,
         "converged": result.converged,
     }
+
+
+def true_ratio(truth: Any, name: str) -> float:
+    """The ratio that an estimate is named after: "first / second"."""
+    first, second = name.split(" / ")
+    return float(truth.values[first] / truth.values[second])
 
 
 def binomial_interval(hits: int, count: int) -> tuple[float, float]:
@@ -188,7 +198,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="seed of the whole table")
     parser.add_argument("--loop", choices=LOOPS, action="append", help="only this loop (repeatable)")
     parser.add_argument("--noise", choices=NOISES, action="append", help="only this noise (repeatable)")
-    parser.add_argument("--unknown", choices=UNKNOWN, action="append", help="only this unknown (repeatable)")
+    parser.add_argument("--unknown", choices=(*UNKNOWN, RATIOS), action="append", help="only this unknown (repeatable)")
     parser.add_argument("--criterion", default="auto", help="criterion of the fit")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--json", action="store_true", help="print one JSON document")
@@ -215,14 +225,15 @@ def main() -> int:
     if arguments.json:
         print(json.dumps({"seed": arguments.seed, "samples": arguments.samples, "rows": rows}, indent=1))
         return 0
+    width = max(30, *(len(row["parameter"]) for row in rows))
     print(
-        f"{'loop':5} {'noise':7} {'parameter':30} {'held':>9} "
+        f"{'loop':5} {'noise':7} {'parameter':{width}} {'held':>9} "
         f"{'coverage, 95 % interval':>27} {'bias/sd':>8} {'se/sd':>6} {'sd %':>6}  criterion"
     )
     for row in rows:
         low, high = row["interval"]
         print(
-            f"{row['loop']:5} {row['noise']:7} {row['parameter']:30} {row['hits']:4}/{row['fits']:<4} "
+            f"{row['loop']:5} {row['noise']:7} {row['parameter']:{width}} {row['hits']:4}/{row['fits']:<4} "
             f"{100 * row['coverage']:9.1f} % ({100 * low:4.1f} .. {100 * high:5.1f}) "
             f"{row['bias_in_stderr']:8.2f} {row['stderr_ratio']:6.2f} {row['spread_percent']:6.2f}  "
             f"{','.join(row['criteria'])}" + (f"  {row['not_converged']} not settled" if row["not_converged"] else "")

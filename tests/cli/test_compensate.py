@@ -73,6 +73,17 @@ def test_a_model_without_effects_gains_nothing_and_loses_nothing(capsys):
     assert "has no effects" in capsys.readouterr().out
 
 
+def test_a_controller_may_lie_in_a_file(tmp_path, capsys):
+    file = tmp_path / "law.yaml"
+    file.write_text(LAW, encoding="utf-8")
+    answers = []
+    for law in (LAW, str(file)):
+        given = ["compensate", "axis", "--reference", SHORT, "--controller", law, "--no-noise", "--json"]
+        assert main.run(given) == 0
+        answers.append(json.loads(capsys.readouterr().out)["errors"])
+    assert answers[0] == answers[1]
+
+
 def test_the_default_reference_stays_within_half_of_the_limit(capsys):
     law = LAW.replace("limit: 10.0", "limit: 0.1")
     assert main.run(["compensate", "axis", "--controller", law, "--no-noise", "--json"]) == 0

@@ -26,6 +26,7 @@ def test_it_names_the_hidden_effect_in_one_document(hidden, capsys):
     assert (best["effect"], best["at"], best["testable"]) == ("dead_zone", "input", "yes")
     assert best["p_value"] < 0.01
     assert best["explains"] > 0.3
+    assert document["worsened"] == []
     width = best["parameters"]["width"]
     assert abs(width["value"] - 0.4) < 4 * width["stderr"] < 0.04
     assert width["unit"] == "V"
@@ -37,6 +38,10 @@ def test_it_says_so_in_words(hidden, capsys):
     for word in ("reversals", "explains %", "* ", "dead_zone@input", "< 0.001", "width 0.", " ± ", "show nothing"):
         assert word in out
     assert "an effect is missing: dead_zone@input. Small commands do nothing" in out
+    # A share of what, and of which model the lists are.
+    assert "explains: part of the power of the one-step prediction errors that the model without it leaves" in out
+    assert "testable, would show with: as long as dead_zone@input is not in the model" in out
+    assert "as long as dead_zone@input is not in the model, this data cannot show:" in out
 
 
 def test_what_the_data_cannot_show_is_listed_with_the_reason(hidden, capsys):

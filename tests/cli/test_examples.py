@@ -56,6 +56,16 @@ def test_the_examples_of_a_page_print_what_it_shows(name: str, outputs: int, tmp
     assert compared == outputs
 
 
+@pytest.mark.parametrize("example", sorted((EXAMPLES / "from_python").glob("*.py")), ids=lambda path: path.stem)
+def test_an_example_in_python_prints_what_it_says_and_is_the_one_on_the_page(example: Path, tmp_path: Path) -> None:
+    text = example.read_text(encoding="utf-8")
+    said = text.partition("# prints:\n")[2]
+    run = subprocess.run([sys.executable, example], cwd=tmp_path, text=True, check=True, stdout=subprocess.PIPE)
+    assert run.stdout
+    assert "".join(f"# {line}\n" for line in run.stdout.splitlines()) == said
+    assert f"```python\n{text}```\n" in (DOCS / "identification.md").read_text(encoding="utf-8")
+
+
 def test_the_page_of_the_mapping_file_names_every_key_and_every_unit() -> None:
     page = (DOCS / "mapping-file.md").read_text(encoding="utf-8")
     codes = re.findall(r"`([^`\n]+)`", page)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from idloop.cli import main
 from idloop.physics import load_model, simulate
-from idloop.records import Record, write_bag
+from idloop.records import Record, read_record, write_bag
 
 TRUTH = {"motor.viscous_friction": 3.0, "drive.gain": 6.0}
 
@@ -55,7 +56,7 @@ def test_fit_finds_the_truth_and_says_so_in_one_document(bags, tmp_path, capsys)
         assert again.parameter(name).value == pytest.approx(document["parameters"][name]["value"])
         assert again.parameter(name).stderr == pytest.approx(document["parameters"][name]["stderr"])
     text = figure.read_text(encoding="utf-8")
-    assert "validation: unseen" in text
+    assert "unseen: unseen" in text
     assert "motor.velocity [rad/s]" in text
 
 
@@ -63,7 +64,7 @@ def test_fit_prints_parameters_and_both_records(bags, capsys):
     assert main.run(words("fit", "dc_motor", bags[0], "--validate", bags[1])) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    for word in ("motor.viscous_friction", "N·m·s/rad", "loss", "FPE", "train", "validation", "FIT %", "force error %"):
+    for word in ("motor.viscous_friction", "N·m·s/rad", "loss", "FPE", "fitted", "unseen", "FIT %", "force error %"):
         assert word in out
 
 
@@ -196,3 +197,20 @@ def test_labels_are_names_unless_two_models_share_one():
     one, two = load_model("dc_motor"), load_model("axis")
     assert label_models(["a.yaml", "b.yaml"], [one, two]) == ["dc_motor", "axis"]
     assert label_models(["a.yaml", "b.yaml"], [one, one]) == ["a.yaml", "b.yaml"]
+
+
+def test_a_position_that_stands_still_is_refused_by_what_fits_and_compared_all_the_same(bags, tmp_path, capsys):
+    record = read_record(bags[0], load_model("dc_motor"))
+    output = record.output.copy()
+    output[:, 0] = 0.7
+    bag = write_bag(tmp_path / "dead", replace(record, output=output))
+    for verb in ("fit", "diagnose", "refine", "identify"):
+        more = ("--method", "arx", "--model", "dc_motor") if verb == "identify" else ()
+        model = () if verb == "identify" else ("dc_motor",)
+        assert main.run(words(verb, *model, bag, *more)) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.count("\n") == 1
+        assert "motor.position stays at 0.7 while motor.velocity runs" in err
+    assert main.run(words("compare", "dc_motor", bag)) == 0
+    assert "motor.position never changes" in capsys.readouterr().err

@@ -5,17 +5,23 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from idloop.cli import main
-from idloop.cli._identification import NumbersArgument, parse_structure, parse_sweep, parse_values, pole_row
+from idloop.cli._identification import Outcome
+from idloop.cli._identification_arguments import NumbersArgument, parse_structure, parse_sweep, parse_values
+from idloop.cli._identification_tables import pole_row
 from idloop.errors import InputError
 from idloop.estimate.linear import load
+from idloop.estimate.method import Identified
 from idloop.estimate.methods import METHODS
 from idloop.physics import load_model, simulate
 from idloop.records import Record, write_bag
+from idloop.validate.score import Score
 
 # The preset's velocity: J dv/dt + B v = drive gain u.
 POLE = -2.306
@@ -69,7 +75,14 @@ def test_several_methods_are_judged_on_the_same_unseen_data(bags, tmp_path, caps
     assert by_name["narx-wavelet"]["stable"] is None
     assert "free_run" not in by_name["welch"]
     text = figure.read_text(encoding="utf-8")
-    for words_of_the_figure in ("magnitude [", "phase, 95 % bands [deg]", "weight [", "residual [", "singular value"):
+    for words_of_the_figure in (
+        "magnitude [",
+        "bands of 95 %",
+        "phase [deg]",
+        "weight [",
+        "residual [",
+        "singular value",
+    ):
         assert words_of_the_figure in text
 
 
@@ -106,6 +119,89 @@ def test_a_sweep_of_orders_is_a_table_and_a_figure(bags, tmp_path, capsys):
     code, out, _ = run(capsys, *words)
     assert code == 0
     assert "best free run at order" in out
+
+
+def test_the_least_order_that_is_as_good_as_the_best_is_named(bags, capsys):
+    words = (bags[0], "--method", "oe", *VELOCITY, "--validate", bags[1], "--sweep", "order=1:5")
+    code, out, _ = run(capsys, *words, "--json")
+    sweep = json.loads(out)["sweep"]
+    assert code == 0
+    # The velocity is of first order.
+    assert sweep["smallest"] == {"oe": 1}
+    code, out, _ = run(capsys, *words)
+    assert sweep["best"]["oe"] == 1 or "oe: order 1 is as good as that" in out
+    # Too small orders are not taken for as good.
+    code, out, _ = run(capsys, bags[0], "--method", "n4sid", "--validate", bags[1], "--sweep", "order=1:4", "--json")
+    sweep = json.loads(out)["sweep"]
+    assert 2 <= sweep["smallest"]["n4sid"] <= sweep["best"]["n4sid"]
+
+
+def test_an_order_at_the_limit_of_those_tried_says_so(bags, capsys):
+    words = (bags[0], "--method", "arx", *VELOCITY)
+    code, out, _ = run(capsys, *words, "--order", "1:2")
+    assert code == 0
+    assert "order 2, delay 1: the least BIC of 2 tried; none higher was tried: --order 1:4 looks further" in out
+    code, out, _ = run(capsys, *words, "--order", "1:2", "--json")
+    assert json.loads(out)["results"][0]["order_at_limit"] is True
+    assert "looks further" not in run(capsys, *words, "--order", "2")[1]
+
+
+def test_degrees_go_to_the_methods_that_have_them(bags, capsys):
+    words = ("--method", "arx", "--method", "oe", *VELOCITY, "--structure", "na=1,nb=1,nf=2", "--json")
+    code, out, _ = run(capsys, bags[0], *words)
+    assert code == 0
+    assert [one["states"] for one in json.loads(out)["results"]] == [1, 2]
+
+
+@pytest.fixture(scope="module")
+def closed(tmp_path_factory) -> Path:
+    """First-order axis behind a proportional controller with a loud sensor."""
+    random, samples = np.random.default_rng(4), 3000
+    time, r = 0.01 * np.arange(samples), np.repeat(random.choice([-1.0, 1.0], samples // 20), 20)
+    y, u, speed = np.zeros(samples), np.zeros(samples), 0.0
+    for k in range(samples):
+        y[k] = speed + 0.2 * random.normal()
+        u[k] = 2.0 * (r[k] - y[k])
+        speed = 0.95 * speed + 0.05 * u[k]
+    record = Record(
+        "closed", time, u, time, y[:, None], "motor.effort", "V", ("motor.velocity",), ("rad/s",),
+        reference_time=time, reference=np.column_stack([r, np.full(samples, np.nan)]),
+    )  # fmt: skip
+    return write_bag(tmp_path_factory.mktemp("closed") / "closed", record)
+
+
+def test_methods_for_the_open_loop_are_named_on_data_of_a_closed_one(closed, bags, capsys):
+    words = (closed, "--method", "n4sid", "--method", "pbsid", "--order", 1)
+    code, out, _ = run(capsys, *words)
+    assert code == 0
+    (line,) = (line for line in out.splitlines() if "the loop was closed" in line)
+    assert "n4sid is for an open loop and biased by it" in line
+    assert "right here: pbsid, pem, bj" in line
+    loop = json.loads(run(capsys, *words, "--json")[1])["loop"]
+    assert (loop["closed"], loop["biased_methods"]) == (True, ["n4sid"])
+    assert "pbsid" in loop["suitable_methods"]
+    assert "the loop was closed" in run(capsys, *words[:3], "--sweep", "order=1:2")[1]
+    assert "the loop was closed" not in run(capsys, closed, "--method", "pbsid", "--order", 1)[1]
+    code, out, _ = run(capsys, bags[0], "--method", "n4sid", "--order", 2, "--json")
+    assert json.loads(out)["loop"]["closed"] is False
+
+
+def test_a_response_tells_its_resolution(bags, capsys):
+    code, out, _ = run(capsys, bags[0], "--method", "spa", *VELOCITY)
+    assert code == 0
+    assert re.search(r"resolution .*\n.*\nspa .* Hz +[\d.]+ Hz ", out)
+
+
+def test_a_network_that_only_predicts_says_what_to_try():
+    def outcome(name, free_run, ahead, form="series-parallel"):
+        found = Identified(METHODS[name], SimpleNamespace(form=form), 2)
+        return Outcome(name, found, Score(10, ("y",), np.array([free_run]), np.array([ahead]), (), ()))
+
+    hint = outcome("narx-neural", -30.0, 90.0).hint
+    assert "--focus simulation, more delays (--order 4)" in hint
+    assert "--focus" not in outcome("narx-neural", -30.0, 90.0, "parallel").hint
+    assert not outcome("narx-neural", 85.0, 90.0).hint
+    assert not outcome("oe", -30.0, 90.0).hint
 
 
 def test_sweeps_of_horizon_and_sample_time_leave_out_what_fails(bags, capsys):
@@ -192,8 +288,11 @@ def test_the_methods_are_listed_without_a_bag(capsys):
         (["--method", "oe", "--sweep", "sample-time=0.01:0.05"], "0.01:0.05:0.01"),
         (["--method", "spa", "--sweep", "order=1:3"], "responses"),
         (["--method", "oe", "--structure", "nx=2"], "nb"),
+        (["--method", "oe", "--structure", "na=2"], "oe has nb, nf; leave na out"),
+        (["--method", "arx", "--structure", "nb=0"], "the command has no effect"),
+        (["--method", "oe", "--sample-time", "0.004"], "a sample every 0.02 s"),
         (["--method", "oe", "--save", "model.mat"], "suffix"),
-        (["--method", "spa", "--save", "model.json"], "a response and no model"),
+        (["--method", "spa", "--save", "model.json", "--plot", "f.svg"], "a response and no model"),
         (["--method", "narx-wavelet", "--save", "model.npz"], "suffix .json"),
         (["--method", "oe", "--method", "arx", "--save", "model.json"], "one --method"),
         (["--method", "bla"], "--period"),
@@ -212,6 +311,38 @@ def test_a_missing_bag_is_one_line(capsys):
     code, _, err = run(capsys, "nowhere", "--method", "oe")
     assert code == 2
     assert "no bag nowhere" in err
+
+
+def test_a_best_linear_approximation_tells_noise_from_nonlinearity(tmp_path, capsys):
+    said = []
+    for cubic in (0.0, 0.1):
+        random = np.random.default_rng(3)
+        time = np.arange(2000) * 0.01
+        lines = np.arange(1, 60, 2)
+        lines = np.delete(lines, random.integers(0, len(lines), 8))
+        angles = 2.0 * np.pi * (0.5 * np.outer(time, lines) + random.uniform(size=len(lines)))
+        command = np.sum(np.cos(angles), axis=1) / 3.0
+        speed = lfilter([0.1], [1.0, -0.9], command + cubic * command**3) + 1e-3 * random.normal(size=2000)
+        record = Record(
+            "periodic", time, command, time, speed[:, None], "motor.effort", "V", ("motor.velocity",), ("rad/s",)
+        )
+        bag = write_bag(tmp_path / f"cubic{cubic}", record)
+        figure = tmp_path / f"{cubic}.svg"
+        assert main.run(["identify", str(bag), "--method", "bla", "--period", "2.0", "--plot", str(figure)]) == 0
+        row = next(line for line in capsys.readouterr().out.partition("nonlinear %")[2].splitlines() if "bla" in line)
+        said.append([float(word) for word in row.split()[2:]])
+        assert "total error" in figure.read_text(encoding="utf-8")
+    (quiet, straight, *_), (noise, bent, odd, even) = said
+    assert bent > 20.0 * straight
+    assert noise < 3.0 * quiet
+    assert odd > 20.0 * max(even, quiet)
+
+
+def test_a_bag_that_the_fit_sees_judges_nothing(bags, capsys):
+    train = str(bags[0])
+    for words in (["identify", train, "--method", "arx"], ["fit", "dc_motor", train], ["refine", "dc_motor", train]):
+        assert main.run([*words, "--validate", train]) == 2
+        assert "the fit sees this bag" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -241,6 +372,16 @@ def test_a_pole_is_told_in_continuous_time():
     assert float(size) == pytest.approx(np.exp(-0.1), rel=1e-5)
     assert float(natural) == pytest.approx(np.sqrt(5) / (2 * np.pi), rel=1e-3)
     assert (float(damping), float(time)) == (pytest.approx(0.4472, rel=1e-3), 1.0)
+
+
+def test_poles_of_an_integrator_and_of_growth_are_told_as_such():
+    assert pole_row(0.99999 + 0j, 0.01, 30.0)[2:4] == ("-", "integrator")
+    assert pole_row(1.00001 + 0j, 0.01, 30.0)[2:4] == ("-", "integrator")
+    assert pole_row(0.999 + 0j, 0.01, 30.0)[3] == "1"
+    _, _, natural, damping, time = pole_row(1.002 + 0j, 0.01, 30.0)
+    assert (natural, damping) == ("-", "-")
+    assert time.startswith("grows, 5.00")
+    assert float(pole_row(1.002 * np.exp(0.1j), 0.01, 30.0)[3]) < 0
 
 
 def same_line(ours: str, shown: str) -> bool:

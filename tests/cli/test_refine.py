@@ -99,9 +99,31 @@ def test_a_step_is_taken_back(ladder, capsys):
     assert main.run(words("refine", "--resume", ladder, "--undo")) == 0
     assert added(ladder) == []
     assert load_model(ladder / "model.yaml").effect_names == ()
-    assert "stopped before the end" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "stopped before the end" in said
+    assert "taken back: dead_zone@input (kept in " in said
     assert main.run(words("refine", "--resume", ladder, "--undo")) == 2
     assert "nothing to undo" in capsys.readouterr().err
+
+
+def test_several_steps_are_taken_back_at_once_and_none_is_lost(ladder, capsys):
+    arguments = ("--add", "coulomb_friction@motor", "--most", 2, *FEW, "--no-suggest")
+    assert main.run(words("refine", "--resume", ladder, *arguments)) == 0
+    both = document(ladder)
+    names = ["dead_zone@input", "coulomb_friction@motor"]
+    assert added(ladder) == names
+    assert main.run(words("refine", "--resume", ladder, "--undo", "--undo", "--undo")) == 2
+    assert f"only 2 effects were added ({', '.join(names)})" in capsys.readouterr().err
+    assert added(ladder) == names
+    assert main.run(words("refine", "--resume", ladder, "--undo", "--undo", "--json")) == 0
+    assert json.loads(capsys.readouterr().out)["taken_back"] == names
+    assert added(ladder) == []
+    arguments = ("--add", "coulomb_friction@motor", "--most", 1, *FEW, "--no-suggest")
+    assert main.run(words("refine", "--resume", ladder, *arguments)) == 0
+    assert main.run(words("refine", "--resume", ladder, "--undo")) == 0
+    first, second = document(ladder)["taken_back"]
+    assert (first["steps"], second["steps"]) == (names, ["coulomb_friction@motor"])
+    assert first["ladder"]["ladder"] == both["ladder"]
 
 
 def test_the_user_may_take_another_effect(ladder, capsys):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 from idloop.cli import main
+from idloop.control import check_controller
+from idloop.diagnose.experiment import Experiment
 from idloop.physics import load_model
+from idloop.records import write_bag
 from idloop.signals import build_signal
 
 
@@ -132,6 +136,25 @@ def test_an_experiment_that_would_say_nothing_is_not_written(hidden, one_equatio
     assert "is expected to tell input_offset@input and load_torque@motor apart (at best 0.0" in out
     assert "not written" in err
     assert not (tmp_path / "next.png").exists()
+
+
+def test_a_closed_loop_needs_its_controller_and_says_so_in_one_line(hidden, rivals, tmp_path, capsys):
+    law = {"type": "p", "output": "motor.position", "kp": 2.0, "sample_time": 0.01}
+    signal = {"name": "multilevel", "sample_time": 0.01, "duration": 6.0, "amplitude": 1.0, "seed": 3}
+    experiment = Experiment(signal, "reference", law)
+    bag = write_bag(tmp_path / "closed", experiment.run(load_model(rivals[0]), noise=True, seed=1))
+    assert main.run(words("suggest", *rivals, bag, "--duration", 2)) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "add the controller that ran" in err
+    example = YAML(typ="safe").load(err.split("`")[1])
+    check_controller(example["controller"])
+    closed = []
+    for rival in rivals:
+        closed.append(tmp_path / rival.name)
+        replace(load_model(rival), controller=law).save(closed[-1])
+    assert main.run(words("suggest", *closed, bag, "--no-fit", "--duration", 2)) == 0
+    assert " on the reference, 2 s" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

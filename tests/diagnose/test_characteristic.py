@@ -44,6 +44,29 @@ def test_dry_friction_is_a_step_over_velocity():
     assert one.share > 0.9
 
 
+def test_friction_of_a_machine_that_stands_half_of_the_time_stays_within_its_static_level():
+    effect = "stribeck_friction@axis(coulomb=0.2,static=0.35,velocity=0.8)"
+    model = load_model("axis").with_effects([effect])
+    random = np.random.default_rng(2)
+    command = 0.45 * random.uniform(-1.0, 1.0, 41)[(2.0 * TIME).astype(int)]
+    output = simulate(model, TIME, command, TIME).output
+    assert np.mean(output[:, 1] == 0.0) > 0.4
+    output = output + np.array([5e-4, 0.02]) * random.normal(size=output.shape)
+    record = replace(recorded(load_model("axis")), input=command, output=output)
+    one = characteristic(model, "stribeck_friction@axis", record)
+    assert one is not None
+    level = 0.2 + 0.15 * np.exp(-((one.curve_x / 0.8) ** 2))
+    np.testing.assert_allclose(one.curve_y, level * np.sign(one.curve_x), atol=1e-3)
+    assert np.max(np.abs(one.mean)) < 0.4
+    assert one.share > 0.8
+
+
+@pytest.mark.parametrize("effect", ["input_delay@input(delay=0.02)", "actuator_lag@input(time_constant=0.02)"])
+def test_a_late_command_has_no_curve(effect):
+    model = load_model("dc_motor").with_effects([effect])
+    assert characteristic(model, effect.partition("(")[0], recorded(model)) is None
+
+
 def test_a_dead_zone_takes_its_width_from_the_command():
     one = shown("dead_zone@input(width=0.3)")
     assert (one.variable, one.unit, one.quantity_unit) == ("command", "V", "V")

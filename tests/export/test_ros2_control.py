@@ -8,12 +8,21 @@ import pytest
 import yaml
 
 from idloop.export import export
-from idloop.export.ros2_control import FORWARD, PID
+from idloop.export.ros2_control import FORWARD, IDENTIFIED, PID, TRAJECTORY
 from idloop.physics import load_model
 
 
 def read(model):
     return yaml.safe_load(export(model, "ros2_control").text)
+
+
+def paths(section, above=""):
+    """Names of the parameters in a section, levels joined by dots."""
+    for name, value in section.items():
+        if "unit" in value:
+            yield above + name
+        else:
+            yield from paths(value, f"{above}{name}.")
 
 
 def law(**spec):
@@ -68,6 +77,29 @@ def test_a_velocity_loop_gets_the_viscous_friction_ahead():
     assert read(model)[PID]["ros__parameters"]["reference_and_state_interfaces"] == ["velocity"]
 
 
+def test_a_position_loop_gets_it_ahead_in_the_controller_of_trajectories():
+    model = law(type="pid", kp=2.0, ki=0.5, kd=0.1, limit=3.0)
+    file = read(model)
+    section = file[TRAJECTORY]["ros__parameters"]
+    assert section["joints"] == ["motor"]
+    assert section["command_interfaces"] == ["effort"]
+    assert section["gains"]["motor"] == {**gains(model), "ff_velocity_scale": pytest.approx(2.306 / 8.255)}
+    manager = file["controller_manager"]["ros__parameters"]
+    assert manager[TRAJECTORY]["type"] == "joint_trajectory_controller/JointTrajectoryController"
+    assert TRAJECTORY not in read(law(type="p", kp=2.0, output="motor.velocity"))
+
+
+def test_what_was_identified_is_there_with_units_and_intervals():
+    model = load_model("dc_motor").with_effects(["dead_zone@input(width=0.12)"])
+    model = model.with_values({"drive.gain": 8.0}, {"drive.gain": 0.1})
+    found = read(replace(model, controller=None))[IDENTIFIED]["ros__parameters"]
+    assert found["drive"]["gain"]["value"] == 8.0
+    assert found["drive"]["gain"]["unit"] == model.parameter("drive.gain").unit
+    assert found["drive"]["gain"]["interval_95"] == pytest.approx([8.0 - 0.196, 8.0 + 0.196], abs=1e-3)
+    assert found["dead_zone"]["input"]["width"] == {"value": 0.12, "unit": "V"}
+    assert set(paths(found)) == {parameter.name.replace("@", ".") for parameter in model.parameters}
+
+
 @pytest.mark.parametrize(
     "spec", (None, {"type": "lead", "output": "axis.position", "gain": 1.0, "zero": 1.0, "pole": 9.0})
 )
@@ -92,5 +124,7 @@ def test_rclpy_reads_the_file(tmp_path):
     assert found["gains.motor.p"].value.double_value == 0.25
     assert found["gains.motor.i"].value.double_value == 2.0
     assert list(found["dof_names"].value.string_array_value) == ["motor"]
+    identified = reader.parameter_dict_from_yaml_file(str(path), target_nodes=[IDENTIFIED])
+    assert identified["motor.viscous_friction.value"].value.double_value == 2.306
     manager = reader.parameter_dict_from_yaml_file(str(path), target_nodes=["controller_manager"])
     assert manager["update_rate"].value.integer_value == 500

@@ -10,9 +10,10 @@ import pytest
 from idloop.diagnose import Candidate, Ladder, Step
 from idloop.diagnose.experiment import Experiment
 from idloop.physics import load_model
-from idloop.report.contents import FITTED, UNSEEN, gather, labelled_models, noise_floor
+from idloop.report.contents import gather, labelled_models, noise_floor
 from idloop.report.figures.describing import describing_figures
 from idloop.report.page_figures import page_figures
+from idloop.report.use import FITTED, UNSEEN
 
 
 def test_unseen_data_come_first_and_every_record_is_held_against_both_ends_of_the_ladder(contents):

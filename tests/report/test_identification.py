@@ -34,7 +34,7 @@ def labels(figure):
     return [axes.get_ylabel() for axes in figure.axes]
 
 
-BODE = ["magnitude [m/s/(N·m)]", "phase, 95 % bands [deg]"]
+BODE = ["magnitude [m/s/(N·m)]", "phase [deg]"]
 VALIDATION = ["motor.velocity [m/s]", "residual [m/s]"]
 
 

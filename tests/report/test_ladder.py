@@ -41,13 +41,13 @@ def test_the_errors_of_every_step_are_drawn_by_output_for_train_and_validation()
     axes = plot_ladder(ladder(), {"motor.position": 0.01}).axes[0]
     lines = {line.get_label(): line for line in axes.lines}
     assert set(lines) == {
-        "motor.position, train",
-        "motor.position, validation",
+        "motor.position, fitted",
+        "motor.position, unseen",
         "motor.position, noise floor",
-        "motor.velocity, train",
-        "motor.velocity, validation",
+        "motor.velocity, fitted",
+        "motor.velocity, unseen",
     }
-    np.testing.assert_allclose(lines["motor.position, validation"].get_ydata(), [0.36, 0.06])
+    np.testing.assert_allclose(lines["motor.position, unseen"].get_ydata(), [0.36, 0.06])
     assert set(lines["motor.position, noise floor"].get_ydata()) == {0.01}
     assert axes.get_ylabel() == "NRMSE of the free run [-]"
     assert axes.get_yscale() == "log"
@@ -68,7 +68,7 @@ def test_steps_are_named_with_evidence_and_ties_in_brackets():
     figure = plot_ladder(ladder())
     labels = [text.get_text() for text in figure.axes[-1].get_xticklabels()]
     assert labels == ["start", "+ dead zone\n@ input\np < 0.001\n[or Coulomb friction @ motor]"]
-    assert step_label(step("dead_zone@input", chosen_by="user")).endswith("chosen by the user")
+    assert step_label(step("dead_zone@input", chosen_by="user"), ladder()).endswith("chosen by the user")
     assert p_text(0.0321) == "p = 0.032"
 
 
@@ -81,7 +81,7 @@ def test_the_title_says_how_it_ended():
 def test_the_unknown_curve_has_its_band_and_units():
     for axes in (plot_ladder(ladder(unknown=UNKNOWN)).axes[-1], plot_unknown(UNKNOWN).axes[0]):
         assert axes.get_xlabel() == "motor.velocity [rad/s]"
-        assert axes.get_ylabel() == "force [N·m]"
+        assert axes.get_ylabel() == "remaining force [N·m]"
         (band,) = axes.collections
         reach = band.get_paths()[0].vertices
         assert np.max(reach[:, 1]) == pytest.approx(1.1)

@@ -108,7 +108,20 @@ def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story)
     train = replace(story["train"], output=story["train"].output + coloured)
     ladder = replace(contents.ladder, verdict="adequate", unknown=None)
     page = render_page(gather(ladder, [train], [story["unseen"]]))
-    assert "But the one-step error" in page[page.index('id="answer"') : page.index('id="ladder"')]
+    answer = page[page.index('id="answer"') : page.index('id="ladder"')]
+    assert "But the one-step error" in answer
+    # The figures below are those of another record.
+    assert "on the fitted data" in answer
+    left = page[page.index('id="left"') : page.index('id="open"')]
+    assert "One-step residual of motor.position on the unseen data: unseen" in left
+
+
+def test_a_share_says_of_what_it_is_one_and_a_list_of_which_model(contents):
+    page = render_page(contents)
+    assert "80 % of the power of the one-step prediction errors that the model without it leaves" in page
+    assert "<h3>This data cannot show</h3>" in page
+    stopped = render_page(replace(contents, ladder=replace(contents.ladder, verdict="missing")))
+    assert "<h3>As long as what is still missing is not in the model, this data cannot show</h3>" in stopped
 
 
 def test_effects_that_are_one_equation_get_their_check_by_hand(contents):

@@ -38,12 +38,16 @@ def left(record: str, name: str, *, white: bool = True, free: bool = True) -> Re
 def test_a_verdict_that_reads_like_noise_is_contradicted_where_it_must_be(verdict):
     assert remainder_lines(verdict, [left("a", "position"), left("a", "velocity")]) == []
     (line,) = remainder_lines(verdict, [left("a", "position", white=False), left("a", "velocity", white=False)])
-    assert line.startswith("but the one-step errors of position and velocity are not white (Ljung-Box p < 0.001)")
+    assert line.startswith(
+        "but the one-step errors of position and velocity on the fitted data are not white (Ljung-Box p < 0.001)"
+    )
     follows, coloured = remainder_lines(
         verdict, [left("a", "position", white=False, free=False), left("a", "velocity", white=False)]
     )
-    assert follows.startswith("but the one-step error of position still follows the command (p 0.004)")
-    assert coloured.startswith("but the one-step error of velocity is not white")
+    assert follows.startswith(
+        "but the one-step error of position on the fitted data still follows the command (p 0.004)"
+    )
+    assert coloured.startswith("but the one-step error of velocity on the fitted data is not white")
 
 
 @pytest.mark.parametrize(("share", "told"), [(1e-6, 0), (0.05, 1)])
@@ -61,7 +65,7 @@ def test_what_is_left_of_exact_data_is_no_structure(share: float, told: int):
 
 def test_of_several_records_it_says_in_how_many():
     (line,) = remainder_lines("adequate", [left("a", "position"), left("b", "position", white=False)])
-    assert "position in 1 of 2 records is not white" in line
+    assert "position in 1 of 2 records of the fitted data is not white" in line
 
 
 @pytest.mark.parametrize("verdict", ("unknown_structure", "missing"))

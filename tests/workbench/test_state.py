@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
+from idloop.diagnose import Candidate, Ladder, Step
+from idloop.physics import load_model
 from idloop.workbench import state
+from idloop.workbench.source import Missing
 
 
 def error(mean=0.0, rms=1.0, **variables):
@@ -62,3 +66,24 @@ def test_a_parameter_has_as_many_digits_as_its_interval_lets_stand():
         "ratio": {"value": 2.0, "stderr": 0.1, "unit": "-"},
     })  # fmt: skip
     assert found == ["width 0.2981 ± 0.0027 V", "rest position −1.22 · 10⁴ rad", "ratio 2.00 ± 0.20"]
+
+
+def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_to_be_so():
+    model = load_model("axis")
+    cogging = Candidate("cogging", "axis", "yes", "", "", model=model.with_effects(["cogging@axis"]))
+    steps = tuple(
+        Step(added, one, set=(), train=errors, validation=errors)
+        for added, one, error in ((None, model, 0.1), (cogging, cogging.model, 0.6))
+        for errors in [{"nrmse": {"axis.position": error}}]
+    )
+    ladder = Ladder(steps, verdict="adequate", criterion="force")
+    (told,) = state._ladder(ladder)["beware"]
+    assert told.startswith("Beware: cogging@axis makes the free run on data that no fit saw worse")
+    good = state._missing(Missing("adequate"), {}, ladder)
+    assert good["conclusion"].startswith("Something that no effect of the catalogue explains is missing")
+    assert "drive force" in good["explains"]
+    assert good["basis"] == "This data cannot show"
+    lacking = state._missing(Missing("missing", set=("dead_zone@input",)), {}, ladder)
+    assert lacking["conclusion"] == ""
+    assert lacking["basis"] == "As long as dead zone @ input is not in the model, this data cannot show"
+    assert state._missing(Missing("adequate"), {}, replace(ladder, steps=steps[:1]))["conclusion"] == ""

@@ -109,11 +109,35 @@ def apply_options(model: Model, settings: Sequence[str], effects: Sequence[str])
     return model
 
 
-def read_records(bags: Iterable[Path], model: ModelSignals) -> list[Record]:
-    """Read the streams that the model names: a record for each run of the clock in each bag."""
+def read_fitted_and_unseen(
+    bags: Sequence[Path], unseen: Sequence[Path], model: ModelSignals
+) -> tuple[list[Record], list[Record]]:
+    """Read what is fitted, and what is to judge it.
+
+    Raises
+    ------
+    InputError
+        As `read_records`; a bag that is both.
+    """
+    fitted = {bag.resolve() for bag in bags}
+    for bag in unseen:
+        if bag.resolve() in fitted:
+            raise InputError(f"--validate {bag}: the fit sees this bag; give one that it does not see, or none")
+    return read_records(bags, model), read_records(unseen, model)
+
+
+def read_records(bags: Iterable[Path], model: ModelSignals, *, fitted: bool = True) -> list[Record]:
+    """Read the streams that the model names: a record for each run of the clock in each bag.
+
+    Raises
+    ------
+    InputError
+        What cannot be read; where they are to be `fitted`, also a motion that no fit can use.
+    """
     from idloop import records
 
-    return [_with_warnings(record) for record in records.read_records(bags, model)]
+    found = records.read_records(bags, model)
+    return [_with_warnings(records.check_identifiable(record) if fitted else record) for record in found]
 
 
 def read_one_record(bag: Path, model: Model) -> Record:

@@ -228,7 +228,7 @@ def tell_real_machine(rows: list[dict[str, Any]] | None) -> None:
         return
     click.echo("real machine (EMPS ball-screw axis): force error of each model")
     _common.print_table(
-        ("model", "train", "pulses (unseen)"),
+        ("model", "fitted", "pulses (unseen)"),
         [
             (
                 " + ".join(["inertia, viscous friction", *(name.split("@")[0] for name in row["effects"])]),

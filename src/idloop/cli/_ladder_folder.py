@@ -40,6 +40,8 @@ class Kept:
         Commands, seed, versions, checksums, see `idloop.report.provenance`; empty where it is not known.
     unseen, seen : tuple of (Path, float, float)
         Parts of recordings that no fit has seen, and those that were fitted, where it was not whole ones [s].
+    taken_back : tuple of dict
+        What was undone, the latest last: ``steps`` by name, and the whole ``ladder`` as it was before.
     """
 
     ladder: Ladder
@@ -49,6 +51,31 @@ class Kept:
     provenance: dict[str, Any] = field(default_factory=dict)
     unseen: tuple[tuple[Path, float, float], ...] = ()
     seen: tuple[tuple[Path, float, float], ...] = ()
+    taken_back: tuple[dict[str, Any], ...] = ()
+
+    def without_last(self, count: int, where: Path) -> Kept:
+        """Take the last steps back, and keep what they were.
+
+        Parameters
+        ----------
+        count : int
+        where : Path
+            Folder of the ladder, for the message.
+
+        Raises
+        ------
+        InputError
+            The ladder has fewer effects.
+        """
+        added = self.ladder.added
+        if count > len(added):
+            have = f"only {len(added)} effects were added ({', '.join(added)})" if added else "no effect was added"
+            raise InputError(f"{where}: nothing to undo {count} times: {have}; give --undo less often")
+        shorter = self.ladder
+        for _ in range(count):
+            shorter = shorter.undo()
+        before = {"steps": list(added[-count:]), "ladder": self.ladder.to_dict()}
+        return replace(self, ladder=shorter, taken_back=(*self.taken_back, before))
 
 
 def check_target(folder: Path, what: str, *, overwrite: bool) -> None:
@@ -101,7 +128,8 @@ def read_ladder(folder: Path) -> Kept:
         tuple((Path(part["bag"]), float(part["start"]), float(part["stop"])) for part in document.get(key, ()))
         for key in ("unseen", "seen")
     )
-    return Kept(ladder, bags, validate, effects, dict(document.get("provenance", {})), unseen, seen)
+    provenance, taken_back = dict(document.get("provenance", {})), tuple(document.get("taken_back", ()))
+    return Kept(ladder, bags, validate, effects, provenance, unseen, seen, taken_back)
 
 
 def write_ladder(folder: Path, kept: Kept) -> None:
@@ -123,6 +151,7 @@ def write_ladder(folder: Path, kept: Kept) -> None:
             key: [{"bag": bag.resolve(), "start": start, "stop": stop} for bag, start, stop in parts]
             for key, parts in (("unseen", kept.unseen), ("seen", kept.seen))
         },
+        "taken_back": kept.taken_back,
     }
     write_text(folder / "model.yaml", kept.ladder.model.to_yaml())
     write_text(folder / "ladder.json", json.dumps(to_json(document), indent=2, ensure_ascii=False) + "\n")

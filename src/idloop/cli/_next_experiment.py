@@ -81,7 +81,7 @@ def next_of_ladder(ladder: Ladder, records: Sequence[Record], limits: Limits, op
     from idloop.diagnose.suggest_next import suggest_next
 
     twins = ladder_twins(ladder)
-    steps = [replace(step, set=one_of_each(_first(step), twins)) for step in ladder.steps]
+    steps = [replace(step, set=one_of_each(_first(ladder, step), twins)) for step in ladder.steps]
     open_ = unshown(ladder)
     asked = replace(ladder, steps=tuple(steps), untestable=tuple(open_))
     return _judged(suggest_next(asked, records, limits, **options), twins, open_, ladder.verdict)
@@ -102,8 +102,8 @@ def next_of_diagnosis(found: Diagnosis, records: Sequence[Record], limits: Limit
     answer = _judged(suggest_next(asked, records, limits, **options), twins, open_, found.verdict)
     if best is None:
         return answer
-    names = best.name if found.pair is None else " and ".join(found.pair)
-    return replace(answer, lead=f"missing: {names} (idloop refine adds what is missing); beside it:")
+    lacking = f"{best.name} is" if found.pair is None else f"{' and '.join(found.pair)} are"
+    return replace(answer, lead=f"{lacking} missing, which idloop refine adds; what else is open:")
 
 
 def next_of_models(
@@ -126,11 +126,11 @@ def next_of_models(
     return _judged(found, groups, {}, "")
 
 
-def _first(step: Step) -> tuple[str, ...]:
+def _first(ladder: Ladder, step: Step) -> tuple[str, ...]:
     """The tied effects, that of the model before those that would do in its place."""
     if step.added is None:
         return step.set
-    return (step.added.name, *(name for name in step.set if name != step.added.name))
+    return (step.added.name, *ladder.rivals(step))
 
 
 def _ties(found: Diagnosis) -> bool:
@@ -147,13 +147,13 @@ def _judged(found: Suggestion | None, twins: Sequence[Twins], open_: Mapping[str
 
 def _reason(open_: Mapping[str, str], verdict: str, *, tied: bool) -> str:
     """Why there is nothing to run."""
-    ties = "nothing else ties" if tied else "no effects tie"
+    ties = "no others tie" if tied else "no two effects tie"
     if open_:
         listing = "".join(f"\n  {name}{f': {why}' if why else ''}" for name, why in open_.items())
         return (
-            f"{ties}; no experiment within the limits of this data would show what it cannot show, wider ones may "
-            f"(--max-command, --position-range, --max-velocity):{listing}"
+            f"{ties}, and within the limits of this data no experiment would show the effects below; allow more with "
+            f"--max-command, --position-range or --max-velocity:{listing}"
         )
     if verdict == "unknown_structure":
         return f"{ties}; what is left is structured, and the data show every effect of the catalogue: none is it"
-    return f"nothing {'else ' if tied else ''}is open: {ties}, and the data show them all"
+    return f"nothing {'else ' if tied else ''}is open: {ties}, and the data would show every other one"

@@ -60,9 +60,17 @@ def controller_section(model: Model, text: str | None) -> dict[str, Any]:
     Raises
     ------
     InputError
-        There is none, or the text is no YAML mapping.
+        There is none, or the text is neither a file with a controller nor a YAML mapping.
     """
-    section = model.controller if text is None else read_mapping(text, "--controller", "{type: pid, kp: 1.0, ...}")
+    from idloop.physics import preset_names
+    from idloop.physics.controller_file import load_controller
+
+    if text is None:
+        section = model.controller
+    elif text in preset_names() or Path(text).is_file():
+        section = load_controller(text)
+    else:
+        section = read_mapping(text, "--controller", "{type: pid, kp: 1.0, ...}, or a file")
     if section is None:
         raise InputError(f"model {model.name} names no controller: add one to its file, or give --controller")
     return {"sample_time": 0.001, **section}

@@ -57,7 +57,7 @@ _POSITIVE = click.FloatRange(min=0.0, min_open=True)
     metavar="SIGNAL|BAG",
     help="What is followed: a signal as YAML, or the reference of a bag. Left out: moves to and fro.",
 )
-@click.option("--controller", metavar="YAML", help="Controller in place of the model's.")
+@click.option("--controller", metavar="YAML|FILE", help="Controller in place of the model's, as text or in a file.")
 @click.option("--limit", type=_POSITIVE, help="Most that is added to the command; left out, half of its limit.")
 @click.option("--velocity-width", type=_POSITIVE, help="Speed below which dry friction is cancelled in part.")
 @click.option("--command-width", type=_POSITIVE, help="Command below which a dead zone is crossed in part.")

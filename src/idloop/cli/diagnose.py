@@ -10,11 +10,13 @@ import click
 
 from idloop.cli._common import BAG, MODEL, apply_options, json_option, model_options, print_json, progress, read_records
 from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, print_candidates, tie_text
-from idloop.report.verdicts import MISSING, VERDICTS
+from idloop.report.verdicts import MISSING, VERDICTS, basis, explained_of
 
 if TYPE_CHECKING:
     from idloop.diagnose import Diagnosis
+    from idloop.diagnose.worsened import Worsened
     from idloop.physics import Model
+    from idloop.records import Record
     from idloop.report.remains import Remainder
 
 EXAMPLE = """\b
@@ -62,13 +64,34 @@ def command(
         )
         update(1.0, "what is left")
         left = compared(found.model, records)
+        worse = _worsened(found, records)
     if as_json:
-        print_json({**found.to_dict(), "residual": [one.to_dict() for one in left]})
+        print_json(
+            {
+                **found.to_dict(),
+                "residual": [one.to_dict() for one in left],
+                "worsened": [one.to_dict() for one in worse],
+            }
+        )
         return
-    print_diagnosis(found, left, everything=everything)
+    print_diagnosis(found, left, worse, everything=everything)
 
 
-def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everything: bool = False) -> None:
+def _worsened(found: Diagnosis, records: Sequence[Record]) -> list[Worsened]:
+    """The missing effect, where the free run on the fitted data is worse with it."""
+    from idloop.diagnose.errors import model_errors
+    from idloop.diagnose.worsened import worsened
+
+    best = found.best
+    if best is None or best.model is None:
+        return []
+    errors = [model_errors(model, records) for model in (found.model, best.model)]
+    return worsened(["", " with ".join(found.pair or (best.name,))], errors, unseen=False)
+
+
+def print_diagnosis(
+    found: Diagnosis, left: Sequence[Remainder] = (), worse: Sequence[Worsened] = (), *, everything: bool = False
+) -> None:
     """Print gate, ranked table, tie, verdict with its physics and what speaks against it, what the data cannot show."""
     from idloop.report.remains import remainder_lines
 
@@ -76,8 +99,13 @@ def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everyth
         click.echo(line)
     click.echo()
     print_candidates(found.candidates, found.set, found.gate.limits, everything=everything)
-    click.echo()
     best = found.best
+    lacking = [] if best is None else list(found.pair or (best.name,))
+    if any(one.model is not None for one in found.candidates):
+        click.echo(f"explains: part of {explained_of(found.criterion)}")
+    if lacking:
+        click.echo(f"testable, would show with: {basis(lacking).removesuffix(', ')}; look again with it")
+    click.echo()
     if best is not None and found.pair is not None:
         click.echo(f"{MISSING}, only together: {' and '.join(found.pair)}; each hides the other")
         for one in found.candidates[:2]:
@@ -97,12 +125,14 @@ def print_diagnosis(found: Diagnosis, left: Sequence[Remainder] = (), *, everyth
             click.echo(found.unknown.text)
         for line in remainder_lines(found.verdict, left):
             click.echo(line)
+    for step in worse:
+        click.echo(f"beware: {step.text}")
     for name, why in found.passed_over.items():
         click.echo(f"significant, yet passed over: {name}: {why}")
     hidden = [name for name in found.untestable if name not in found.set]
     if hidden:
         click.echo()
-        click.echo("this data cannot show:")
+        click.echo(f"{basis(lacking)}this data cannot show:")
         for name in hidden:
             click.echo(f"  {name}: {found.gate.why.get(name, 'not excited')}")
 

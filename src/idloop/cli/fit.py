@@ -19,7 +19,7 @@ from idloop.cli._common import (
     plot_option,
     print_json,
     progress,
-    read_records,
+    read_fitted_and_unseen,
 )
 from idloop.cli._places import OUTPUT_FILE, force_option, write_text
 
@@ -81,9 +81,10 @@ def command(
     MODEL is a preset or a model file; a parameter is free where the file writes it as a mapping.
     """
     model = apply_options(model, settings, effects)
-    train, validation = read_records(bags, model), read_records(validate, model)
+    train, validation = read_fitted_and_unseen(bags, validate, model)
 
     from idloop.estimate import fit
+    from idloop.report.use import FITTED, UNSEEN
 
     with progress(f"fitting {model.name}") as update:
         result = fit(model, train, criterion=criterion, progress=update)
@@ -92,7 +93,7 @@ def command(
 
     if output is not None:
         write_text(output, result.model.to_yaml())
-    labelled = [("train", c) for c in on_train] + [("validation", c) for c in on_validation]
+    labelled = [(FITTED, c) for c in on_train] + [(UNSEEN, c) for c in on_validation]
     if plot is not None:
         panels = [make_panel(f"{label}: {c.record.name}", [(model.name, c)]) for label, c in labelled]
         save_figure(panels, on_train[0], plot)

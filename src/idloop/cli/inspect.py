@@ -16,6 +16,9 @@ _VERDICTS = {
     "usable": "usable for identification",
     "not_excited": "nothing can be identified: no excitation",
     "no_command": "no command found: nothing can be fitted without one",
+    "contradictory": "not usable as it is: a position stands still beside its moving velocity",
+    "too_short": "nothing can be identified: too few samples",
+    "short": "hardly usable: few samples",
     "unreadable": "no signal could be read",
 }
 

@@ -114,7 +114,7 @@ def command(
     hours = monitor.parse_false_alarms(false_alarms)
     model = apply_options(model, settings, effects)
     watches = monitor.choose_watches(model, texts)
-    records = read_records(bags, model)
+    records = read_records(bags, model, fitted=False)
     healthy = read_records(reference, model)
     if not healthy:
         first, records[0] = split(records[0], learn)

@@ -21,7 +21,7 @@ from idloop.cli._common import (
     number,
     print_json,
     progress,
-    read_records,
+    read_fitted_and_unseen,
 )
 from idloop.cli._diagnosis import (
     DiagnosisCommand,
@@ -34,7 +34,7 @@ from idloop.cli._diagnosis import (
 from idloop.cli._ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
 from idloop.cli._places import OUTPUT_FOLDER, force_option
 from idloop.errors import IdloopError, InputError
-from idloop.report.verdicts import VERDICTS
+from idloop.report.verdicts import basis, conclusion
 
 if TYPE_CHECKING:
     from idloop.cli._next_experiment import Next
@@ -48,7 +48,7 @@ EXAMPLE = """\b
 Examples:
   idloop refine dc_motor bags/train --validate bags/unseen --output runs/refined
   idloop refine --resume runs/refined --undo
-  idloop refine --resume runs/refined --undo --add coulomb_friction@motor
+  idloop refine --resume runs/refined --undo --undo --add coulomb_friction@motor
   idloop refine emps bags/train --most 2 --json
 """
 
@@ -65,7 +65,11 @@ Examples:
     metavar="DIR",
     help="Go on with the ladder in DIR; MODEL and BAG are those of then when left out.",
 )
-@click.option("--undo", is_flag=True, help="Take the last step of the resumed ladder back, and stop there.")
+@click.option(
+    "--undo",
+    count=True,
+    help="Take the last step of the resumed ladder back, and stop there; twice: the last two. ladder.json keeps them.",
+)
 @click.option("--add", metavar="EFFECT@SITE", help="Add this effect, the user's own choice, and go on from there.")
 @limit_options
 @click.option("--no-suggest", is_flag=True, help="Do not work out the next experiment for what stays open.")
@@ -89,7 +93,7 @@ def command(
     effects: tuple[str, ...],
     most: int,
     resume: Path | None,
-    undo: bool,
+    undo: int,
     add: str | None,
     max_command: float | None,
     position_range: tuple[float, float] | None,
@@ -107,10 +111,10 @@ def command(
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
     from idloop.diagnose.twins import ladder_twins
-    from idloop.report.contents import FITTED
     from idloop.report.estimates import parameter_estimates
     from idloop.report.remains import compared, remainders
     from idloop.report.unshown import unshown
+    from idloop.report.use import FITTED
 
     if undo and resume is None:
         raise InputError("--undo takes back the last step of a ladder: add --resume DIR")
@@ -120,15 +124,19 @@ def command(
         check_target(target, "--output" if output is not None else "--resume", overwrite=force or own)
     limits = read_limits(max_command, position_range, max_velocity)
     kept = read_ladder(resume) if resume is not None else None
+    if undo and kept is not None and resume is not None:
+        kept = kept.without_last(undo, resume)
     model, bags = _sources(sources, kept)
     model = apply_options(model, settings, effects) if kept is None else model
     unseen = validate or (kept.validate if kept is not None else ())
-    records, validation = read_records(bags, model), read_records(unseen, model)
+    records, validation = read_fitted_and_unseen(bags, unseen, model)
     folder = kept.folder if kept is not None else model.folder
     origin = _origin(bags, unseen, kept, seed) if target is not None else {}
 
+    taken_back = kept.taken_back if kept is not None else ()
+
     def as_kept(ladder: Ladder) -> Kept:
-        return Kept(ladder, tuple(bags), tuple(unseen), folder, origin)
+        return Kept(ladder, tuple(bags), tuple(unseen), folder, origin, taken_back=taken_back)
 
     def keep(ladder: Ladder) -> None:
         """Leave every step on the disk as soon as it is made."""
@@ -138,7 +146,10 @@ def command(
     answer: Next | None = None
     with progress(f"refining {model.name}") as update:
         climb = _Climb(records, validation, level, criterion, only, seed, most, update, keep)
-        ladder = climb(model, kept.ladder if kept is not None else None, undo=undo, add=add)
+        if undo and add is None and kept is not None:
+            ladder = kept.ladder
+        else:
+            ladder = climb(model, kept.ladder if kept is not None else None, add=add)
         # What was found after all, or ties with it, is not what the data cannot show.
         ladder = replace(ladder, untestable=tuple(unshown(ladder)))
         if not no_suggest and not (undo and add is None):
@@ -157,10 +168,15 @@ def command(
             **ladder.to_dict(),
             "parameters": parameter_estimates(ladder.model),
             "residual": [one.to_dict() for one in left],
+            "conclusion": conclusion(ladder, left),
             "one_equation": [group.to_dict() for group in ladder_twins(ladder)],
             "output": target,
+            "taken_back": taken_back[-1]["steps"] if undo else [],
         })  # fmt: skip
         return
+    if undo:
+        kept_in = "" if target is None else f" (kept in {target / 'ladder.json'}, taken_back)"
+        click.echo(f"taken back: {', '.join(taken_back[-1]['steps'])}{kept_in}")
     print_ladder(ladder, left)
     if answer is not None and answer.futile:
         click.echo(f"next experiment: none; {answer.reason}")
@@ -183,13 +199,9 @@ class _Climb:
     update: Callable[..., None]
     keep: Callable[[Ladder], None]
 
-    def __call__(self, model: Model, ladder: Ladder | None, *, undo: bool, add: str | None) -> Ladder:
+    def __call__(self, model: Model, ladder: Ladder | None, *, add: str | None) -> Ladder:
         from idloop.diagnose import add_effect, refine
 
-        if undo and ladder is not None:
-            ladder = ladder.undo()
-            if add is None:
-                return ladder
         common: dict[str, Any] = {"seed": self.seed, "progress": self.update}
         if add is not None:
             if ladder is None:
@@ -256,7 +268,7 @@ def _next(
     """
     from idloop.cli._next_experiment import next_of_ladder
 
-    tied = any(len(step.set) > 1 for step in ladder.steps)
+    tied = any(ladder.rivals(step) for step in ladder.steps)
     wider = any(limit is not None for limit in limits.to_dict().values())
     if not tied and not wider and ladder.verdict != "not_excited":
         return None
@@ -282,6 +294,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
     from idloop.diagnose.twins import ladder_twins
     from idloop.report.remains import also_significant, remainder_lines
     from idloop.report.unshown import unshown
+    from idloop.report.use import SAID
 
     for line in ladder.findings:
         click.echo(line)
@@ -304,9 +317,9 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
         )
     measured = [*(f"FIT % {name}" for name in names), *(["force error %"] if forces else [])]
     click.echo(format_table(("step", "p", *measured, "parameters at that step (95 %)"), rows))
-    click.echo(f"(errors of the {kind} data)")
+    click.echo(f"(errors of the {SAID[kind]} data)")
     for step in ladder.steps:
-        others = [name for name in step.set if step.added is not None and name != step.added.name]
+        others = ladder.rivals(step)
         if step.added is not None:
             click.echo(f"{step.added.name}: {step.added.text}")
             if step.added.replaces:
@@ -315,7 +328,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
             click.echo(f"  this data cannot tell it from {', '.join(others)}")
     for group in ladder_twins(ladder):
         click.echo("\n".join(group.lines))
-    click.echo(f"verdict: {VERDICTS.get(ladder.verdict, ladder.verdict)}")
+    click.echo(f"verdict: {conclusion(ladder, left)}")
     for one in ladder.worsened:
         click.echo(f"beware: {one.text}")
     if ladder.unknown is not None:
@@ -329,7 +342,8 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
         click.echo(f"significant on the fitted data, yet not added: {name}: {why}")
     hidden = unshown(ladder)
     if hidden:
-        click.echo(f"this data cannot show: {', '.join(hidden)}")
+        lacking = ["what is still missing"] if ladder.verdict == "missing" else []
+        click.echo(f"{basis(lacking)}this data cannot show: {', '.join(hidden)}")
     suggested = ladder.suggested_experiment
     if suggested is not None:
         click.echo(f"next experiment: {suggested['text']}")

@@ -52,7 +52,7 @@ def command(
         _common.print_json({"schema": "idloop/replay/1", "bag": bag, "model": model_name, "result": result})
         return
     _common.print_table(
-        ("output", "FIT on unseen data", "FIT on the fit's data"),
+        ("output", "FIT on unseen data", "FIT on fitted data"),
         [(name, f"{value:.2f} %", f"{result.fit_train[name]:.2f} %") for name, value in result.fit.items()],
     )
     click.echo()

@@ -97,6 +97,9 @@ def command(
     given are the largest command and motion in the data. The figure of --plot shows what is sent in, what each rival
     would show, and by how much they differ beside the noise. Of effects that are one equation, which no motion can tell
     apart, a check by hand is named instead; an experiment that is expected to say nothing is not written.
+
+    Data with a recorded reference come from a closed loop: the experiment is a reference then, and MODEL must have the
+    section `controller` that says which law ran.
     """
     names, bags = _split(sources, between, ladder)
     limits = read_limits(max_command, position_range, max_velocity)
@@ -172,6 +175,7 @@ def _of_models(
 ) -> Next:
     from idloop.cli._next_experiment import Next, next_of_diagnosis, next_of_models
     from idloop.diagnose import diagnose
+    from idloop.diagnose.suggest import loop_of
     from idloop.diagnose.suggest_effect import suggest_effect
     from idloop.estimate import fit
 
@@ -183,6 +187,8 @@ def _of_models(
             models[0], records, criterion=criterion, seed=options["seed"], progress=_part(update, 0.0, 0.4)
         )
         return next_of_diagnosis(first, records, limits, {**options, "progress": _part(update, 0.4, 1.0)})
+    # Before the fits: without its controller they would be for nothing.
+    loop_of(models[0], records)
     if not fitted:
         models = [
             fit(

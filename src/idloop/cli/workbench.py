@@ -20,7 +20,7 @@ from idloop.cli._common import (
     log,
     model_options,
     print_json,
-    read_records,
+    read_fitted_and_unseen,
 )
 from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
 from idloop.cli._ladder_folder import Kept, check_target, write_ladder
@@ -92,7 +92,7 @@ def command(
     if output is not None:
         check_target(output, "--output", overwrite=force)
     model = apply_options(model, settings, effects)
-    records, unseen = read_records(bags, model), read_records(validate, model)
+    records, unseen = read_fitted_and_unseen(bags, validate, model)
 
     # Only now: bad input is told before the page's libraries are loaded.
     from idloop.workbench.offline import OfflineSource

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from idloop.physics import Model
+    from idloop.physics.effect import Effect
     from idloop.physics.model import ActiveEffect
     from idloop.records import Record
 
@@ -44,6 +45,8 @@ _PLAIN = 0.1
 _MOVING = 1e-12
 # Between the points of a curve [s].
 _APART = 10.0
+# A filtered instant at which the body stands, by the part that the filter leaves of standing.
+_STANDS = 0.1
 # A free run that misses more than this part of the motion is no ground to read a sensor's error from.
 _LOST = 0.5
 
@@ -129,8 +132,8 @@ def characteristic(model: Model, effect: str, record: Record) -> Characteristic 
     Returns
     -------
     Characteristic or None
-        None where the record does not show it: not every body is measured, the effect splits a body, or the free
-        run of the model is lost.
+        None where the record does not show it: not every body is measured, the effect splits a body or makes the
+        command late, or the free run of the model is lost.
 
     Raises
     ------
@@ -139,9 +142,9 @@ def characteristic(model: Model, effect: str, record: Record) -> Characteristic 
     """
     without = model.without_effect(effect)
     active = next(one for one in model.effects if one.name == effect)
-    if active.effect.splits:
-        return None
     kind = model.site_kind(active.at)
+    if active.effect.splits or shifts_in_time(active.effect):
+        return None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
             cloud = (_force_cloud if kind in {BODY, INPUT, COUPLING} else _reading_cloud)(
@@ -152,6 +155,11 @@ def characteristic(model: Model, effect: str, record: Record) -> Characteristic 
     if cloud is None or len(cloud.data) < _BINS or not np.any(cloud.fitted):
         return None
     return _drawn(active, cloud)
+
+
+def shifts_in_time(effect: Effect) -> bool:
+    """Whether an effect only makes the command late: over the command that is the straight line of no effect."""
+    return effect.site == INPUT and effect.lags and not effect.lost_motion
 
 
 # ---------------------------------------------------------------- forces
@@ -189,7 +197,11 @@ def _force_cloud(model: Model, without: Model, active: ActiveEffect, record: Rec
         scale, quantity = 1.0, "torque that passes" if model.units.position == "rad" else "force that passes"
         variables = {"twist": (twist, model.units.position)}
     columns = [offset + scale * lacking, offset + scale * (lacking - left), *(x for x, _ in variables.values())]
-    stacked = thin(np.column_stack(columns), motion)
+    # What dry friction takes while the body stands is no level of it: it follows the command, not the motion.
+    slow = np.abs(motion.velocity[:, body]) <= motion.rest_speed[body]
+    stands = slow if active.effect.friction is not None else np.zeros_like(slow)
+    stacked = thin(np.column_stack([*columns, stands]), motion)
+    stacked = stacked[stacked[:, -1] < _STANDS]
     kept = {name: (stacked[:, 2 + i], of) for i, (name, (_, of)) in enumerate(variables.items())}
     plainly = active.effect.states == 0 and not active.effect.delay and kind != COUPLING
 

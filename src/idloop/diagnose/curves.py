@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from idloop.diagnose.period import remaining_period
 from idloop.diagnose.proposals import Proposal
+from idloop.diagnose.shape import Shape
 from idloop.physics.effect import BODY, INPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.model import ActiveEffect, Model
 from idloop.physics.parameter import Parameter
 from idloop.physics.trial import Trial
+
+if TYPE_CHECKING:
+    from idloop.diagnose.screen import Screen
+
+Array = NDArray[np.float64]
 
 KNOTS = 17
 
@@ -77,7 +85,7 @@ class Curve(Proposal):
     low, width : float
         First knot and distance of the knots.
     step : float
-        Height of the trial curves.
+        Height of a trial curve.
     closed : bool
         The last knot is the first again.
     """
@@ -87,17 +95,15 @@ class Curve(Proposal):
     step: float = 1.0
     closed: bool = False
 
-    def trials(self) -> list[Trial]:
-        """One hat on every knot."""
-        hats = [{f"knot{i}": self.step} for i in range(KNOTS)]
-        if self.closed:
-            hats = [hats[0] | hats[-1], *hats[1:-1]]
-        return [{"low": self.low, "width": self.width, **hat} for hat in hats]
+    def trial(self, heights: Array) -> Trial:
+        """Values of a curve with these heights, shape (KNOTS,), or (KNOTS - 1,) of a closed one."""
+        closed = np.append(heights, heights[0]) if self.closed else heights
+        return {"low": self.low, "width": self.width, **{f"knot{i}": float(h) for i, h in enumerate(closed)}}
 
     @property
-    def knots(self) -> Any:
+    def knots(self) -> Array:
         """Where the knots are, shape (KNOTS,)."""
-        return self.low + self.width * np.arange(KNOTS)
+        return np.asarray(self.low + self.width * np.arange(KNOTS))
 
     def model(self, values: Trial) -> Model:
         """The base with this curve."""
@@ -107,3 +113,54 @@ class Curve(Proposal):
             for s in self.effect.parameters
         )
         return replace(self.base, effects=(*self.base.effects, active), parameters=(*self.base.parameters, *added))
+
+
+def force_shapes(screen: Screen) -> list[Shape]:
+    """Forces over velocity, position and a period of it, and a correction of the command, over what the records cover.
+
+    Parameters
+    ----------
+    screen : Screen
+        Errors of the model.
+
+    Returns
+    -------
+    list of Shape
+    """
+    setting, sizes, model = screen.setting, screen.sizes, screen.parent.model
+    units, body = model.units, model.bodies[0]
+    _, fastest, middle, span = sizes.bodies[0]
+    most, force = sizes.command_most, 0.01 * setting.force
+
+    def laid(name: str, at: str, low: float, reach: float, step: float, *, closed: bool = False) -> Curve:
+        return Curve(CURVES[name], at, model, low=low, width=reach / (KNOTS - 1), step=step, closed=closed)
+
+    curves = [
+        (laid("velocity", body, -fastest, 2.0 * fastest, force), f"{body}.velocity", f"{units.position}/s", 1),
+        (laid("position", body, middle - 0.5 * span, span, force), f"{body}.position", units.position, 1),
+    ]
+    # The command is what a force balance explains: a curve over it would explain it by itself.
+    if setting.kind != "force":
+        own = laid("command", INPUT, -most, 2.0 * most, 0.01 * sizes.command)
+        curves.append((own, "command", units.input, 1))
+    period = remaining_period(model, setting)
+    if period is not None:
+        repeating = laid("period", body, middle - 0.5 * period.length, period.length, force, closed=True)
+        curves.append((repeating, f"{body}.position", units.position, period.tried))
+    return [_learnable(screen, *curve) for curve in curves]
+
+
+def _learnable(screen: Screen, curve: Curve, over: str, unit: str, tried: int) -> Shape:
+    at_input, units = curve.effect.site == INPUT, screen.parent.model.units
+    return Shape(
+        over=over,
+        unit=unit,
+        of="command" if at_input else "force",
+        of_unit=units.input if at_input else units.force,
+        knots=curve.knots,
+        step=curve.step,
+        change=lambda heights: screen.moved(curve, curve.trial(heights)),
+        closed=curve.closed,
+        repeats=curve.closed,
+        tried=tried,
+    )

@@ -19,6 +19,7 @@ from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.leap import Leap, leap
+from idloop.diagnose.learnt import remaining
 from idloop.diagnose.listing import all_candidates, p_value_of, pair_candidates
 from idloop.diagnose.pairs import (
     MissingPair,
@@ -34,9 +35,14 @@ from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.slight import same_motion, too_slight
+from idloop.diagnose.stand_in import stands_in
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
+from idloop.diagnose.verdict import ADEQUATE, MISSING, NOT_EXCITED, UNKNOWN
 from idloop.errors import InputError
+from idloop.estimate.dataset import prepare
+from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.undetermined import common_scale
 from idloop.estimate.whitening import choose_order
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -50,8 +56,6 @@ ALIKE = 0.95
 MANY_LAGS, MUCH_COLOUR, ALLOWANCE = 6, 0.05, 3.0
 # Fewer lags that do so by this much: noise with a memory of a hundred samples would not.
 ANY_COLOUR = 2.5
-
-MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
 
 
 @dataclass(frozen=True)
@@ -238,10 +242,16 @@ def diagnose(
     tell = progress or (lambda share, text: None)
     tell(0.0, "fitting the model as it is")
     kind = first_kind(criterion)
+    together = common_scale(RememberingEngine(model), prepare(model, records))
+    if together is not None:
+        model = together.fixed(model)
     diagnosis = _diagnose(model, records, kind, level, effects, seed, progress)
     reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
     if criterion == "auto" and balance_disagrees(reached, records, FIRST_DISAGREEMENT):
         diagnosis = _diagnose(model, records, "force", level, effects, seed, progress)
+    if together is not None:
+        findings = (*diagnosis.gate.findings, together.text)
+        diagnosis = replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
     return diagnosis
 
 
@@ -325,13 +335,15 @@ def diagnose_fitted(
     parent, confirmed = same_footing(setting, parent, confirmed, bar)
     ranked = rank(confirmed, null, share * level)
     significant, refused = [], {}
-    for c in ranked:
-        if p_value_of(null, statistic(c), share) >= level:
-            continue
-        if not consistent(parent, c, setting.kind):
+    testable = [c for c in ranked if p_value_of(null, statistic(c), share) < level]
+    left = remaining(screen, level)
+    for c in testable:
+        if stand_in := stands_in(screen, left, c, bar):
+            refused[c.proposal.name] = stand_in
+        elif not consistent(parent, c, setting.kind):
             refused[c.proposal.name] = "what it explains is not steady from one stretch of the data to the next"
         elif held_out is not None and not holds(held_out, parent, c):
-            refused[c.proposal.name] = "it does harm on the validation data"
+            refused[c.proposal.name] = "it does harm on the unseen data"
         else:
             significant.append(c)
     best, slight = _missing(setting, parent, significant, rungs=rungs)
@@ -346,7 +358,7 @@ def diagnose_fitted(
         untried = confirm(setting, parent, [s for s in screened if s.proposal.name in rest])
         rivals += tied(best, beside_the_noise_of(best, setting, parent, tried + untried))
     pair: MissingPair | None = None
-    if best is None and share < 1.0:
+    if best is None and share < 1.0 and not any(learnt.shape.coefficient for learnt, _ in left):
         pairs = Pairs(screened, seed + 2)
         joined = promising_pairs(screen, screened, pairs, level, bar)
         refitted = confirm_pairs(
@@ -359,7 +371,7 @@ def diagnose_fitted(
         refitted = [replace(p, together=c) for p, c in zip(refitted, both, strict=True)]
         pair = judge_pairs(setting, parent, refitted, pairs, level=level, bar=bar, held_out=held_out)
     gated = gate(parent.model, setting, screened, bar)
-    unknown = unknown_structure(screen, level) if best is None and pair is None else None
+    unknown = unknown_structure(screen, left) if best is None and pair is None else None
     candidates = all_candidates(setting, parent, ranked, best, rivals, screened, null, gated, share)
     names = tuple(c.proposal.name for c in ([best, *rivals] if best else []))
     alone = None

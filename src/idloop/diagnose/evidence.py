@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.calibrate import Null
-from idloop.diagnose.confirm import Confirmed
-from idloop.diagnose.refit import Refit, transfer
+from idloop.diagnose.confirm import Confirmed, points
+from idloop.diagnose.refit import Refit, refit_or_none, transfer
 from idloop.diagnose.setting import Setting
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
 
@@ -21,6 +21,8 @@ LEAST_DIFFERENCE, DEVIATIONS = 4.6, 2.0
 # Standard deviations that the gain of an effect must stand above zero where model error, not noise,
 # is what is left.
 STEADY = 2.33
+# Ratio within which a strength that is found on other records is the same.
+_ALIKE = 2.0
 # Part of a significant statistic that the first round of a search must show.
 FIRST_ROUND = 0.5
 # Differences of the log-likelihood within which the simpler effect goes first.
@@ -79,6 +81,10 @@ def consistent(parent: Refit, confirmed: Confirmed, kind: str) -> bool:
 def holds(held_out: Setting, parent: Refit, confirmed: Confirmed) -> bool:
     """Whether an effect does no harm on records that the fits did not see.
 
+    While other effects are missing, parameters stand in for them, at each amplitude in another way: a model with the
+    right effect may then do worse elsewhere than one without. What harms by its values may still hold by its structure:
+    fitted to those records by themselves, it must explain something there, with about the strength that was found.
+
     Parameters
     ----------
     held_out : Setting
@@ -89,13 +95,23 @@ def holds(held_out: Setting, parent: Refit, confirmed: Confirmed) -> bool:
     Returns
     -------
     bool
-        False when the log-likelihood there falls by more than chance.
+        False when the log-likelihood there falls by more than chance and the effect does not show there by itself.
     """
-    before, after = transfer(held_out, parent), transfer(held_out, confirmed.fit)
-    if before is None or after is None:
-        return after is not None
-    loss = before.log_likelihood - after.log_likelihood
-    return loss < LEAST_DIFFERENCE or loss < DEVIATIONS * difference_deviation(before, after)
+    before, after = (transfer(held_out, fit, own_disturbance=True) for fit in (parent, confirmed.fit))
+    if after is None:
+        return False
+    if before is None or not _beyond_chance(before.log_likelihood - after.log_likelihood, before, after):
+        return True
+    without = refit_or_none(held_out, before.model, None, before)
+    if without is None:
+        return False
+    starts = [after.model.theta, *points(without, after.model, None)]
+    found = refit_or_none(held_out, after.model, starts, without)
+    if found is None or not distinguishable(found, without):
+        return False
+    strength = f"{confirmed.proposal.name}.{confirmed.proposal.effect.strength}"
+    there, here = (fit.model.values.get(strength, 1.0) for fit in (found, confirmed.fit))
+    return there * here > 0.0 and max(there / here, here / there) < _ALIKE
 
 
 def rank(confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confirmed]:
@@ -151,11 +167,14 @@ def _contains(rich: Confirmed, plain: Confirmed) -> bool:
 
 
 def distinguishable(better: Refit, worse: Refit) -> bool:
-    """Whether the data prefers one model to the other beyond doubt."""
-    difference = better.log_likelihood - worse.log_likelihood
-    if difference <= LEAST_DIFFERENCE:
-        return False
-    return difference > DEVIATIONS * difference_deviation(better, worse)
+    """Whether the data prefers one model to the other beyond doubt, less what its further parameters gain by chance."""
+    difference = better.log_likelihood - worse.log_likelihood - (better.parameters - worse.parameters)
+    return _beyond_chance(difference, better, worse)
+
+
+def _beyond_chance(difference: float, one: Refit, other: Refit) -> bool:
+    """Whether a difference of two log-likelihoods is more than stretches of the data make of it by chance."""
+    return difference > LEAST_DIFFERENCE and difference > DEVIATIONS * difference_deviation(one, other)
 
 
 def difference_deviation(one: Refit, other: Refit) -> float:

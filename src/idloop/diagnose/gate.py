@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.diagnose.detection import DetectionLimit, detection_limit
 from idloop.diagnose.lattice import resolution_limits
 from idloop.diagnose.screen import Screened
 from idloop.diagnose.setting import Setting
+from idloop.estimate.dataset import Data
 from idloop.physics.model import Model
-
-Array = NDArray[np.float64]
 
 # Twice the log-likelihood that an effect of typical strength must be worth to be found or ruled out:
 # this many times what the best of the catalogue reaches by chance.
@@ -121,11 +119,7 @@ def _facts(model: Model, setting: Setting) -> _Facts:
     command = np.abs(np.concatenate([d.input for d in setting.data]))
     moving = command[command > 1e-3 * sizes.command_most]
     levels = len(np.unique(np.round(moving / (0.02 * sizes.command_most)))) if len(moving) else 0
-    reversals = 0
-    for d in setting.data:
-        change = np.sign(np.diff(d.output[:, 0]))
-        change = change[change != 0]
-        reversals += _slow_reversals(d.output[:, 0], model.outputs[0].field, float(setting.noise[0]))
+    reversals = sum(_reversals(model, data) for data in setting.data)
     speed, _, _, span = sizes.bodies[0]
     angle = model.units.position == "rad"
     turns = span / (2.0 * np.pi) if angle else 0.0
@@ -139,29 +133,13 @@ def _facts(model: Model, setting: Setting) -> _Facts:
     return _Facts(seconds, levels, reversals, turns, angle, sentence)
 
 
-def _slow_reversals(output: Array, field: str, noise: float) -> int:
-    """Reversals larger than the noise: turning points of a position, sign changes of a velocity."""
-    y = output[np.isfinite(output)]
-    if len(y) < 3:
-        return 0
-    band = max(6.0 * noise, 0.01 * float(np.ptp(y)))
-    if field == "velocity":
-        sign, count = 0, 0
-        for value in np.sign(y[np.abs(y) > 0.5 * band]):
-            count += sign not in (0, value)
-            sign = value
-        return count
-    count, direction, extreme = 0, 0, y[0]
-    for value in y[:: max(len(y) // 20000, 1)]:
-        if direction >= 0 and value < extreme - band:
-            count += direction == 1
-            direction, extreme = -1, value
-        elif direction <= 0 and value > extreme + band:
-            count += direction == -1
-            direction, extreme = 1, value
-        elif (direction > 0 and value > extreme) or (direction < 0 and value < extreme):
-            extreme = value
-    return count
+def _reversals(model: Model, data: Data) -> int:
+    """Reversals of the driven body above the noise of its sensors, as a comparison counts them."""
+    from idloop.validate.doing import doing_of
+    from idloop.validate.regions import since_reversal
+
+    direction = doing_of(model, data, model.bodies[0]).direction
+    return 0 if direction is None else len(since_reversal(data.time, direction)[1])
 
 
 def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | None) -> tuple[str, str]:

@@ -122,6 +122,26 @@ class Ladder:
         names = ["" if step.added is None else step.added.name for step in self.steps]
         return worsened(names, errors, unseen=unseen)
 
+    @property
+    def spoilt(self) -> list[Worsened]:
+        """Those of `worsened` that no later step has made good: the last model runs worse than the one before them."""
+        unseen = bool(self.steps[0].validation)
+        errors = [step.validation if unseen else step.train for step in self.steps]
+        names = ["" if step.added is None else step.added.name for step in self.steps]
+        told = {one.name for one in self.worsened}
+        return [
+            one
+            for index, name in enumerate(names)
+            if name in told
+            for one in worsened(["", name], [errors[index - 1], errors[-1]], unseen=unseen)
+        ]
+
+    def rivals(self, step: Step) -> tuple[str, ...]:
+        """What the data cannot tell from the effect of a step; an effect that has come in since is none any more."""
+        if step.added is None:
+            return ()
+        return tuple(name for name in step.set if name != step.added.name and name not in self.model.effect_names)
+
     def undo(self) -> Ladder:
         """The ladder without its last step.
 
@@ -216,7 +236,7 @@ class Ladder:
             fits = ", ".join(f"{name} {value:.1f} %" for name, value in measured.get("fit", {}).items())
             force = measured.get("force")
             tail = "" if force is None else f", force error {100 * force:.2f} %"
-            others = [name for name in step.set if step.added is not None and name != step.added.name]
+            others = self.rivals(step)
             tie = f"; cannot be told from {', '.join(others)}" if others else ""
             lines.append(f"{what}: {label} FIT {fits}{tail}{tie}")
         lines.append(f"verdict: {self.verdict}")

@@ -11,7 +11,7 @@ import numpy as np
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.diagnosis import MISSING, UNKNOWN, diagnose_fitted
+from idloop.diagnose.diagnosis import diagnose_fitted
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
@@ -21,7 +21,11 @@ from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.verdict import MISSING, UNKNOWN
 from idloop.errors import InputError
+from idloop.estimate.dataset import prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.undetermined import common_scale
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -78,6 +82,9 @@ def refine(
     if not 0.0 < level < 0.5:
         raise InputError(f"level = {level} is no error rate; choose something such as 0.01")
     start = model if ladder is None else ladder.model
+    together = common_scale(RememberingEngine(start), prepare(start, records))
+    if together is not None:
+        start = together.fixed(start)
     tell = progress or (lambda share, text: None)
     climb = _Climb(records, validation, level, effects, seed, most, tell, on_step, model.values)
     if criterion == "auto" and ladder is not None:
@@ -86,7 +93,7 @@ def refine(
     found = climb(start, ladder, kind)
     if criterion == "auto" and (balance_disagrees(found.model, records) or _balance_disagreed(found, records)):
         found = climb(start, ladder, "force")
-    return found
+    return found if together is None else replace(found, findings=(*found.findings, together.text))
 
 
 def _balance_disagreed(ladder: Ladder, records: Sequence[Record]) -> bool:

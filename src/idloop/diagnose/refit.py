@@ -362,7 +362,7 @@ def refit_or_none(
         return None
 
 
-def transfer(setting: Setting, fit: Refit) -> Refit | None:
+def transfer(setting: Setting, fit: Refit, *, own_disturbance: bool = False) -> Refit | None:
     """A fitted model on other records, its parameters and its noise as they are.
 
     Parameters
@@ -370,6 +370,8 @@ def transfer(setting: Setting, fit: Refit) -> Refit | None:
     setting : Setting
         The other records.
     fit : Refit
+    own_disturbance : bool
+        Find the disturbance of the other records: what pushed the machine there need not be what pushed it here.
 
     Returns
     -------
@@ -387,7 +389,11 @@ def transfer(setting: Setting, fit: Refit) -> Refit | None:
         point = np.concatenate([theta, start])
         if weigh(problem, point, fit.problem.orders) == -np.inf:
             return None
-        if len(start) and not isinstance(criterion, InnovationCriterion):
+        if isinstance(criterion, InnovationCriterion):
+            if own_disturbance:
+                tune(criterion, problem, theta, fit.problem.orders, (), FAR)
+                point = np.concatenate([theta, criterion.nuisance()[0]])
+        elif len(start):
             # Initial states and timing belong to the records, not to the model.
             found = minimise(
                 lambda at: residual_or_infinite(problem, np.concatenate([theta, at])),

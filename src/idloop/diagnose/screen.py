@@ -22,8 +22,11 @@ from idloop.diagnose.setting import Setting
 from idloop.diagnose.unevenness import unevenness
 from idloop.diagnose.weighing import residual_or_infinite
 from idloop.errors import IdloopError
+from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.levenberg import difference_jacobian
+from idloop.physics import kernel
+from idloop.physics.model import Model
 from idloop.physics.trial import Scales, Trial
 
 Array = NDArray[np.float64]
@@ -159,6 +162,7 @@ class Screen:
         )
         slopes[:, ~np.all(np.isfinite(slopes), axis=0)] = 0.0
         self._back = np.linalg.pinv(slopes[:, :k], rcond=1e-6)
+        self._own, _ = np.linalg.qr(slopes[:, :k])
         slopes = slopes[:, felt(slopes, k, size)]
         left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
         # Parameters that the data cannot tell apart span fewer directions than they are.
@@ -210,15 +214,46 @@ class Screen:
 
     def moved(self, proposal: Proposal, trial: Trial) -> Array | None:
         """Change of the whitened errors that an effect at given values makes; None where it cannot be simulated."""
+        other = proposal.effect.linear or proposal.effect.splits
+        return self._changed(self.setting, lambda: proposal.model(trial), other_linear_part=other)
+
+    def pushed(self, forces: Sequence[Array]) -> Array | None:
+        """Change of the whitened errors that a force on the driven body makes, held like the command.
+
+        Parameters
+        ----------
+        forces : sequence of array, shape (n,)
+            At the instants of each record's measurements.
+
+        Returns
+        -------
+        array or None
+            None where it cannot be simulated. A force below a dead zone at the input moves nothing.
+        """
+        model = self.parent.model
+        layout = RememberingEngine(model).layout(None)
+        gain = float(layout.axis.constants[kernel.GAIN])
+        data = tuple(
+            replace(d, input=d.input + np.interp(d.input_time, d.time, force) / gain)
+            for d, force in zip(self.setting.data, forces, strict=True)
+        )
+        return self._changed(replace(self.setting, data=data), lambda: model, other_linear_part=False)
+
+    def beside_parameters(self, errors: Array) -> Array:
+        """What a small change of the model's parameters leaves of errors, the noise as it is."""
+        return np.asarray(errors - self._own @ (self._own.T @ errors))
+
+    def _changed(self, setting: Setting, modelled: Callable[[], Model], *, other_linear_part: bool) -> Array | None:
+        """Change of the whitened errors with another model or other commands."""
         parent = self.parent
         try:
-            model = proposal.model(trial)
-            criterion = self.setting.criterion(model)
+            model = modelled()
+            criterion = setting.criterion(model)
             criterion.keep(parent.nuisance)
             theta = model.theta
             own = parent.criterion
             if isinstance(criterion, InnovationCriterion) and isinstance(own, InnovationCriterion):
-                if proposal.effect.linear or proposal.effect.splits:
+                if other_linear_part:
                     criterion.retune(theta)
                 else:
                     criterion.adopt(own)

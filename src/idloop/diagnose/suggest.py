@@ -196,6 +196,43 @@ def _suggestion(
     )
 
 
+def loop_of(
+    model: Model, records: Sequence[Record], adds_to: str | None = None
+) -> tuple[str, Mapping[str, Any] | None]:
+    """What an experiment is added to, and the controller that is at work then.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+        The data so far: where they follow a reference, the experiment is to be followed, too.
+    adds_to : {"command", "reference"}, optional
+        By default as in the records.
+
+    Returns
+    -------
+    str
+        "command" or "reference".
+    mapping or None
+
+    Raises
+    ------
+    InputError
+        The loop was closed, and the model does not say by what.
+    """
+    closed = any(follows_reference(record) for record in records)
+    target = adds_to or (REFERENCE if closed else COMMAND)
+    controller: Mapping[str, Any] | None = model.controller if closed or target == REFERENCE else None
+    if target == REFERENCE and controller is None:
+        output = model.output_names[0]
+        raise InputError(
+            f"model {model.name}: the records follow a reference, and so will the next experiment: add the controller"
+            f" that ran to the model file, for example `controller: {{type: p, output: {output}, kp: 1.0,"
+            f" sample_time: {records[0].sample_time:.4g}}}`"
+        )
+    return target, controller
+
+
 def _setup(
     rivals: Sequence[Rival],
     records: Sequence[Record],
@@ -205,14 +242,7 @@ def _setup(
     seed: int,
 ) -> Setup:
     model = rivals[0].model
-    closed = any(follows_reference(record) for record in records)
-    target = adds_to or (REFERENCE if closed else COMMAND)
-    controller: Mapping[str, Any] | None = model.controller if closed or target == REFERENCE else None
-    if target == REFERENCE and controller is None:
-        raise InputError(
-            f"model {model.name}: the records follow a reference, but the model file has no controller section; "
-            "add it, so that the closed loop can be simulated"
-        )
+    target, controller = loop_of(model, records, adds_to)
     step = float(np.median([record.sample_time for record in records]))
     complete = limits.completed(model, records)
     if start is None:

@@ -102,13 +102,13 @@ def outcomes_of(
 
 def _sentence(truth: str, other: str, gain: float, errors: Mapping[str, Mapping[str, Any]] | None) -> str:
     if errors is None:
-        return f"if {truth}: {other} explains it as well, and gains nothing by what it has more"
+        return f"if {truth}: {other} contains it and fits as well, with nothing left for what it adds"
     name, worst = max(errors.items(), key=lambda item: item[1]["value"] / max(item[1]["noise"], 1e-300))
     if gain < 1.0:
-        return f"if {truth}: {other} explains it just as well"
+        return f"if {truth}: {other} fits as well, so that this experiment cannot tell"
     return (
         f"if {truth}: {other}, refitted, misses {name} by {worst['value']:.3g} {worst['unit']} RMS "
-        f"(noise {worst['noise']:.2g}) and falls behind by {lead_text(gain)} in log-likelihood"
+        f"(noise {worst['noise']:.2g}) and loses by {lead_text(gain)} in log-likelihood"
     )
 
 
@@ -133,7 +133,7 @@ def describe(
     """
     names = " and ".join(rival.label for rival in rivals) if len(rivals) == 2 else f"{len(rivals)} rivals"
     if score >= DECISIVE:
-        return f"expected to tell {names} apart: the right one leads by about {lead_text(score)} in log-likelihood"
+        return f"expected to tell {names} apart: the right one wins by about {lead_text(score)} in log-likelihood"
     model = rivals[0].model
     bounds = []
     if limits.command is not None:

@@ -105,7 +105,7 @@ def ladder_twins(ladder: Ladder) -> tuple[Twins, ...]:
     found: list[Twins] = []
     for step in ladder.steps:
         if step.added is not None and step.added.name in ladder.model.effect_names:
-            tied = (step.added.name, *(name for name in step.set if name != step.added.name))
+            tied = (step.added.name, *ladder.rivals(step))
             found += find_twins(ladder.model, tied, step.added.replaces)
     return tuple(found)
 

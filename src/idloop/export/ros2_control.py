@@ -10,8 +10,10 @@ from idloop.control import check_controller
 from idloop.export.exported import Exported, file_name
 from idloop.export.left_out import acts, comment_lines, effects_left_out, quantity, statistics_left_out, values_of
 from idloop.physics.model import Model
+from idloop.report.estimates import parameter_estimates
 
-PID, FORWARD = "idloop_pid_controller", "idloop_effort_controller"
+PID, FORWARD, TRAJECTORY = "idloop_pid_controller", "idloop_effort_controller", "idloop_trajectory_controller"
+IDENTIFIED = "idloop_identified"
 # Laws that a PID on one joint can follow; the others have no fields there.
 AS_PID = ("p", "pd", "pid", "cascade")
 # Our names of what keeps an integral from winding up, and those of control_toolbox.
@@ -44,18 +46,24 @@ def export(model: Model) -> Exported:
     if law["type"] in AS_PID:
         managed[PID] = {"type": "pid_controller/PidController"}
         sections[PID], lost = _pid(model, law)
+        if law["output"].endswith(".position"):
+            managed[TRAJECTORY] = {"type": "joint_trajectory_controller/JointTrajectoryController"}
+            sections[TRAJECTORY] = _trajectory(model, law, sections[PID])
     elif law["type"] != "none":
         lost = [f"controller of type {law['type']}: a PID on one joint has no fields for it"]
     elif _limit(model) is not None:
         lost = [f"limit {_limit(model):.6g} {model.units.input} of the command: {FORWARD} has no field for it"]
-    left_out = (*lost, *_plant_left_out(model, law), *statistics_left_out(model))
+    left_out = (*lost, *_plant_left_out(model, law), *statistics_left_out(model, intervals=True))
     unit = model.units.input
     notes = [
         f"The effort interface takes the model's command, in {unit}"
         + ("." if unit == model.units.force else f"; {quantity(model.parameter('drive.gain'))} make it a force."),
     ]
     if PID in sections:
-        notes.append(f"Activate one: {PID} closes the loop, {FORWARD} takes commands; fields of Kilted and later.")
+        closing = f"{PID} or {TRAJECTORY} closes" if TRAJECTORY in sections else f"{PID} closes"
+        notes.append(f"Activate one: {closing} the loop, {FORWARD} takes commands; fields of Kilted and later.")
+    sections[IDENTIFIED] = _identified(model)
+    notes.append(f"No controller reads {IDENTIFIED}: it is what was identified, for your own nodes and for the reader.")
     file = {
         "controller_manager": {"ros__parameters": managed},
         **{name: {"ros__parameters": section} for name, section in sections.items()},
@@ -110,7 +118,7 @@ def _pid(model: Model, law: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
         if law["tracking_time"] is not None:
             gains["tracking_time_constant"] = law["tracking_time"]
     if field == "velocity" and model.values["drive.gain"] != 0.0:
-        gains["feedforward_gain"] = _viscous(model) / model.values["drive.gain"]
+        gains["feedforward_gain"] = _per_velocity(model)
     states = [field]
     if field == "position" and (law.get("velocity_output") or (d != 0.0 and f"{joint}.velocity" in model.output_names)):
         states.append("velocity")
@@ -125,6 +133,44 @@ def _pid(model: Model, law: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     return section, lost
 
 
+def _trajectory(model: Model, law: dict[str, Any], pid: dict[str, Any]) -> dict[str, Any]:
+    """Parameters of a JointTrajectoryController: those of the PID, and the viscous friction ahead."""
+    joint = str(law["output"]).rpartition(".")[0]
+    (gains,) = pid["gains"].values()
+    ahead = {"ff_velocity_scale": _per_velocity(model)} if model.values["drive.gain"] != 0.0 else {}
+    command = {} if joint == model.input.joint else {"command_joints": [model.input.joint]}
+    return {
+        "joints": [joint],
+        **command,
+        "command_interfaces": ["effort"],
+        "state_interfaces": ["position", "velocity"],
+        "gains": {joint: {**gains, **ahead}},
+    }
+
+
+def _identified(model: Model) -> dict[str, Any]:
+    """Every number of the model with its unit, and the 95 % interval of those that a fit gave one."""
+    estimates = parameter_estimates(model)
+    found: dict[str, Any] = {}
+    for parameter in model.parameters:
+        entry: dict[str, Any] = {"value": float(parameter.value), "unit": parameter.unit}
+        low, high = estimates.get(parameter.name, {}).get("interval", (None, None))
+        if low is not None and high is not None:
+            entry["interval_95"] = [float(low), float(high)]
+        # A dot in the name of a ROS parameter is one more level.
+        place = found
+        *above, last = parameter.name.replace("@", ".").split(".")
+        for name in above:
+            place = place.setdefault(name, {})
+        place[last] = entry
+    return found
+
+
+def _per_velocity(model: Model) -> float:
+    """Command that holds a velocity against the viscous friction of the whole axis, per unit of velocity."""
+    return _viscous(model) / model.values["drive.gain"]
+
+
 def _viscous(model: Model) -> float:
     """Viscous coefficient of the whole axis, moving as one."""
     extra = [values_of(model, a)["coefficient"] for a in model.effects if a.effect.name == "viscous_friction"]
@@ -133,16 +179,19 @@ def _viscous(model: Model) -> float:
 
 def _plant_left_out(model: Model, law: dict[str, Any]) -> list[str]:
     """Lines for the plant: a controller's parameters know little of it."""
-    in_velocity = law["type"] in AS_PID and str(law["output"]).endswith(".velocity")
-    lines = [f"inertia of {body} {quantity(model.parameter(f'{body}.inertia'))}: no field" for body in model.bodies]
+    ahead = law["type"] in AS_PID and model.values["drive.gain"] != 0.0
+    lines = [
+        f"inertia of {body} {quantity(model.parameter(f'{body}.inertia'))}: no field of a controller"
+        for body in model.bodies
+    ]
     viscous = f"viscous friction {_viscous(model):.6g} {model.units.fill('{force}·s/{position}')}"
-    if not in_velocity:
-        lines.append(f"{viscous}: feedforward_gain acts on the velocity only where that is the reference")
+    if not ahead:
+        lines.append(f"{viscous}: it goes ahead of a PID, and the model has no controller that is one")
     lines += [
-        f"coupling {name} (stiffness {quantity(model.parameter(f'{name}.stiffness'))}): no field"
+        f"coupling {name} (stiffness {quantity(model.parameter(f'{name}.stiffness'))}): no field of a controller"
         for name in model.couplings
     ]
-    carried = {a.name for a in model.effects if a.effect.name == "viscous_friction" and in_velocity}
+    carried = {a.name for a in model.effects if a.effect.name == "viscous_friction" and ahead}
     if law["type"] in (*AS_PID, "none"):
         carried |= {a.name for a in model.effects if a.effect.name == "saturation"}
     return [*lines, *effects_left_out(model, carried)]

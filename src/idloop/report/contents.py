@@ -11,6 +11,7 @@ import numpy as np
 
 from idloop.diagnose.characteristic import Characteristic, characteristic
 from idloop.errors import IdloopError
+from idloop.report.use import FITTED, UNSEEN
 from idloop.validate import Comparison, compare
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
 
-FITTED, UNSEEN = "fitted", "unseen"
 # A stepped sine has at least so many steps, and its source is nearly a sine.
 _STEPS, _PURE = 3, 0.2
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from idloop import drawing
 from idloop.report.effect_names import words
-from idloop.report.verdicts import VERDICTS
+from idloop.report.use import SAID
+from idloop.report.verdicts import conclusion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,8 +50,9 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
         _name_steps(axes[int(forces)], ladder)
         if ladder.unknown is not None:
             _draw_unknown(axes[-1], ladder.unknown)
-        verdict = VERDICTS.get(ladder.verdict, ladder.verdict)
-        axes[0].set_title(f"{ladder.steps[0].model.name}: {verdict}", loc="left", fontweight="bold")
+        axes[0].set_title(
+            f"{ladder.steps[0].model.name}: {conclusion(ladder).partition(':')[0]}", loc="left", fontweight="bold"
+        )
         figure.align_ylabels(axes)
     return figure
 
@@ -73,7 +75,7 @@ def plot_unknown(unknown: UnknownStructure) -> Figure:
 
 
 def _draw_errors(axes: Any, ladder: Ladder, floor: Mapping[str, float]) -> None:
-    """One colour for each output; what the fit did not see is drawn full, the training data dashed."""
+    """One colour for each output; what the fit did not see is drawn full, the fitted data dashed."""
     places = np.arange(len(ladder.steps))
     names = list(dict.fromkeys(name for step in ladder.steps for name in step.train.get("nrmse", {})))
     unseen = any(step.validation for step in ladder.steps)
@@ -82,7 +84,7 @@ def _draw_errors(axes: Any, ladder: Ladder, floor: Mapping[str, float]) -> None:
         for kind, look in (("train", (0, (4, 2))), ("validation", "-")):
             values = np.array([_measure(step, kind, "nrmse", name) for step in ladder.steps])
             if np.any(np.isfinite(values)):
-                label = f"{name}, {kind}" if unseen else name
+                label = f"{name}, {SAID[kind]}" if unseen else name
                 axes.plot(places, values, color=colour, linestyle=look, marker="o", markersize=3.5, label=label)
         if np.isfinite(floor.get(name, np.nan)) and floor[name] > 0.0:
             axes.axhline(floor[name], color=colour, linewidth=0.8, linestyle=":", label=f"{name}, noise floor")
@@ -95,7 +97,9 @@ def _draw_forces(axes: Any, ladder: Ladder) -> None:
         found = [_force(step, kind) for step in ladder.steps]
         values = np.array([np.nan if value is None else 100.0 * value for value in found])
         if np.any(np.isfinite(values)):
-            axes.plot(places, values, color=drawing.COMMAND, linestyle=look, marker="o", markersize=3.5, label=kind)
+            axes.plot(
+                places, values, color=drawing.COMMAND, linestyle=look, marker="o", markersize=3.5, label=SAID[kind]
+            )
             shown = values  # of unseen data, where there is any
     for place, value in zip(places, shown, strict=True):
         if np.isfinite(value):
@@ -131,15 +135,17 @@ def _legend_beside(axes: Any) -> None:
 
 
 def _name_steps(axes: Any, ladder: Ladder) -> None:
-    axes.set_xticks(np.arange(len(ladder.steps)), [step_label(step) for step in ladder.steps])
+    axes.set_xticks(np.arange(len(ladder.steps)), [step_label(step, ladder) for step in ladder.steps])
 
 
-def step_label(step: Step) -> str:
+def step_label(step: Step, ladder: Ladder) -> str:
     """What a step added, its evidence, and in brackets what the data cannot tell it from.
 
     Parameters
     ----------
     step : Step
+    ladder : Ladder
+        Of which it is one.
 
     Returns
     -------
@@ -153,7 +159,7 @@ def step_label(step: Step) -> str:
         lines.append("chosen by the user")
     elif step.p_value is not None:
         lines.append(p_text(step.p_value))
-    lines += [f"[or {words(name)}]" for name in step.set if name != step.added.name]
+    lines += [f"[or {words(name)}]" for name in ladder.rivals(step)]
     return "\n".join(lines)
 
 
@@ -167,9 +173,9 @@ def _draw_unknown(axes: Any, unknown: UnknownStructure) -> None:
     colour = drawing.MODELS[1]
     axes.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     axes.fill_between(at, force - band, force + band, color=drawing.BAND, alpha=0.35, linewidth=0, label="95 % band")
-    axes.plot(at, force, color=colour, label="remaining force")
+    axes.plot(at, force, color=colour, label="as learnt")
     axes.set_xlabel(drawing.label(unknown.along, unknown.unit))
-    axes.set_ylabel(drawing.label("force", unknown.force_unit))
+    axes.set_ylabel(drawing.label(unknown.what, unknown.force_unit))
     axes.set_title(f"explains {100.0 * unknown.share:.0f} % of what is left", loc="left")
     _legend_beside(axes)
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.diagnose.candidate import effect_parameters
+from idloop.diagnose.characteristic import shifts_in_time
 from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
-from idloop.report.contents import FITTED
 from idloop.report.effect_names import words
 from idloop.report.estimates import NORMAL_95, figure_text, with_interval
 from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
@@ -18,7 +18,8 @@ from idloop.report.ladder import p_text
 from idloop.report.page_figures import MOST_RECORDS, effect_place, where_place, where_places
 from idloop.report.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders
 from idloop.report.unshown import absent, unshown
-from idloop.report.verdicts import VERDICTS
+from idloop.report.use import FITTED, SAID
+from idloop.report.verdicts import CRITERIA, UNEXPLAINED, basis, conclusion, explained_of, stand_ins
 from idloop.validate.variables import TITLES
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
     return {
         "model": ladder.model,
         "headline": headline(ladder),
-        "verdict": verdict_text(ladder),
+        "verdict": verdict_text(ladder, _fitted_remainders(contents)),
         "changes": changes(ladder),
         "against": [
             _capital(line) + "."
@@ -56,8 +57,8 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "rungs": rungs(ladder),
         "forces": any(part.get("force") is not None for step in ladder.steps for part in (step.validation, step.train)),
         "kinds": [
-            (kind, said)
-            for kind, said in (("validation", "unseen"), ("train", "fitted"))
+            (kind, SAID[kind])
+            for kind in ("validation", "train")
             if any(getattr(step, kind) for step in ladder.steps)
         ],
         "outputs": list(ladder.model.output_names),
@@ -87,17 +88,12 @@ def page_words(contents: Contents) -> dict[str, Any]:
             {"name": one.name, "place": f"describing-{i}"} for i, one in enumerate(contents.describing)
         ],
         "criterion": CRITERIA.get(ladder.criterion, ladder.criterion),
+        "explained_of": explained_of(ladder.criterion),
+        "residual_of": _first_title(contents),
+        "basis": basis(["what is still missing"] if ladder.verdict == "missing" else []),
         "level": figure_text(100.0 * ladder.level, 3),
         "provenance": {"commands": [], "seed": None, "versions": {}, "bags": [], **contents.provenance},
     }  # fmt: skip
-
-
-CRITERIA = {
-    "auto": "chosen from the data",
-    "prediction": "one-step prediction errors",
-    "simulation": "free-run errors",
-    "force": "the drive force that the measured motion leaves unexplained",
-}
 
 
 def headline(ladder: Ladder) -> str:
@@ -111,9 +107,14 @@ def headline(ladder: Ladder) -> str:
     -------
     str
     """
-    names = [words(name).partition(" @ ")[0] for name in ladder.added]
-    if names and ladder.verdict == "unknown_structure":
-        names.append("something that no effect of the catalogue explains")
+    # An effect that stands in for another one is not what is missing.
+    in_place = stand_ins(ladder)
+    names = [words(name).partition(" @ ")[0] for name in ladder.added if name not in in_place]
+    if in_place or (names and ladder.verdict == "unknown_structure"):
+        names.append(UNEXPLAINED)
+    shape = ladder.unknown
+    if shape is not None and shape.coefficient and ladder.verdict == "unknown_structure":
+        names = [*(name for name in names if name != UNEXPLAINED), f"{shape.of} that is not constant"]
     if names:
         return f"Missing from the model: {listed(list(dict.fromkeys(names)))}."
     return {
@@ -123,29 +124,36 @@ def headline(ladder: Ladder) -> str:
     }.get(ladder.verdict, "No effect was added.")
 
 
-def verdict_text(ladder: Ladder) -> str:
+def verdict_text(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
     """Say how the ladder ended, as a sentence.
 
     Parameters
     ----------
     ladder : Ladder
+    left : sequence of Remainder
+        Residual tests of the last model on the fitted data.
 
     Returns
     -------
     str
     """
-    hidden = unshown(ladder)
+    hidden, end = unshown(ladder), conclusion(ladder, left)
+    if end.startswith(UNEXPLAINED):
+        return f"{_capital(end)}."
     if ladder.verdict == "not_excited" and hidden:
         names = listed([words(name) for name in hidden])
         return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
     if not ladder.added and ladder.verdict == "adequate":
         return "What is left is noise."
-    left = ladder.unknown
-    if ladder.verdict == "unknown_structure" and left is not None and len(left.force):
+    shape = ladder.unknown
+    if ladder.verdict == "unknown_structure" and shape is not None and len(shape.force):
+        if shape.coefficient:
+            apart = figure_text(float(np.ptp(shape.force)), 3)
+            return f"{_capital(shape.of)} changes over {shape.along}: by {apart} {shape.force_unit} in all."
         # That nothing in the catalogue explains it stands in the headline.
-        largest = figure_text(float(np.max(np.abs(left.force))), 3)
-        return f"What is left has a shape over {left.along}: up to {largest} {left.force_unit}."
-    return f"{_capital(VERDICTS.get(ladder.verdict, ladder.verdict))}."
+        largest = figure_text(float(np.max(np.abs(shape.force))), 3)
+        return f"What is left has a shape over {shape.along}: up to {largest} {shape.force_unit}."
+    return f"{_capital(end)}."
 
 
 def _capital(text: str) -> str:
@@ -197,7 +205,7 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     now = effect_parameters(last, added.name) or added.parameters
     twins = [group for group in ladder_twins(ladder) if added.name in group.names]
     told = {name for group in twins for name in group.names}
-    others = [words(name) for name in step.set if name != added.name and name not in told]
+    others = [words(name) for name in ladder.rivals(step) if name not in told]
     return {
         "number": number,
         "name": _capital(words(added.effect)),
@@ -208,6 +216,7 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         "ties": others,
         "replaces": "" if not added.replaces else words(added.replaces),
         "place": effect_place(added.name),
+        "no_picture": _no_picture(added.name, step.model),
         "parameters": [
             {
                 "name": name.replace("_", " "),
@@ -219,6 +228,13 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         "then": _then(added, last),
         "twins": [_said(group, added.name) for group in twins],
     }
+
+
+def _no_picture(name: str, model: Model) -> str:
+    """Why an effect has no characteristic, where it has none."""
+    if any(shifts_in_time(active.effect) for active in model.effects if active.name == name):
+        return "it shifts the command in time, which shows over time and not as a curve over the motion"
+    return "the force of it cannot be read off what is measured"
 
 
 def _then(added: Candidate, last: Model) -> str:
@@ -323,6 +339,11 @@ def _where(contents: Contents) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+def _first_title(contents: Contents) -> str:
+    """Use and name of the record whose residual is shown."""
+    return contents.judged[0].title if contents.judged else ""
 
 
 def _residuals(contents: Contents) -> list[dict[str, Any]]:

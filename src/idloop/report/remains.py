@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.slight import NEGLIGIBLE
 from idloop.diagnose.suggest_words import listed
+from idloop.diagnose.verdict import SAY_NOISE
 from idloop.errors import IdloopError
-from idloop.report.verdicts import SAY_NOISE
 from idloop.validate.measures import nrmse
 
 if TYPE_CHECKING:
@@ -129,6 +129,7 @@ def _errors(part: Sequence[Remainder], whole: Sequence[Remainder]) -> str:
     names = list(dict.fromkeys(one.test.name for one in part))
     records, all_ = len({one.record for one in part}), len({one.record for one in whole})
     where = f" in {records} of {all_} records" if all_ > 1 else ""
+    where += " on the fitted data" if all_ < 2 else " of the fitted data"
     return f"the one-step error{'s' if len(names) > 1 else ''} of {listed(names)}{where}"
 
 

@@ -1,6 +1,16 @@
-"""How a diagnosis or a ladder ends, in the same words everywhere."""
+"""How a diagnosis or a ladder ends, and what its figures are figures of: in the same words everywhere."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from idloop.diagnose.suggest_words import listed
+from idloop.diagnose.verdict import SAY_NOISE
+
+if TYPE_CHECKING:
+    from idloop.diagnose import Ladder
+    from idloop.report.remains import Remainder
 
 # Of a ladder; a diagnosis that ends as missing has a best effect to name.
 VERDICTS = {
@@ -10,5 +20,86 @@ VERDICTS = {
     "missing": "stopped before the end",
 }
 MISSING = "an effect is missing"
-# Verdicts after which the reader may take what is left for noise.
-SAY_NOISE = ("adequate", "not_excited")
+UNEXPLAINED = "something that no effect of the catalogue explains"
+
+CRITERIA = {
+    "auto": "chosen from the data",
+    "prediction": "one-step prediction errors",
+    "simulation": "free-run errors",
+    "force": "the drive force that the measured motion leaves unexplained",
+}
+
+_LEFT = {
+    "prediction": "the one-step prediction errors that the model without it leaves",
+    "simulation": "the free-run errors that the model without it leaves",
+    "force": "the drive force that the model without it leaves unexplained",
+}
+
+
+def conclusion(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
+    """How a ladder ends, what the reader is to conclude first.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    left : sequence of Remainder
+        Residual tests of the last model on the fitted data.
+
+    Returns
+    -------
+    str
+    """
+    plain = VERDICTS.get(ladder.verdict, ladder.verdict)
+    if ladder.verdict not in SAY_NOISE:
+        return plain
+    names = stand_ins(ladder)
+    if names:
+        return (
+            f"{UNEXPLAINED} is missing: {listed(names)} {'stand' if len(names) > 1 else 'stands'} in for it one step"
+            f" ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; of the catalogue {plain}"
+        )
+    if any(not one.test.input_free for one in left):
+        return f"{UNEXPLAINED} is left, for the errors still follow the command; of the catalogue {plain}"
+    return plain
+
+
+def stand_ins(ladder: Ladder) -> list[str]:
+    """Effects of a ladder without which the model runs better, although nothing of the catalogue is left to add."""
+    if ladder.verdict not in SAY_NOISE:
+        return []
+    return [one.name for one in ladder.spoilt if one.name in ladder.model.effect_names]
+
+
+def explained_of(criterion: str) -> str:
+    """Of what a share of the error is one: "explains 40 % of ...".
+
+    Parameters
+    ----------
+    criterion : str
+        Of the diagnosis or the ladder.
+
+    Returns
+    -------
+    str
+    """
+    return f"the power of {_LEFT.get(criterion, 'the errors that the model without it leaves')}"
+
+
+def basis(lacking: Sequence[str]) -> str:
+    """Which model a list of what the data cannot show, or would, belongs to.
+
+    Parameters
+    ----------
+    lacking : sequence of str
+        Effects that were found missing from the model that was judged; empty where it is the last one.
+
+    Returns
+    -------
+    str
+        Words to begin a sentence with; empty where nothing is missing.
+    """
+    return (
+        f"as long as {listed(list(lacking))} {'are' if len(lacking) > 1 else 'is'} not in the model, "
+        if lacking
+        else ""
+    )

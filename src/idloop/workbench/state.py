@@ -10,6 +10,7 @@ from idloop import drawing
 from idloop.report.effect_names import words
 from idloop.report.estimates import with_interval
 from idloop.report.ladder import p_text
+from idloop.report.verdicts import basis, conclusion, explained_of, stand_ins
 from idloop.validate.words import percent, short
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "input": {"name": signals.input_name, "unit": signals.input_unit},
         "followed": signals.followed,
         "fit": _fit(snapshot),
-        "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures),
+        "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "shown": snapshot.shown,
@@ -127,9 +128,13 @@ def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
     }
 
 
-def _missing(found: Missing, pictures: Mapping[str, Characteristic]) -> dict[str, Any]:
+def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
+    lacking = [words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
     return {
         "verdict": found.verdict,
+        "conclusion": "" if ladder is None or ladder.verdict != found.verdict else _contradicted(ladder),
+        "explains": f"of {explained_of('' if ladder is None else ladder.criterion)}",
+        "basis": _capital(f"{basis(lacking)}this data cannot show"),
         "line": found.line,
         "error": found.error,
         "tied": [words(name) for name in found.set],
@@ -142,8 +147,17 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic]) -> dict[str
             for name in found.untestable
         ],
         "findings": list(found.findings),
-        "unknown": "" if found.unknown is None else found.unknown.text,
+        "unknown": "" if found.unknown is None else f"{_capital(found.unknown.text)}.",
     }
+
+
+def _contradicted(ladder: Ladder) -> str:
+    """The conclusion where it is another one than the verdict of the last diagnosis; empty otherwise."""
+    return _capital(f"{conclusion(ladder)}.") if stand_ins(ladder) else ""
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _candidate(one: Candidate, place: int, found: Missing, picture: Characteristic | None) -> dict[str, Any]:
@@ -182,13 +196,14 @@ def _points(x: Any, y: Any) -> list[list[float]]:
 
 def _ladder(ladder: Ladder) -> dict[str, Any]:
     return {
-        "steps": [_step(number, step) for number, step in enumerate(ladder.steps)],
+        "steps": [_step(number, step, ladder) for number, step in enumerate(ladder.steps)],
         "verdict": ladder.verdict,
         "unseen": any(step.validation for step in ladder.steps),
+        "beware": [_capital(f"beware: {one.text}.") for one in ladder.worsened],
     }
 
 
-def _step(number: int, step: Step) -> dict[str, Any]:
+def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     judged = step.validation or step.train
     added = step.added
     return {
@@ -196,7 +211,7 @@ def _step(number: int, step: Step) -> dict[str, Any]:
         "words": "start" if added is None else f"+ {words(added.name)}",
         "by": "" if added is None else step.chosen_by,
         "p": p_words(step.p_value),
-        "ties": [words(name) for name in step.set if added is not None and name != added.name],
+        "ties": [words(name) for name in ladder.rivals(step)],
         "fit": _numbers(judged.get("fit", {})),
         "force": None if judged.get("force") is None else 100.0 * judged["force"],
         "parameters": [] if added is None else parameter_words(added.parameters),

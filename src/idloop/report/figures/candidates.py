@@ -91,8 +91,7 @@ def ladder_rows(ladder: Ladder) -> list[EffectRow]:
         rows.append(replace(_row(step.added, ADDED, p_value), gain=np.nan))
         rows += [
             EffectRow(name, TIED, np.nan, np.nan, np.nan, _text(known.get(name)), step.added.name)
-            for name in step.set
-            if name != step.added.name
+            for name in ladder.rivals(step)
         ]
     return _with_rest(rows, ladder.candidates, tuple(unshown(ladder)), WEIGHED)
 

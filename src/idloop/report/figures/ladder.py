@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from idloop.report.effect_names import words
 from idloop.report.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, source
 from idloop.report.ladder import p_text
+from idloop.report.use import SAID
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder, Step
@@ -136,8 +137,7 @@ def _lines(ladder: Ladder, quantities: Mapping[str, object]) -> list[ErrorLine]:
         for colour, (name, read) in enumerate(quantities.items()):
             error = np.array([_number(read(getattr(step, kind))) for step in ladder.steps])  # type: ignore[operator]
             if np.any(np.isfinite(error)):
-                said = {TRAIN: "fitted data", VALIDATION: "unseen data"}[kind]
-                found.append(ErrorLine(f"{name}, {said}" if unseen else name, kind, colour, error))
+                found.append(ErrorLine(f"{name}, {SAID[kind]} data" if unseen else name, kind, colour, error))
     return found
 
 
@@ -167,7 +167,7 @@ def _draw(
         faint = line.kind == TRAIN and unseen
         told = source(
             x=np.where(line.error > 0.0, line.error, np.nan), y=places, name=names,
-            evidence=[_evidence(step) for step in ladder.steps], what=[line.label] * len(names),
+            evidence=[_evidence(step, ladder) for step in ladder.steps], what=[line.label] * len(names),
         )  # fmt: skip
         fill = theme.surface if faint else colour
         drawn = [
@@ -218,11 +218,11 @@ def name_rows(plot: figure, names: Sequence[str], theme: Theme) -> Array:
     return places
 
 
-def _evidence(step: Step) -> str:
+def _evidence(step: Step, ladder: Ladder) -> str:
     if step.added is None:
         return "the model as it was given, fitted"
     if step.chosen_by == "user":
         return "chosen by the user"
-    others = [words(name) for name in step.set if name != step.added.name]
+    others = [words(name) for name in ladder.rivals(step)]
     tie = f"; cannot be told from {', '.join(others)}" if others else ""
     return (p_text(step.p_value) if step.p_value is not None else "") + tie

@@ -241,8 +241,9 @@
       say("verdict", m.pair.length ? `Missing, and only together: ${m.pair.join(" and ")}.`
         : m.tied.length > 1 ? "One of these is missing; this data cannot tell which." : `Missing: ${m.tied[0]}.`);
     } else {
-      if (m.verdict !== "unknown_structure") verdict.classList.add("good");
-      say("verdict", (m.verdict === "unknown_structure" && m.unknown) || VERDICTS[m.verdict] || m.line);
+      verdict.classList.add(m.verdict === "unknown_structure" || m.conclusion ? "open" : "good");
+      const shape = m.verdict === "unknown_structure" ? m.unknown : "";
+      say("verdict", m.conclusion || [VERDICTS[m.verdict], shape].filter(Boolean).join(" ") || m.line);
     }
     const busy = Boolean(s.activity);
     $("diagnose").disabled = busy;
@@ -251,9 +252,10 @@
     render("candidates", [m, busy], () => (m ? candidates(m, busy) : []));
     const cannot = m?.untestable ?? [];
     $("cannot").hidden = !cannot.length;
-    if (drawn.get("cannot") !== JSON.stringify(cannot)) {
-      drawn.set("cannot", JSON.stringify(cannot));
-      $("cannot").firstElementChild.textContent = `This data cannot show ${cannot.length} effect${cannot.length > 1 ? "s" : ""}`;
+    const list = JSON.stringify([cannot, m?.basis]);
+    if (drawn.get("cannot") !== list) {
+      drawn.set("cannot", list);
+      $("cannot").firstElementChild.textContent = `${m?.basis} ${cannot.length} effect${cannot.length > 1 ? "s" : ""}`;
       $("cannot").lastElementChild.replaceChildren(...cannot.map((c) => make("li", {}, make("b", {}, c.name), c.why ? `: ${c.why}` : "")));
     }
   }
@@ -268,6 +270,7 @@
       parts.push(make("div", { class: "tie" }, make("p", {}, m.pair.length
         ? "Neither shows alone; both together do" : "A tie: this data cannot tell these apart"), ...cards));
     } else parts.push(...cards);
+    if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `What an effect explains is part ${m.explains}.`));
     if (others.length) parts.push(make("details", {}, make("summary", {}, `${others.length} weighed and not significant`), ...others.map((c) => card(c, busy, m))));
     if (rest.length) parts.push(make("details", {}, make("summary", {}, `${rest.length} screened, nothing seen`),
       make("ul", {}, ...rest.map((c) => make("li", {}, make("b", {}, c.words), ` ${c.text} `, add(c, busy, m))))));
@@ -285,7 +288,7 @@
     return make("div", { class: `card ${c.significant ? "significant" : "weak"} ${picture ? "" : "plain"}`, "data-candidate": c.name },
       picture,
       make("div", {}, make("h3", {}, c.words),
-        make("div", { class: "numbers" }, [c.p, `explains ${c.share} of the error`, ...c.parameters].filter(Boolean).join(" · ")),
+        make("div", { class: "numbers" }, [c.p, `explains ${c.share}`, ...c.parameters].filter(Boolean).join(" · ")),
         make("div", { class: "share" }, make("i", { style: `width:${Math.max(0, Math.min(100, 100 * c.explains))}%` }))),
       add(c, busy, m),
       make("p", {}, c.text, c.replaces ? ` It takes the place of ${c.replaces}.` : ""));
@@ -328,6 +331,7 @@
     const steps = s.ladder?.steps ?? [];
     $("undo").disabled = steps.length < 2 || Boolean(s.activity);
     say("ladder-hint", steps.length ? (s.ladder.unseen ? "" : "Errors of the data that were fitted.") : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
+    render("beware", s.ladder?.beware ?? [], () => (s.ladder?.beware ?? []).map((text) => make("p", {}, text)));
     render("steps", steps, () => steps.map((one) => make("li", { "data-step": one.number },
       make("span", {}, one.words, one.ties.length ? make("small", {}, `could as well be ${one.ties.join(", ")}`) : null,
         one.parameters.length ? make("small", {}, one.parameters.join(" · ")) : null),

@@ -1,0 +1,86 @@
+"""Coefficients that are not constant: named as such, and no effect that stands in for them."""
+
+import numpy as np
+import pytest
+from changing_machines import CHANGING, INERTIA, changing, recorded, uneven_inertia
+
+from idloop.diagnose import diagnose, refine
+from idloop.diagnose.learnt import remaining
+from idloop.diagnose.predicted_motion import predicted_motion
+from idloop.diagnose.refit import refit
+from idloop.diagnose.screen import Screen
+from idloop.diagnose.setting import prepare_setting
+from idloop.physics import Model, load_model
+
+from .conftest import record_of
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_no_cogging_is_named_where_the_inertia_changes_over_the_turn(start: Model, seed: int) -> None:
+    found = diagnose(start, [recorded(changing("inertia over the turn", 0.25), seed)])
+    assert found.verdict == "unknown_structure"
+    assert found.unknown is not None
+    assert found.unknown.of == "inertia"
+    assert found.passed_over
+    assert all("stands in" in why for why in found.passed_over.values())
+
+
+def test_a_changing_inertia_is_learnt(start: Model) -> None:
+    part = 0.15
+    found = diagnose(start, [recorded(changing("inertia over the turn", part), 3)])
+    assert found.verdict == "unknown_structure"
+    assert found.unknown is not None
+    assert (found.unknown.of, found.unknown.variable) == ("inertia", "axis.position within a turn")
+    assert "the inertia changes with the position" in found.unknown.text
+    truth = part * INERTIA * np.cos(2.0 * found.unknown.at)
+    assert np.corrcoef(truth, found.unknown.force)[0, 1] > 0.95
+    assert np.ptp(found.unknown.force) == pytest.approx(2.0 * part * INERTIA, rel=0.25)
+    assert found.unknown.force_unit == "kg·m²"
+
+
+@pytest.mark.parametrize("kind", ["friction over time", "drive over the turn"])
+def test_other_coefficients_that_change_are_told(start: Model, kind: str) -> None:
+    found = diagnose(start, [recorded(changing(kind, 0.4), 3, seconds=30.0)])
+    assert found.best is None
+    assert found.unknown is not None
+    assert (found.unknown.of, found.unknown.variable) == CHANGING[kind][1:]
+
+
+def test_an_effect_beside_a_coefficient_that_changes_is_added_and_the_rest_told(start: Model) -> None:
+    def both(t: float, torque: float, position: float, velocity: float) -> float:
+        return uneven_inertia(t, torque - 0.15 * np.tanh(velocity / 1e-2), position, velocity, 0.25)
+
+    ladder = refine(start, [recorded(both, 4)])
+    assert ladder.added == ("coulomb_friction@axis",)
+    assert ladder.verdict == "unknown_structure"
+    assert ladder.unknown is not None
+    assert ladder.unknown.of == "inertia"
+
+
+def test_nothing_is_left_of_a_machine_that_the_model_describes() -> None:
+    model = load_model("axis")
+    for seed in range(8):
+        setting = prepare_setting(model, [record_of(model, seed, disturbance=0.05)], "prediction")
+        assert not remaining(Screen(setting, refit(setting, model), seed), 0.01)
+
+
+@pytest.mark.parametrize("kind", ["prediction", "simulation"])
+def test_the_predicted_motion_is_that_of_the_machine(kind: str) -> None:
+    model = load_model("axis")
+    record = record_of(model, 2)
+    setting = prepare_setting(model, [record], kind)
+    motions = predicted_motion(refit(setting, model))
+    assert motions is not None
+    (motion,) = motions
+    settled = slice(200, None)
+    assert np.corrcoef(motion.position[settled], record.output[settled, 0])[0, 1] > 0.999
+    assert np.corrcoef(motion.velocity[settled], record.output[settled, 1])[0, 1] > 0.99
+    turned = np.gradient(motion.velocity, motion.time)[settled]
+    assert np.corrcoef(motion.acceleration[settled], turned)[0, 1] > 0.8
+    assert motion.drive == pytest.approx(record.input)
+
+
+def test_a_force_balance_predicts_no_motion() -> None:
+    model = load_model("axis")
+    setting = prepare_setting(model, [record_of(model, 2)], "force")
+    assert predicted_motion(refit(setting, model)) is None
