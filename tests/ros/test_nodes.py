@@ -68,6 +68,21 @@ def test_controller_waits_for_the_reference_of_that_time(bench):
     assert decode_joint_state(one.bench.got["joint_command"][0]).effort == pytest.approx((6.0,))
 
 
+def test_a_controller_that_waits_in_vain_says_for_what(bench, monkeypatch, capfd):
+    monkeypatch.setattr("idloop_nodes.stall_notice.PATIENCE", 0.0)
+    one = ControllerBench(bench)
+    one.states.publish(measurement(10**9, 0.0))
+    told = ""
+
+    def said():
+        nonlocal told
+        told += capfd.readouterr().err
+        return "waits for /reference of 1.000 s" in told
+
+    one.bench.until(said)
+    assert not one.bench.got["joint_command"]
+
+
 def test_emergency_stop_holds_zero_until_reset(bench):
     one = ControllerBench(bench)
     assert one.answer(0.0) == pytest.approx(2.0)
@@ -136,6 +151,47 @@ def test_excitation_publishes_ahead_of_the_clock(bench):
     samples = [decode_joint_state(data) for data in one.got["reference"]]
     assert [sample.stamp_ns for sample in samples] == [10**9 + index * 10 * MS for index in range(26)]
     assert {abs(sample.position[0]) for sample in samples} == {1.0}
+
+
+def test_a_clock_that_asks_again_gets_the_same_samples(bench, monkeypatch):
+    monkeypatch.setattr("idloop_nodes.nodes.excitation.QUIET", 0.0)
+    one = bench("excitation", signal="prbs", duration=10.0, sample_time=0.01, ahead=20)
+    one.listen("reference")
+    clock = one.talk("/clock")
+    one.matched(clock)
+    one.until(one.node._publishers_by_topic["reference"].get_subscription_count)
+    clock.publish(encode_time(10**9))
+    one.until(lambda: len(one.got["reference"]) == 21)
+    clock.publish(encode_time(10**9))
+    one.until(lambda: len(one.got["reference"]) == 42)
+    assert one.got["reference"][:21] == one.got["reference"][21:]
+    clock.publish(encode_time(10**9 + 10 * MS))
+    one.until(lambda: len(one.got["reference"]) == 43)
+    assert decode_joint_state(one.got["reference"][-1]).stamp_ns == 10**9 + 210 * MS
+
+
+def test_a_controller_gives_a_measurement_that_comes_again_the_same_answer(bench):
+    one = ControllerBench(bench)
+    first = one.answer(0.25)
+    stamp = decode_joint_state(one.bench.got["joint_command"][-1]).stamp_ns
+    one.states.publish(measurement(stamp, 0.5))
+    one.bench.until(lambda: len(one.bench.got["joint_command"]) == 2)
+    again = decode_joint_state(one.bench.got["joint_command"][-1])
+    assert (again.stamp_ns, again.effort[0]) == (stamp, first)
+
+
+def test_a_plant_without_an_answer_says_its_measurement_again_and_goes_on(bench, monkeypatch):
+    monkeypatch.setattr("idloop_nodes.nodes.plant.REPEAT", 0.0)
+    one = bench("plant", model="dc_motor", mode="lockstep", sample_time=0.01)
+    one.listen("joint_states")
+    one.listen("/clock")
+    commands = one.talk("joint_command")
+    one.until(lambda: len(one.got["joint_states"]) >= 3 and len(one.got["/clock"]) >= 3)
+    assert len(set(one.got["joint_states"])) == 1
+    stamp = decode_joint_state(one.got["joint_states"][0]).stamp_ns
+    commands.publish(encode_joint_state(JointSample(stamp, ("motor",), (), (), (1.0,))))
+    one.until(lambda: len(set(one.got["joint_states"])) == 2)
+    assert decode_joint_state(one.got["joint_states"][-1]).stamp_ns == stamp + 10 * MS
 
 
 def test_a_stopped_excitation_takes_back_what_it_announced(bench):

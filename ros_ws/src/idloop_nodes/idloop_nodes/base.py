@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from idloop.errors import IdloopError
-from idloop_nodes import qos, wiring
+from idloop_nodes import qos, stream_match, wiring
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
 from idloop_nodes.health_names import check_name
 from idloop_nodes.parameters import NodeParameters, Table
@@ -58,6 +58,7 @@ class PolledStream:
     def __init__(self, subscription: Any) -> None:
         self.subscription = subscription
         self._type = subscription.msg_type
+        self.topic: str = subscription.topic_name
 
     def take(self, limit: int = 5000) -> Iterator[tuple[bytes, dict[str, Any]]]:
         """Yield (bytes, information) of what has arrived, at most `limit` messages."""
@@ -97,6 +98,7 @@ class StreamNode(Node):
         self._publishers_by_topic: dict[str, Any] = {}
         self._subscriptions_by_topic: dict[str, Any] = {}
         self._ready = False
+        self._match = stream_match.StreamMatch()
         self._born = time.monotonic()
         self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", qos.health())
         self._progress_publisher = self.create_publisher(Header, "progress", qos.latched(PROGRESS_DEPTH))
@@ -172,16 +174,20 @@ class StreamNode(Node):
             while not publisher.wait_for_all_acked(Duration()) and time.monotonic() < limit:
                 time.sleep(SETTLE_PERIOD)
 
+    def partners(self) -> list[stream_match.Endpoints]:
+        """Look at the other side of every stream: how many there are, and how many the peers make expect."""
+        family = [*self.others, self.kind]
+        return [
+            stream_match.subscribers(self, publisher, wiring.expected_subscribers(topic, family), family)
+            for topic, publisher in self._publishers_by_topic.items()
+        ] + [
+            stream_match.publishers(self, subscription, wiring.expected_publishers(topic, family), family)
+            for topic, subscription in self._subscriptions_by_topic.items()
+        ]
+
     def matched(self) -> bool:
-        """Whether every stream has as many partners as the peers make expect."""
-        peers = [*self.others, self.kind]
-        for topic, publisher in self._publishers_by_topic.items():
-            if publisher.get_subscription_count() < wiring.expected_subscribers(topic, peers):
-                return False
-        for topic, subscription in self._subscriptions_by_topic.items():
-            if subscription.get_publisher_count() < wiring.expected_publishers(topic, peers):
-                return False
-        return True
+        """Whether every stream has met all the partners that the peers make expect, whoever else is there."""
+        return self._match.complete(self.partners(), time.monotonic())
 
     def announce_when_matched(self) -> bool:
         """Tell the others once that this node is ready; return whether it is.

@@ -74,6 +74,11 @@ class BackPressure:
         self._limit = slowest + self.window_ns
         return stamp <= self._limit
 
+    def slow(self, stamp: int, start: int) -> list[str]:
+        """Listeners that hold `stamp` back in a run that began at `start`."""
+        reached = self.progress.reached
+        return [name for name in self.listeners if stamp > reached.get(name, start) + self.window_ns]
+
     def finished(self) -> bool:
         """Whether every listener has said that it is done."""
         return self.progress.done.issuperset(self.listeners)

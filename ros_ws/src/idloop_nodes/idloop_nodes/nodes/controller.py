@@ -19,6 +19,7 @@ from idloop_nodes.emergency_stop import EmergencyStop
 from idloop_nodes.held_stream import HeldStream
 from idloop_nodes.joint_layout import output_columns, output_topic
 from idloop_nodes.rates import RateCounter
+from idloop_nodes.stall_notice import StallNotice
 from idloop_nodes.stream_watch import JUMP_NS
 from idloop_nodes.tables import CONTROLLER
 
@@ -51,7 +52,9 @@ class ControllerNode(ManagedNode):
         self._excitation = HeldStream()
         self._lockstep = values["mode"] == "lockstep"
         self._pending: tuple[int, tuple[float, ...]] | None = None
+        self._stall = StallNotice()
         self._last: int | None = None
+        self._answer = b""
         self._lock = threading.Lock()
         self._sending = threading.Lock()
         self._sent_stamp = 0
@@ -138,6 +141,9 @@ class ControllerNode(ManagedNode):
             self._unreadable += 1
             self._publish(self._writer.pack(peek_stamp(data), (0.0,)))
             return
+        if stamp == self._last:  # said again: the answer did not arrive
+            self._publish(self._answer)
+            return
         self._pending = (stamp, measured)
         self._answer_pending()
 
@@ -150,7 +156,8 @@ class ControllerNode(ManagedNode):
             if not self._covered(stamp):
                 return
         self._pending = None
-        self._publish(self._writer.pack(stamp, (self._compute(stamp, measured),)))
+        self._answer = self._writer.pack(stamp, (self._compute(stamp, measured),))
+        self._publish(self._answer)
 
     def _covered(self, stamp: int) -> bool:
         return all(held.covers(stamp) for _, held, _, used in self._inputs if used)
@@ -160,6 +167,13 @@ class ControllerNode(ManagedNode):
         super().poll()
         if self._lockstep:
             self._answer_pending()
+            self._tell_stall()
+
+    def _tell_stall(self) -> None:
+        if self._stall.due(self._pending, time.monotonic()) and self._pending is not None:
+            stamp = self._pending[0]
+            missing = [stream.topic for stream, held, _, used in self._inputs if used and not held.covers(stamp)]
+            self.get_logger().warning(f"waits for {' and '.join(missing)} of {stamp / SECOND:.3f} s")
 
     # one sample
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from idloop_nodes.tables import excitation_table
 
 SECOND = 1_000_000_000
 BURST = 1000  # samples published at most in one go, so that services stay answered
+QUIET = 0.5  # seconds without a sample after which a clock that stands asks for them again
 LIMITS = ("amplitude", "position_min", "position_max", "velocity")
 # May change while the normal signal runs.
 FOR_EXPERIMENTS = frozenset({"experiment", "handover_time", "rest_time", *(f"limit.{name}" for name in LIMITS)})
@@ -47,6 +49,8 @@ class ExcitationNode(ManagedNode):
         self._publish = both["reference" if self._reference else "excitation"]
         self._now: int | None = None
         self._next: int | None = None
+        self._recent: deque[bytes] = deque(maxlen=values["ahead"] + 1)  # what holds from now on
+        self._said = 0.0
         self._sent = RateCounter()
         self._experiments = 0
         self._told: tuple[int, int] | None = None
@@ -220,7 +224,17 @@ class ExcitationNode(ManagedNode):
     # time
 
     def _on_clock(self, data: bytes) -> None:
-        self._follow(peek_stamp(data))
+        now = peek_stamp(data)
+        # A time that is said again after a while: nobody goes on, somebody lacks what was published then. A simulator
+        # that pauses repeats its clock at once.
+        if now == self._now and time.monotonic() - self._said > QUIET:
+            self._publish_again()
+        self._follow(now)
+
+    def _publish_again(self) -> None:
+        self._said = time.monotonic()
+        for message in self._recent:
+            self._publish(message)
 
     def poll(self) -> None:
         """Real time: follow the system clock on whole periods of it."""
@@ -242,7 +256,10 @@ class ExcitationNode(ManagedNode):
         for _ in range(BURST):
             if self._next > now + self._ahead_ns:
                 break
-            self._publish(self._sample(self._next))
+            message = self._sample(self._next)
+            self._publish(message)
+            self._recent.append(message)
+            self._said = time.monotonic()
             self._next += self._period_ns
             self._sent.count += 1
         self._tell_span()

@@ -16,10 +16,12 @@ from idloop_nodes.pace import Pace
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, BackPressure
 from idloop_nodes.rates import RateCounter
+from idloop_nodes.stall_notice import StallNotice
 from idloop_nodes.stream_watch import JUMP_NS
 from idloop_nodes.tables import PLANT
 
 SECOND = 1_000_000_000
+REPEAT = 1.0  # seconds without an answer, in lock-step, after which a measurement is said again
 
 
 def simulated(values: NodeParameters) -> Plant:
@@ -81,6 +83,7 @@ class PlantNode(StreamNode):
         self._index = 0
         self._running = False
         self._held_back: bytes | None = None
+        self._newest, self._sent = b"", 0.0
         self._drain_until: float | None = None
         self._steps = RateCounter()
         self._wrong_stamps = 0
@@ -90,6 +93,7 @@ class PlantNode(StreamNode):
         self._clock_every = max(1, round(1.0 / (values["clock_rate"] * self._period)))
         self._window = BackPressure(values["listeners"], values["listener_window"] * self._period_ns)
         self._window.progress = self.progress
+        self._stall = StallNotice()
         self.hear_progress()
         self._publish = self.publisher(output_topic(model))
         self._lockstep = values["mode"] == "lockstep"
@@ -114,8 +118,24 @@ class PlantNode(StreamNode):
                 self._finish_when_drained(self._drain_until)
             elif self.peers_ready() and self._partners():
                 self._start()
-        elif self._held_back is not None:
-            self._send(self._held_back)
+        elif self._lockstep:
+            if self._held_back is not None:
+                self._send(self._held_back)
+            elif time.monotonic() - self._sent > REPEAT:
+                self._repeat()
+            self._tell_stall()
+
+    def _repeat(self) -> None:
+        """Say the newest measurement again: a node that was not yet reached by it would hold everybody up for ever."""
+        self._sent = time.monotonic()
+        self._publish_clock(encode_time(self._stamp()))
+        self._publish(self._newest)
+
+    def _tell_stall(self) -> None:
+        held = self._held_back is not None
+        if self._stall.due((self._index, held), time.monotonic()):
+            who = ", ".join(self._window.slow(self._stamp(), self._start_ns)) if held else "the controller"
+            self.get_logger().warning(f"waits for {who} at {self._index * self._period:.3f} s of simulated time")
 
     def _partners(self) -> bool:
         """Without named peers: whether somebody listens and somebody commands."""
@@ -148,6 +168,7 @@ class PlantNode(StreamNode):
         caught_up = self._window.open(self._stamp(), self._start_ns)
         if caught_up and not self._pace.early(self._index * self._period, time.monotonic()):
             self._held_back = None
+            self._sent, self._newest = time.monotonic(), message
             self._publish(message)
         else:
             self._window.waits += self._held_back is None and not caught_up
