@@ -120,6 +120,15 @@ def test_the_ladder_climbs_to_both_effects_and_back(start: Model) -> None:
         back.undo().undo()
 
 
+def test_a_limit_far_below_the_command_is_found(start: Model) -> None:
+    # A controller that winds up asks for many times what the drive gives: nearly every sample is cut.
+    machine = load_model("axis").with_effects(["saturation@input(limit=0.04)"])
+    found = diagnose(start, [record_of(machine, 3, 6.0)])
+    assert found.set == ("saturation@input",)
+    assert found.best is not None
+    assert found.best.parameters["limit"]["value"] == pytest.approx(0.04, rel=0.05)
+
+
 def test_a_limit_that_falls_with_speed_takes_the_place_of_one_that_does_not() -> None:
     # The command peaks far above the limit, so the size of the peaks says nothing of it.
     motor = load_model("dc_motor")

@@ -10,9 +10,13 @@ from idloop.diagnose.confirm import Confirmed, without_long_memory
 from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.refit import Refit, refit, refit_or_none
+from idloop.diagnose.restarts import restarted
 from idloop.diagnose.setting import Setting
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.physics.model import Model
+
+# Above the threshold by less than this a gain may be that of a better noise model, or of another search.
+DOUBTFUL = 60.0
 
 
 def same_footing(
@@ -40,19 +44,23 @@ def same_footing(
         c
         for c in sorted(confirmed, key=lambda c: -c.gain)
         if 2.0 * c.gain > threshold
-        and (2.0 * c.gain < threshold + 60.0 or 2.0 * c.gain > 4.0 * c.statistic or _rough(parent.model))
+        and (2.0 * c.gain < threshold + DOUBTFUL or 2.0 * c.gain > 4.0 * c.statistic or _rough(parent.model))
     ]
     if not near:
         return parent, confirmed
     free, lifted = set(parent.model.free), False
+    if _has_contacts(parent.model) and any(2.0 * c.gain < threshold + DOUBTFUL for c in near):
+        again = restarted(setting, parent)
+        lifted = again is not parent
+        confirmed = _above(confirmed, again.log_likelihood - parent.log_likelihood)
+        parent = again
     for c in near[:2]:
         start = np.array([v for n, v in zip(c.fit.model.free, c.fit.point, strict=False) if n in free])
         if len(start) == parent.parameters:
             again = refit(setting, parent.model, [start, parent.point[: parent.parameters]], c.fit)
             if again.log_likelihood > parent.log_likelihood:
-                lift = again.log_likelihood - parent.log_likelihood
+                confirmed = _above(confirmed, again.log_likelihood - parent.log_likelihood)
                 parent, lifted = again, True
-                confirmed = [replace(o, gain=max(o.gain - lift, 0.0)) for o in confirmed]
     if lifted:
         lifted_parent = parent
         confirmed = list(
@@ -64,9 +72,19 @@ def same_footing(
     return parent, confirmed
 
 
+def _above(confirmed: list[Confirmed], lift: float) -> list[Confirmed]:
+    """What candidates gain above a parent that is better by `lift`."""
+    return [replace(one, gain=max(one.gain - lift, 0.0)) for one in confirmed]
+
+
 def _rough(model: Model) -> bool:
     """Whether a model has effects that remember, whose likelihood has many local optima."""
     return any(active.effect.lags for active in model.effects)
+
+
+def _has_contacts(model: Model) -> bool:
+    """Whether bodies of a model, or a body and its sensor, meet and part: the likelihood jumps with each meeting."""
+    return any(active.effect.lost_motion for active in model.effects)
 
 
 def beside_the_noise_of(
@@ -103,6 +121,9 @@ def _forgetting(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confir
 
 def _beside(setting: Setting, parent: Refit, confirmed: Confirmed) -> Confirmed:
     """A candidate refitted with the noise of a parent that has been lifted."""
-    fit = refit_or_none(setting, confirmed.fit.model, None, parent)
+    model = confirmed.fit.model
+    shared = {name: parent.model.values[name] for name in parent.model.free if name in model.values}
+    starts = [model.theta, model.with_values(shared).theta]
+    fit = refit_or_none(setting, model, starts, parent)
     again = confirmed if fit is None else confirmed.refitted(fit, parent)
     return again if again.gain > confirmed.gain else confirmed

@@ -6,6 +6,9 @@ from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
+# Of the largest command; the smallest for a controller that winds up and asks for many times what the drive gives.
+SHARES = (0.97, 0.9, 0.8, 0.65, 0.5, 0.35, 0.2, 0.1, 0.04, 0.015)
+
 
 @hook
 def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
@@ -26,6 +29,6 @@ EFFECT = Effect(
     command=command,
     order=20,
     looks_like=("speed_limit_voltage",),
-    trials=lambda s: alternatives("limit", [r * s.command_most for r in (0.97, 0.9, 0.8, 0.65, 0.5, 0.35)]),
+    trials=lambda s: alternatives("limit", [r * s.command_most for r in SHARES]),
     not_cancelled="no command brings back what the limit cuts off",
 )

@@ -1,0 +1,55 @@
+"""One search ends in one of many hollows where bodies meet and part; several find a better one, or none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from idloop.diagnose.confirm import Confirmed
+from idloop.diagnose.footing import same_footing
+from idloop.diagnose.proposals import proposals
+from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.restarts import restarted
+from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.physics import Model, load_model
+
+from .conftest import record_of
+
+
+@pytest.fixture(scope="module")
+def play(start: Model) -> tuple[Setting, Refit]:
+    """An axis read through a play, and its model fitted by one search."""
+    machine = load_model("axis").with_effects(["backlash@position[axis](gap=0.05)"])
+    setting = prepare_setting(start, [record_of(machine, 4, seconds=4.0)], "prediction")
+    return setting, refit(setting, start.with_effects(["backlash@position[axis](gap=0.04)"]))
+
+
+def test_the_best_of_several_searches_is_never_worse_and_the_same_each_time(play: tuple[Setting, Refit]) -> None:
+    setting, fit = play
+    again = restarted(setting, fit, seed=1)
+    assert again.log_likelihood >= fit.log_likelihood
+    assert restarted(setting, fit, seed=1).log_likelihood == again.log_likelihood
+    assert again.model.free == fit.model.free
+
+
+def test_a_search_from_a_good_hollow_stays_there(start: Model) -> None:
+    smooth = prepare_setting(start, [record_of(load_model("axis"), 4, seconds=4.0)], "prediction")
+    fit = refit(smooth, start)
+    assert restarted(smooth, fit).log_likelihood == pytest.approx(fit.log_likelihood, abs=0.05)
+
+
+def test_what_more_searches_find_for_the_parent_is_no_gain_of_a_candidate(
+    play: tuple[Setting, Refit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setting, good = play
+    poor = replace(good, log_likelihood=good.log_likelihood - 20.0)
+    monkeypatch.setattr("idloop.diagnose.footing.restarted", lambda setting, parent: good)
+    (proposal,) = proposals(good.model, ["quadratic_drag"])
+    idle = Confirmed(proposal, good, 0.0, 0.0).refitted(
+        refit(setting, proposal.model({"coefficient": 1e-6}), None, good), poor
+    )
+    assert idle.gain > 19.0
+    parent, (after,) = same_footing(setting, poor, [idle], threshold=20.0)
+    assert parent.log_likelihood >= good.log_likelihood
+    assert after.gain == pytest.approx(idle.gain - 20.0, abs=1.0)
