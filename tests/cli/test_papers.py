@@ -9,6 +9,7 @@ import pytest
 from idloop import papers
 from idloop.cli import main
 from idloop.cli.papers import print_reproduction
+from idloop.papers.claim import near
 from idloop.papers.reproduction import Line, Reproduction, Table
 
 
@@ -50,7 +51,8 @@ def test_a_row_for_people(capsys) -> None:
     code, out, err = _run(capsys, "a1")
     assert code == 0
     assert err == ""
-    for words in ("A1: The DC motor as a model", "quantity", "ours", "paper", "8.255", "eq. 7.1", "yes"):
+    heads = ("A1: The DC motor as a model", "quantity", "ours", "paper", "source", "claimed", "holds")
+    for words in (*heads, "8.255", "eq. 7.1", "8.255 ± 0.01 %", "yes"):
         assert words in out
 
 
@@ -61,7 +63,8 @@ def test_json_and_plot(tmp_path, capsys) -> None:
     document = json.loads(out)
     assert (document["schema"], document["row"], document["seed"]) == ("idloop/papers/1", "A1", 3)
     assert document["holds"] is True
-    assert document["rows"][0]["paper"] == 8.255
+    first = document["rows"][0]
+    assert (first["paper"], first["claim"], first["holds"]) == (8.255, "8.255 ± 0.01 %", True)
     assert document["plot"] == str(figure)
     assert "phase [deg]" in figure.read_text(encoding="utf-8")
     assert "written" in err
@@ -69,7 +72,7 @@ def test_json_and_plot(tmp_path, capsys) -> None:
 
 class Missed(Reproduction):
     def rows(self) -> tuple[Line, ...]:
-        return (Line("gain", 3.0, 2.0, "V", "p. 1", False), Line("size", None, "large", "", "", None))
+        return (Line("gain", 3.0, 2.0, "V", "p. 1", near(2.0, 0.5)), Line("size", None, "large"))
 
     def tables(self) -> tuple[Table, ...]:
         return (Table("More", ("a", "b"), [(1.0, "x")]),)
@@ -86,7 +89,7 @@ def test_a_row_that_does_not_hold_is_exit_code_1(capsys, monkeypatch) -> None:
     code, out, err = _run(capsys, "A1")
     assert code == 1
     assert "gain [V]" in out
-    assert "NO" in out
+    assert "2 ± 0.5 V  NO" in out
     assert err == "A1: 1 of 2 lines do not hold\n"
 
 

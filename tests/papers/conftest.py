@@ -22,6 +22,10 @@ def complete() -> Callable[[Reproduction], None]:
         missed = [(line.quantity, line.ours, line.paper) for line in found.rows() if line.holds is False]
         assert missed == []
         assert any(line.holds for line in found.rows())
+        # A reader can tell what was claimed, in few words.
+        for line in found.rows():
+            assert (line.holds is None) == (line.claimed is None)
+            assert line.claimed is None or 0 < len(line.claimed) <= 40
         document = to_json(found.to_dict())
         json.dumps(document, allow_nan=False)
         assert len(document["rows"]) == len(found.rows())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -91,8 +93,6 @@ def test_a3(grey_box, complete) -> None:
 
 
 def test_a3_does_not_hold_for_another_motor(grey_box) -> None:
-    from dataclasses import replace
-
     # Forged: the thesis's recipe on a motor with a tenth less damping.
     other = lehigh_motor.square_wave(lehigh_motor.motor(a=0.9 * lehigh_motor.A), 0.25, 600, 1)
     from idloop.estimate.sampled import sampled
@@ -139,6 +139,13 @@ def test_a5(complete, silent) -> None:
         assert level.fit[0] < level.most[0] - 10.0
         assert level.ratio > 1.1
         assert level.late > 5.0
+    # The number inside the words decides, and the bound is told.
+    first, *rest = found.levels
+    forged = replace(found, levels=(replace(first, fit=first.most - 2.0), *rest))
+    for what, sign in (("velocity", ">"), ("position", "<")):
+        line = named(forged, f"0.30 V: FIT of the {what}")
+        assert line.holds is False
+        assert line.claimed.startswith(sign)
     # The chosen gap leaves the published error, with other noise than it was chosen with.
     assert named(found, "0.30 V: variance").ours == pytest.approx(0.0102, rel=0.25)
 
@@ -148,6 +155,8 @@ def test_a7(complete, silent) -> None:
     found = describing_functions.reproduce(0, silent, amplitudes=4, loops=loops)
     complete(found)
     assert [element.name for element in found.elements][:3] == ["dead zone", "saturation", "backlash"]
+    assert named(found, "backlash: measured off theory").claimed == "< 5 %"
+    assert named(found, "backlash, P 10: frequency").claimed == "± 5 %"
     rests, cycle, rough = found.cycles
     assert rests.predicted is None
     assert rests.machine_amplitude == 0.0

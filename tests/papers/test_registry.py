@@ -11,7 +11,8 @@ import pytest
 
 from idloop import papers
 from idloop.errors import InputError
-from idloop.papers.reproduction import Line, Reproduction, Table, within
+from idloop.papers.claim import below, stated
+from idloop.papers.reproduction import Line, Reproduction, Table
 
 
 @pytest.mark.parametrize("name", papers.ROWS)
@@ -47,7 +48,8 @@ def test_the_list_of_rows_imports_nothing_heavy() -> None:
 
 class Small(Reproduction):
     def __init__(self, *holds: bool | None) -> None:
-        self.lines = tuple(Line("size", 1.0, 2.0, "m", "table 1", one) for one in holds)
+        claims = [None if one is None else stated("small", one) for one in holds]
+        self.lines = tuple(Line("size", 1.0, 2.0, "m", "table 1", claim) for claim in claims)
 
     def rows(self) -> tuple[Line, ...]:
         return self.lines
@@ -61,7 +63,9 @@ def test_a_row_holds_when_no_line_is_missed(holds: tuple[bool | None, ...], all_
     found = Small(*holds)
     assert found.holds is all_hold
     assert found.to_dict()["holds"] is all_hold
-    assert [line["holds"] for line in found.to_dict()["rows"]] == list(holds)
+    rows = found.to_dict()["rows"]
+    assert [line["holds"] for line in rows] == list(holds)
+    assert [line["claim"] for line in rows] == [None if one is None else "small" for one in holds]
     assert found.tables() == found.notes() == ()
 
 
@@ -70,6 +74,8 @@ def test_tables_are_plain_values() -> None:
     assert table.to_dict() == {"title": "T", "header": ["a", "b"], "rows": [[1.0, "x"], [None, "y"]]}
 
 
-def test_a_share_of_the_papers_number() -> None:
-    assert within(-1.05, -1.0, 0.06)
-    assert not within(-1.05, -1.0, 0.04)
+@pytest.mark.parametrize(("ours", "holds"), [(1.9, True), (2.0, False), (float("nan"), False)])
+def test_the_claim_decides_by_the_number_that_is_printed(ours: float, holds: bool) -> None:
+    line = Line("size", ours, None, "m", "", below(2.0))
+    assert line.holds is holds
+    assert (line.to_dict()["ours"], line.to_dict()["claim"]) == (pytest.approx(ours, nan_ok=True), "< 2 m")

@@ -167,6 +167,13 @@ def test_the_order_of_methods_is_counted_over_stretches(comparison) -> None:
     assert len(mostly.tables()) == len(comparison.tables()) + 1
 
 
+def test_a_network_fails_below_twice_what_the_counts_leave() -> None:
+    assert stage_comparison.failing(90.0) == pytest.approx(80.0)
+    for half, fail in ((79.0, True), (81.0, False)):
+        stretch = stage_comparison.Stretch((0.0, 0.0, 0.0, 90.0), (0.0, 50.0, half, 90.0))
+        assert stretch.networks_fail is fail
+
+
 def test_the_start_of_screw_and_stage_weighs_what_the_chain_weighs() -> None:
     frequency = np.array([0.2, 1.0, 5.0])
     chain = stage_machine.chain_response(stage_paper.plain(), frequency)

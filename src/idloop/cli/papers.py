@@ -46,10 +46,13 @@ def with_unit(line: Line) -> str:
 
 
 def print_reproduction(found: Reproduction) -> None:
-    """Print the table "quantity | ours | paper", the further tables and the notes."""
+    """Print the table "quantity | ours | paper | claimed", the further tables and the notes."""
     print_table(
-        ["quantity", "ours", "paper", "source", "holds"],
-        [(with_unit(line), cell(line.ours), cell(line.paper), line.source, HOLDS[line.holds]) for line in found.rows()],
+        ["quantity", "ours", "paper", "source", "claimed", "holds"],
+        [
+            (with_unit(line), cell(line.ours), cell(line.paper), line.source, line.claimed or "", HOLDS[line.holds])
+            for line in found.rows()
+        ],
     )
     for table in found.tables():
         click.echo(f"\n{table.title}")
@@ -90,7 +93,8 @@ Example:
 def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | None, as_json: bool) -> int:
     """Redo ROW of the source papers in simulation; without ROW, list the rows.
 
-    Each line has our figure, the paper's, and whether ours bears it out. Exit code 1 where a line does not hold.
+    Each line has our figure, the paper's, what is claimed of ours, and whether it holds: where nothing is claimed, both
+    are empty. Exit code 1 where a line does not hold.
     The rows A6, B2, B9 and C5 diagnose hidden effects and take minutes.
     """
     if row is None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, lehigh_motor
+from idloop.papers.claim import below
 from idloop.papers.log_ticks import plain_ticks
 from idloop.papers.reproduction import Cell, Line, Reproduction, Table
 
@@ -23,7 +24,8 @@ Complex = NDArray[np.complex128]
 FREQUENCIES, SETTLE, PERIODS, STEP = 12, 3, 4, 0.01
 # What the potentiometer's radians become on their way to the comparison: volts, then the correction constant.
 FEEDBACK = lehigh_motor.CORRECTION / lehigh_motor.POTENTIOMETER
-RANGE_VOLTS = 10.0
+# Range of section 6.2.1, and end of figure 7.8's axis [V].
+RANGE_VOLTS, AXIS_VOLTS = 10.0, 14.0
 # A gap beside that of row A5 [rad], to show what lost motion does to the loop.
 WIDE_GAP = 1.0
 _ACCURACY, _SINE = 0.05, 0.05
@@ -164,7 +166,7 @@ class ClosedLoopResponse(Reproduction):
         most = float(np.max(np.abs(linear.measured)))
         lines = [
             Line("linear: largest amplitude", most, f"within {RANGE_VOLTS:g}", "V", "section 6.2.1",
-                 most < RANGE_VOLTS),
+                 below(RANGE_VOLTS)),
             Line(f"linear: amplitude at {low:.4g} rad/s", float(abs(linear.measured[0])), "figure 7.8", "V"),
             Line(f"linear: amplitude at {high:.4g} rad/s", float(abs(linear.measured[-1])), "figure 7.8", "V"),
         ]  # fmt: skip
@@ -174,12 +176,12 @@ class ClosedLoopResponse(Reproduction):
             said = f"experiment off theory by at most, {int(counts.sum())} of {counts.size} frequencies"
             name = response.case.name
             lines.append(Line(f"{name}: {said}", 100.0 * worst, "they look similar", "%", "figures 7.8, 7.9",
-                              worst < _ACCURACY))  # fmt: skip
+                              below(100.0 * _ACCURACY)))  # fmt: skip
         for response in self.responses[1:]:
             top = int(np.argmax(np.abs(response.measured)))
             lines.append(Line(f"{response.case.name}: largest amplitude, at {response.omega[top]:.3g} rad/s",
-                              float(abs(response.measured[top])), "axis up to 14", "V", "figure 7.8",
-                              bool(abs(response.measured[top]) < 14.0)))  # fmt: skip
+                              float(abs(response.measured[top])), f"axis up to {AXIS_VOLTS:g}", "V", "figure 7.8",
+                              below(AXIS_VOLTS)))  # fmt: skip
         return tuple(lines)
 
     def tables(self) -> tuple[Table, ...]:

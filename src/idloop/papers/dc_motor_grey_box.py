@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, lehigh_motor
-from idloop.papers.reproduction import Line, Reproduction, within
+from idloop.papers.claim import within, within_errors
+from idloop.papers.reproduction import Line, Reproduction
 
 if TYPE_CHECKING:
     from idloop.estimate import FitResult
@@ -64,24 +65,24 @@ class GreyBoxFit(Reproduction):
         for name, (paper, spread, unit) in PUBLISHED.items():
             ours, error = found[name]
             lines += [
-                Line(name, ours, paper, unit, place, abs(ours - paper) <= _FAR * error),
-                Line(f"{name}: standard deviation", error, spread, unit, place, within(error, spread, _SHARE)),
+                Line(name, ours, paper, unit, place, within_errors(paper, _FAR, error)),
+                Line(f"{name}: standard deviation", error, spread, unit, place, within(spread, _SHARE)),
             ]
         lines += self._sizes("", self.recipe.loss, self.recipe.fpe, place)
         for index, (signal, unit) in enumerate((("position", "rad²"), ("velocity", "(rad/s)²"))):
             variance, paper = float(self.recipe.covariance[index, index]), lehigh_motor.VARIANCES[index]
             lines.append(Line(f"noise variance of the {signal}", variance, paper, unit, place,
-                              within(variance, paper, _FAR * math.sqrt(2.0 / self.recipe.samples))))  # fmt: skip
+                              within(paper, _FAR * math.sqrt(2.0 / self.recipe.samples))))  # fmt: skip
         for index, (name, (_, spread, unit)) in enumerate(PUBLISHED.items()):
             repeated = float(np.std(self.repeats[:, index], ddof=1))
             slack = _FAR / math.sqrt(2.0 * (len(self.repeats) - 1))
             lines.append(Line(f"{name}: spread over {len(self.repeats)} repeated experiments", repeated, spread, unit,
-                              place, within(repeated, found[name][1], slack)))  # fmt: skip
+                              place, within(found[name][1], slack)))  # fmt: skip
         for name, (paper, spread, unit) in PUBLISHED.items():
             place_of = self.grey_box.names.index(NAMES[name])
             ours, error = float(self.grey_box.values[place_of]), float(self.grey_box.stderr[place_of])
             lines += [
-                Line(f"idloop fit: {name}", ours, paper, unit, place, abs(ours - paper) <= _FAR * error),
+                Line(f"idloop fit: {name}", ours, paper, unit, place, within_errors(paper, _FAR, error)),
                 Line(f"idloop fit: {name}: standard deviation", error, spread, unit, place),
             ]
         return (*lines, *self._sizes("idloop fit: ", self.grey_box.loss, self.grey_box.fpe, place))
@@ -90,10 +91,10 @@ class GreyBoxFit(Reproduction):
         # A determinant of two variances from n samples spreads by √(4/n) of itself.
         slack = _FAR * math.sqrt(4.0 / self.recipe.samples)
         return [
-            Line(f"{prefix}loss function", loss, lehigh_motor.LOSS, "", place, within(loss, lehigh_motor.LOSS, slack)),
-            Line(f"{prefix}Akaike's FPE", fpe, lehigh_motor.FPE, "", place, within(fpe, lehigh_motor.FPE, slack)),
+            Line(f"{prefix}loss function", loss, lehigh_motor.LOSS, "", place, within(lehigh_motor.LOSS, slack)),
+            Line(f"{prefix}Akaike's FPE", fpe, lehigh_motor.FPE, "", place, within(lehigh_motor.FPE, slack)),
             Line(f"{prefix}FPE / loss", fpe / loss, lehigh_motor.FPE / lehigh_motor.LOSS, "", place,
-                 within(fpe / loss, lehigh_motor.FPE / lehigh_motor.LOSS, 5e-5)),
+                 within(lehigh_motor.FPE / lehigh_motor.LOSS, 5e-5)),
         ]  # fmt: skip
 
     def notes(self) -> tuple[str, ...]:

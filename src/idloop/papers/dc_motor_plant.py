@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, lehigh_motor
-from idloop.papers.reproduction import Line, Reproduction, within
+from idloop.papers.claim import near, within
+from idloop.papers.reproduction import Line, Reproduction
 
 if TYPE_CHECKING:
     import control
@@ -53,7 +54,7 @@ class PlantModel(Reproduction):
         lines = [
             _line("numerator of position over command", b, lehigh_motor.B, "rad/s²/V", "eq. 7.1"),
             _line("denominator s² + a s: a", a, lehigh_motor.A, "1/s", "eq. 7.1"),
-            Line("first pole", slow, 0.0, "rad/s", "eq. 7.1", abs(slow) < 1e-9),
+            Line("first pole", slow, 0.0, "rad/s", "eq. 7.1", near(0.0, 1e-9)),
             _line("second pole", fast, -lehigh_motor.A, "rad/s", "eq. 7.1"),
             _line("gain from command to speed", b / a, lehigh_motor.B / lehigh_motor.A, "rad/s/V", "eq. 7.2"),
         ]
@@ -65,7 +66,7 @@ class PlantModel(Reproduction):
             lines.append(
                 Line(
                     f"noise variance of the {output.field}", found, variance, unit, "appendix B.2.1",
-                    abs(found - variance) <= 0.5e-4,
+                    near(variance, 0.5e-4),
                 )
             )  # fmt: skip
         degrees = math.radians(lehigh_motor.POTENTIOMETER_DEGREES)
@@ -144,7 +145,7 @@ def published_samples() -> tuple[float, ...]:
 
 
 def _line(quantity: str, ours: float, paper: float, unit: str, source: str, share: float = _DIGITS) -> Line:
-    return Line(quantity, ours, paper, unit, source, within(ours, paper, share))
+    return Line(quantity, ours, paper, unit, source, within(paper, share))
 
 
 def reproduce(seed: int, progress: Progress) -> PlantModel:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, lehigh_motor
-from idloop.papers.reproduction import Line, Reproduction, Table, within
+from idloop.papers.claim import above, below, between, within
+from idloop.papers.reproduction import Line, Reproduction, Table
 
 if TYPE_CHECKING:
     from idloop.estimate import FitResult
@@ -100,28 +101,27 @@ class DeadZoneAndBacklash(Reproduction):
         """What the thesis saw, in numbers."""
         width = lehigh_motor.DEAD_ZONE
         lines = [Line("dead zone by levels of the command", self.width, width, "V", "figure 6.4",
-                      within(self.width, width, 0.1))]  # fmt: skip
+                      within(width, 0.1))]  # fmt: skip
         for level in self.levels:
             at, published = f"{level.amplitude:.2f} V", lehigh_motor.WITH_BACKLASH[level.amplitude]
-            fits = bool(level.fit[VELOCITY] > level.most[VELOCITY] - _FITS)
-            worse = bool(level.fit[POSITION] < level.most[POSITION] - 5.0 * _FITS)
+            fits = above(level.most[VELOCITY] - _FITS).of(level.fit[VELOCITY])
+            worse = below(level.most[POSITION] - 5.0 * _FITS).of(level.fit[POSITION])
             variance = float(level.model.covariance[POSITION, POSITION])
             fixed = level.amplitude == CHOSEN_AT
             speed, place = (f"{level.fit[i]:.1f} of {level.most[i]:.1f}" for i in (VELOCITY, POSITION))
             lines += [
                 Line(f"{at}: FIT of the velocity, of at most", speed, "fits perfectly", "%", "chapter 8", fits),
                 Line(f"{at}: FIT of the position, of at most", place, "no good fit", "%", "chapter 8", worse),
-                Line(f"{at}: modelled position over measured", level.ratio, "much higher", "", "chapter 8",
-                     level.ratio > 1.1),
-                Line(f"{at}: measured position late by", level.late, "a little", "deg", "chapter 8",
-                     level.late > 1.0),
+                Line(f"{at}: modelled position over measured", level.ratio, "much higher", "", "chapter 8", above(1.1)),
+                Line(f"{at}: measured position late by", level.late, "a little", "deg", "chapter 8", above(1.0)),
                 Line(f"{at}: variance of the position's error", variance, published.position, "rad²", "appendix B.3",
-                     None if fixed else 0.5 < variance / published.position < 2.0),
+                     None if fixed else between(0.5 * published.position, 2.0 * published.position)),
             ]  # fmt: skip
         for level in self.levels:
             error, clear = abs(level.passed / level.theory - 1.0), level.moved > _CLEAR * self.gap
+            claim = below(100.0 * _ACCURACY) if clear else None
             lines.append(Line(f"{level.amplitude:.2f} V: describing function of the coupling, measured off theory by",
-                              100.0 * error, None, "%", "eq. 6.2", error < _ACCURACY if clear else None))  # fmt: skip
+                              100.0 * error, None, "%", "eq. 6.2", claim))  # fmt: skip
         most = np.array([level.most[POSITION] for level in self.levels])
         worst = int(np.argmin(self.fits_with_effects[:, POSITION] - most))
         reached = float(self.fits_with_effects[worst, POSITION])
@@ -129,11 +129,12 @@ class DeadZoneAndBacklash(Reproduction):
         return (
             *lines,
             Line("one model with both effects: FIT of the position, of at most, where it is worst",
-                 f"{reached:.1f} of {most[worst]:.1f}", None, "%", "", bool(reached > most[worst] - _FITS)),
+                 f"{reached:.1f} of {most[worst]:.1f}", None, "%", "",
+                 above(most[worst] - _FITS).of(reached)),
             Line("one model with both effects: dead zone", parameters.values["dead_zone@input.width"], width, "V",
-                 "figure 6.4", within(parameters.values["dead_zone@input.width"], width, 0.1)),
+                 "figure 6.4", within(width, 0.1)),
             Line("one model with both effects: gap", parameters.values["backlash@position[motor].gap"], None, "rad", "",
-                 within(parameters.values["backlash@position[motor].gap"], self.gap, 0.1)),
+                 within(self.gap, 0.1)),
         )  # fmt: skip
 
     def tables(self) -> tuple[Table, ...]:

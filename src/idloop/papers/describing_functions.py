@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, lehigh_motor
+from idloop.papers.claim import below, near
 from idloop.papers.limit_cycle_check import CycleCheck, check_cycles
 from idloop.papers.log_ticks import plain_ticks
 from idloop.papers.reproduction import Cell, Line, Reproduction, Table
@@ -145,14 +146,13 @@ class DescribingFunctions(Reproduction):
             missed = "do not match" if element.name.startswith("backlash") else None
             lines += [
                 Line(f"{element.name}: simulation off theory by at most", 100.0 * simulated, None, "%", "eq. 6.1, 6.2",
-                     simulated < _ACCURACY),
+                     below(100.0 * _ACCURACY)),
                 Line(f"{element.name}: measured off theory by at most, {int(good.sum())} of {good.size} amplitudes",
-                     100.0 * measured, missed, "%", "chapter 8", measured < _ACCURACY),
+                     100.0 * measured, missed, "%", "chapter 8", below(100.0 * _ACCURACY)),
             ]  # fmt: skip
         ours = self.complete
         lines += [
-            Line("backlash at A/M = 0.5: real part", ours.real, self.printed, "", "eq. 6.2",
-                 abs(ours.real - self.printed) < 0.01),
+            Line("backlash at A/M = 0.5: real part", ours.real, self.printed, "", "eq. 6.2", near(self.printed, 0.01)),
             Line("backlash at A/M = 0.5: imaginary part", ours.imag, "not printed", "", "eq. 6.2"),
             Line("backlash at A/M = 0.5: phase", float(np.degrees(np.angle(ours))), "not printed", "deg", "eq. 6.2"),
         ]  # fmt: skip

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress
+from idloop.papers.claim import Claim, stated
 from idloop.papers.reproduction import Cell, Table
 
 if TYPE_CHECKING:
@@ -214,6 +215,11 @@ class Answer:
     def right(self) -> bool:
         """All hidden effects named, if only in a set, and nothing else."""
         return not self.missed and all(rung.hidden is not None for rung in self.rungs)
+
+    @property
+    def claim(self) -> Claim:
+        """That it is right."""
+        return stated("all hidden, no other", self.right)
 
     @property
     def farthest(self) -> float:

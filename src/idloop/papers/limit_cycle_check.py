@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, lehigh_motor
+from idloop.papers.claim import near, stated
 from idloop.papers.reproduction import Cell, Line
 
 if TYPE_CHECKING:
@@ -112,7 +113,8 @@ class CycleCheck:
         if self.predicted is None:
             rests = self.machine_amplitude == 0.0
             said = "comes to rest" if rests else f"oscillates, {self.machine_amplitude:.3g} {self.unit}"
-            return [Line(f"{self.name}: no limit cycle predicted; the machine", said, None, "", source, rests)]
+            quantity = f"{self.name}: no limit cycle predicted; the machine"
+            return [Line(quantity, said, None, "", source, stated("rests", rests))]
         errors = (
             ("amplitude", self.machine_amplitude / self.predicted.amplitude - 1.0),
             ("frequency", self.machine_frequency / self.predicted.frequency - 1.0),
@@ -120,7 +122,7 @@ class CycleCheck:
         sine = self.predicted.harmonics < _HARMONICS
         return [
             Line(f"{self.name}: {what} of the machine's limit cycle off the prediction by", 100.0 * error, None, "%",
-                 source, bool(abs(error) < _ACCURACY) if sine else None)
+                 source, near(0.0, 100.0 * _ACCURACY) if sine else None)
             for what, error in errors
         ]  # fmt: skip
 

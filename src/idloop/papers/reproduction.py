@@ -1,4 +1,4 @@
-"""What redoing a row of a paper gives: a table "quantity | ours | paper", further tables, and a figure."""
+"""What redoing a row of a paper gives: a table "quantity | ours | paper | claimed", further tables, and a figure."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from idloop.papers.claim import Claim
 
 Cell = float | str | None
 
@@ -25,8 +27,8 @@ class Line:
         Of both numbers; empty for words and pure numbers.
     source : str
         Place in the paper.
-    holds : bool or None
-        Whether ours bears out the paper, or what is claimed of it; None where nothing is claimed.
+    claim : Claim or None
+        What must be so of ours for the line to hold; None where nothing is claimed.
     """
 
     quantity: str
@@ -34,7 +36,17 @@ class Line:
     paper: Cell = None
     unit: str = ""
     source: str = ""
-    holds: bool | None = None
+    claim: Claim | None = None
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether ours is as claimed; None where nothing is claimed."""
+        return None if self.claim is None else self.claim.met(self.ours)
+
+    @property
+    def claimed(self) -> str | None:
+        """The claim in words; None where nothing is claimed."""
+        return None if self.claim is None else self.claim.words(self.unit)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -44,6 +56,7 @@ class Line:
             "paper": self.paper,
             "unit": self.unit,
             "source": self.source,
+            "claim": self.claimed,
             "holds": self.holds,
         }
 
@@ -74,7 +87,7 @@ class Reproduction(ABC):
 
     @abstractmethod
     def rows(self) -> tuple[Line, ...]:
-        """The table "quantity | ours | paper"."""
+        """The table "quantity | ours | paper | claimed"."""
 
     @abstractmethod
     def plot(self, axes: Any = None) -> Any:
@@ -101,8 +114,3 @@ class Reproduction(ABC):
             "tables": [table.to_dict() for table in self.tables()],
             "notes": list(self.notes()),
         }
-
-
-def within(ours: float, paper: float, share: float) -> bool:
-    """Whether two numbers differ by no more than a share of the paper's."""
-    return bool(abs(ours - paper) <= share * abs(paper))

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.papers import Progress, lehigh_motor
-from idloop.papers.reproduction import Line, Reproduction, within
+from idloop.papers.claim import at_least, below, within
+from idloop.papers.reproduction import Line, Reproduction
 
 if TYPE_CHECKING:
     from idloop.records import Record
@@ -48,16 +49,15 @@ class SignalGenerator(Reproduction):
             size, frequency = signal.peak, _strongest(signal)
             asked = lehigh_motor.SQUARE_AMPLITUDE, lehigh_motor.SQUARE_FREQUENCY
             lines += [
-                Line(f"{signal.name}: amplitude", size, asked[0], "V", "chapter 4", within(size, asked[0], 0.02)),
-                Line(f"{signal.name}: frequency", frequency, asked[1], "Hz", "chapter 4",
-                     within(frequency, asked[1], 1e-6)),
+                Line(f"{signal.name}: amplitude", size, asked[0], "V", "chapter 4", within(asked[0], 0.02)),
+                Line(f"{signal.name}: frequency", frequency, asked[1], "Hz", "chapter 4", within(asked[1], 1e-6)),
             ]  # fmt: skip
         count = min(1 + len(record.output_names) for record in self.recorded)
         return (
             *lines,
             Line("channels recorded together", float(count), f"at least {CHANNELS}", "", "chapter 4",
-                 count >= CHANNELS),
-            Line("largest error of a channel read from its bag", self.lost, 0.0, "", "", self.lost < 1e-12),
+                 at_least(CHANNELS)),
+            Line("largest error of a channel read from its bag", self.lost, 0.0, "", "", below(1e-12)),
         )  # fmt: skip
 
     def notes(self) -> tuple[str, ...]:

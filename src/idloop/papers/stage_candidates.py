@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import stage_paper
+from idloop.papers.claim import near
 from idloop.papers.reproduction import Line, Reproduction, Table
 
 if TYPE_CHECKING:
@@ -179,11 +180,11 @@ class StageFits(Reproduction):
         for index, candidate in enumerate(self.candidates):
             found, first = scores(candidate, self.data), index == 0
             fit, mse = (self.published.fit, self.published.mse) if first else (None, None)
-            near = abs(found.free - self.published.fit) < stage_paper.NEAR if first else None
+            same = near(self.published.fit, stage_paper.NEAR) if first else None
             source = "table 2" if first else ""
             lines += [
                 Line(f"{candidate.name}: FIT, one step ahead", found.ahead, fit, "%", source),
-                Line(f"{candidate.name}: FIT, free run", found.free, fit, "%", source, near),
+                Line(f"{candidate.name}: FIT, free run", found.free, fit, "%", source, same),
                 Line(f"{candidate.name}: MSE, free run", found.free_mse, mse, "in²/s²", source),
             ]
         return (*lines, *self.lines)

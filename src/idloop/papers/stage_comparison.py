@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from idloop.papers import Progress, stage_paper
+from idloop.papers.claim import above, below, near, stated
 from idloop.papers.reproduction import Line, Reproduction, Table
 from idloop.papers.stage_candidates import HEADER, Bench, Candidate, Scores, bench, black_box, draw, limit, scores
 from idloop.papers.stage_linear import transfer_function
@@ -53,12 +54,12 @@ class Stretch:
     @property
     def networks_fail(self) -> bool:
         """Whether both networks fail at half amplitude."""
-        return all(fails(fit, self.half[-1]) for fit in self.half[1:3])
+        return all(fit < failing(self.half[-1]) for fit in self.half[1:3])
 
 
-def fails(fit: float, most: float) -> bool:
-    """Whether a free run misses more than twice what the encoder's counts alone leave, by FIT [%]."""
-    return 100.0 - fit > _FAILS * (100.0 - most)
+def failing(most: float) -> float:
+    """FIT below which a free run misses more than twice what the encoder's counts alone leave, by theirs [%]."""
+    return 100.0 - _FAILS * (100.0 - most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ class StageComparison(Reproduction):
         for name, published in paper.items():
             lines += [
                 Line(f"{name}: FIT, free run", measured[name].free, published.fit, "%", "table 2",
-                     abs(measured[name].free - published.fit) < stage_paper.NEAR),
+                     near(published.fit, stage_paper.NEAR)),
                 Line(f"{name}: MSE, free run", measured[name].free_mse, published.mse, "in²/s²", "table 2"),
             ]  # fmt: skip
         free = [measured[name].free for name in paper]
@@ -111,31 +112,32 @@ class StageComparison(Reproduction):
         return (
             *lines,
             Line("order of methods in free run", " < ".join(sorted(paper, key=lambda name: measured[name].free)),
-                 " < ".join(paper), "", "table 2", free == sorted(free)),
+                 " < ".join(paper), "", "table 2", stated("the same order", free == sorted(free))),
             Line(f"the order holds on further stretches, of {count}", float(held), None, "", "",
-                 2 * held > count if count else None),
-            Line("effects found", effects, "friction, backlash", "", "section 4", kinds == hidden),
+                 above(count / 2) if count else None),
+            Line("effects found", effects, "friction, backlash", "", "section 4",
+                 stated("all hidden, no other", kinds == hidden)),
             *self._sizes(built),
             Line("grey-box: FIT, free run, of at most", f"{grey.free:.2f} of {most.free:.2f}", None, "%", "",
-                 grey.free > best[0]),
+                 above(best[0]).of(grey.free)),
             Line("grey-box: FIT at half amplitude, of at most", f"{grey.half:.2f} of {most.half:.2f}", None, "%", "",
-                 grey.half > best[1] and not fails(grey.half, most.half)),
-            Line("networks: best FIT at half amplitude, fails", networks, None, "%", "", fails(networks, most.half)),
+                 above(max(best[1], failing(most.half))).of(grey.half)),
+            Line("networks: best FIT at half amplitude, fails", networks, None, "%", "", below(failing(most.half))),
             Line(f"networks fail at half amplitude on further stretches, of {count}", float(failed), None, "", "",
-                 2 * failed > count if count else None),
+                 above(count / 2) if count else None),
         )  # fmt: skip
 
     def _sizes(self, built: Model) -> tuple[Line, ...]:
         """Dry friction and play that were found beside those that were built in, where they were found."""
         found = self.ladder.model.values
         lines = []
-        for text, unit, ours, true in (
-            ("dry friction found, over the one built in", "-", FRICTION, "coulomb_friction@stage.level"),
-            ("play found, over the one built in", "-", PLAY, "backlash@screw-nut.gap"),
+        for text, ours, true in (
+            ("dry friction found, over the one built in", FRICTION, "coulomb_friction@stage.level"),
+            ("play found, over the one built in", PLAY, "backlash@screw-nut.gap"),
         ):
             if ours in found:
                 ratio = found[ours] / built.values[true]
-                lines.append(Line(text, ratio, 1.0, unit, "built in", abs(ratio - 1.0) < _SIZE))
+                lines.append(Line(text, ratio, 1.0, "", "built in", near(1.0, _SIZE)))
         return tuple(lines)
 
     def tables(self) -> tuple[Table, ...]:

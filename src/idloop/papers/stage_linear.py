@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from idloop.papers import Progress, stage_paper
+from idloop.papers.claim import below
 from idloop.papers.reproduction import Line
 from idloop.papers.stage_candidates import StageFits, bench, black_box, scores
 
@@ -55,7 +56,7 @@ def reproduce(seed: int, progress: Progress, duration: float = stage_paper.DURAT
         progress(0.7, f"order {order}")
         fit = scores(black_box("", transfer_function(data.train, order), data), data).free
         lines.append(Line(f"transfer function of order {order}: FIT, free run", fit, "not sufficient", "%", "section 3",
-                          fit < best + _GAIN))  # fmt: skip
+                          below(best + _GAIN)))  # fmt: skip
     said = (
         (
             f"Table 2 contradicts itself: its FIT and MSE imply a standard deviation of {stage_paper.LINEAR.spread:.2f}"

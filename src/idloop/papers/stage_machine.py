@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, stage_paper
+from idloop.papers.claim import at_most, below, equals, stated, within
 from idloop.papers.reproduction import Line, Reproduction
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ Complex = NDArray[np.complex128]
 _SAME = 0.01
 # The speed's standard deviation counts as what table 2 implies within this share.
 _SIZE = 0.25
+# Whole numbers and clocks are the paper's but for rounding.
+_COUNTED = 1e-5
 _POINTS = 200
 
 
@@ -75,25 +78,24 @@ class StageMachine(Reproduction):
         half = float(frequency[np.argmax(np.cumsum(density) >= 0.5 * np.sum(density))])
         effects = sorted(name.split("@")[0] for name in self.model.effect_names)
         return (
-            Line("inertias", float(len(self.model.bodies)), 4.0, "", "eq. 1 to 4", len(self.model.bodies) == 4),
-            Line("response off that of eq. 1 to 4, up to 10 Hz", 100.0 * far, 0.0, "%", "eq. 1 to 4", far < _SAME),
+            Line("inertias", float(len(self.model.bodies)), 4.0, "", "eq. 1 to 4", equals(4)),
+            Line("response off that of eq. 1 to 4, up to 10 Hz", 100.0 * far, 0.0, "%", "eq. 1 to 4",
+                 below(100.0 * _SAME)),
             Line("encoder: pulses a revolution", 2.0 * np.pi / resolution, float(stage_paper.PULSES), "", "section 3",
-                 bool(np.isclose(2.0 * np.pi / resolution, stage_paper.PULSES))),
+                 within(stage_paper.PULSES, _COUNTED)),
             Line("sampling interval", self.data.sample_time, stage_paper.SAMPLE_TIME, "s", "section 3",
-                 bool(np.isclose(self.data.sample_time, stage_paper.SAMPLE_TIME))),
+                 within(stage_paper.SAMPLE_TIME, _COUNTED)),
             Line("nonlinear effects", ", ".join(effects), "backlash, friction", "", "sections 2, 4",
-                 {"backlash", "coulomb_friction"} <= set(effects)),
+                 stated("both", {"backlash", "coulomb_friction"} <= set(effects))),
             Line("play between screw and nut", values["backlash@screw-nut.gap"] * stage_paper.LEAD * 1e3, None, "mm"),
             Line("dry friction at the screw", values["coulomb_friction@stage.level"], None, "N m"),
-            Line("levels of the command", float(np.unique(self.data.input).size), 2.0, "", "figure 5",
-                 np.unique(self.data.input).size == 2),
+            Line("levels of the command", float(np.unique(self.data.input).size), 2.0, "", "figure 5", equals(2)),
             Line("largest command", level, f"within {stage_paper.RANGE_VOLTS:g}", "V", "section 3",
-                 level <= stage_paper.RANGE_VOLTS),
+                 at_most(stage_paper.RANGE_VOLTS)),
             Line("half of the command's power lies below", half, "violent excitation", "Hz", "abstract"),
             Line("travel of the stage", travel, f"0 to {stage_paper.STROKE:g}", "in", "section 3",
-                 travel < stage_paper.STROKE),
-            Line("standard deviation of the speed", spread, implied, "in/s", "table 2",
-                 abs(spread / implied - 1.0) < _SIZE),
+                 below(stage_paper.STROKE)),
+            Line("standard deviation of the speed", spread, implied, "in/s", "table 2", within(implied, _SIZE)),
         )  # fmt: skip
 
     def notes(self) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from idloop.papers import Progress, stage_paper
+from idloop.papers.claim import equals
 from idloop.papers.reproduction import Line
 from idloop.papers.stage_candidates import StageFits, bench, black_box
 
@@ -61,8 +62,8 @@ def reproduce(seed: int, progress: Progress, duration: float = stage_paper.DURAT
     shares = "/".join(f"{100.0 * count / sum(counts):.0f}" for count in counts)
     lines = (
         Line("hidden neurons", float(closed.units), float(stage_paper.HIDDEN), "", "section 3",
-             closed.units == stage_paper.HIDDEN),
-        Line("training, validation, test", shares, "70/15/15", "%", "section 3", shares == "70/15/15"),
+             equals(stage_paper.HIDDEN)),
+        Line("training, validation, test", shares, "70/15/15", "%", "section 3", equals("70/15/15")),
     )  # fmt: skip
     said = (
         (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from idloop.papers import Progress, stage_paper
+from idloop.papers.claim import equals
 from idloop.papers.reproduction import Line
 from idloop.papers.stage_candidates import StageFits, bench, black_box
 
@@ -41,7 +42,7 @@ def reproduce(seed: int, progress: Progress, duration: float = stage_paper.DURAT
     model = wavelet_network(data.train)
     lines = (
         Line("units", float(model.units), float(stage_paper.WAVELET_UNITS), "", "section 3",
-             model.units == stage_paper.WAVELET_UNITS),
+             equals(stage_paper.WAVELET_UNITS)),
     )  # fmt: skip
     said = ("The orders of eq. 9 are a picture in the paper; two past speeds and two commands are taken.",)
     return StageFits(data, (black_box("wavelet network", model, data),), stage_paper.WAVELET, lines, said)

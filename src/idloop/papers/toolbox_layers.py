@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.papers import Progress, lehigh_motor
+from idloop.papers.claim import Claim, above, below, equals, near
 from idloop.papers.log_ticks import plain_ticks
 from idloop.papers.reproduction import Line, Reproduction, Table
 
@@ -29,6 +30,8 @@ VELOCITY = 1
 _TRUTH_ERROR, _FIT_LOSS = 5.0, 0.5
 # A response without a model scatters: that much of the whole, with everything that smooths it switched on.
 _SCATTER = 15.0
+# Of the thesis, where the layers are.
+_PLACE = "chapter 5"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,7 @@ class Tool:
     checked : str
         What the number is.
     value : float
-    holds : bool
+    claim : Claim
     """
 
     layer: int
@@ -82,7 +85,16 @@ class Tool:
     ours: str
     checked: str
     value: float
-    holds: bool
+    claim: Claim
+
+    def line(self) -> Line:
+        """The number and what is claimed of it."""
+        return Line(f"{self.command}: {self.checked}", self.value, f"layer {self.layer}", "", _PLACE, self.claim)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        line = self.line()
+        return {**vars(self), "claim": line.claimed, "holds": line.holds}
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,30 +124,23 @@ class ToolboxLayers(Reproduction):
 
     def rows(self) -> tuple[Line, ...]:
         """FIT and distance from the truth of every estimator, then the tools."""
-        place = "chapter 5"
         lines = [Line("most that the noise allows: FIT", self.best, None, "%", "")]
         for method in self.methods:
             listed = f"layer {method.layer}"
             if np.isfinite(method.fit):
-                lines.append(Line(f"{method.command}: FIT", method.fit, listed, "%", place, self._fits(method)))
+                lines.append(Line(f"{method.command}: FIT", method.fit, listed, "%", _PLACE, self._fits(method)))
             lines.append(
-                Line(f"{method.command}: distance from the truth", method.truth_error, listed, "%", place,
+                Line(f"{method.command}: distance from the truth", method.truth_error, listed, "%", _PLACE,
                      self._near(method))
             )  # fmt: skip
-        tools = (
-            Line(f"{tool.command}: {tool.checked}", tool.value, f"layer {tool.layer}", "", place, tool.holds)
-            for tool in self.tools
-        )
-        return (*lines, *tools)
+        return (*lines, *(tool.line() for tool in self.tools))
 
-    def _fits(self, method: Method) -> bool | None:
-        return method.fit > self.best - _FIT_LOSS if method.claim == "consistent" else None
+    def _fits(self, method: Method) -> Claim | None:
+        return above(self.best - _FIT_LOSS) if method.claim == "consistent" else None
 
-    def _near(self, method: Method) -> bool | None:
-        if method.claim == "biased":
-            return method.truth_error > _TRUTH_ERROR
-        limits = {"consistent": _TRUTH_ERROR, "scatters": _SCATTER}
-        return method.truth_error < limits[method.claim] if method.claim in limits else None
+    def _near(self, method: Method) -> Claim | None:
+        known = {"biased": above(_TRUTH_ERROR), "consistent": below(_TRUTH_ERROR), "scatters": below(_SCATTER)}
+        return known.get(method.claim)
 
     def tables(self) -> tuple[Table, ...]:
         """One line for each estimator, with our function."""
@@ -166,7 +171,7 @@ class ToolboxLayers(Reproduction):
         return {
             **super().to_dict(),
             "methods": [vars(method) for method in self.methods],
-            "tools": [vars(tool) for tool in self.tools],
+            "tools": [tool.to_dict() for tool in self.tools],
             "best_fit": self.best,
         }
 
@@ -413,12 +418,12 @@ def _tools(bench: _Bench) -> tuple[Tool, ...]:
     ahead = float(np.max(np.abs(model.predict(validation, 5) - model.simulate(validation))))
     truth = -rate / lehigh_motor.A - 1.0
     return (
-        Tool(1, "present", "coefficients", "error of f1 over its standard deviation", far, abs(far) < 4.0),
-        Tool(1, "resid", "residual_tests", "p-value of whiteness", test.ljung_box_p, test.ljung_box_p > 1e-4),
-        Tool(1, "th2zp", "poles", "pole over the motor's, less 1", truth, abs(truth) < 0.05),
-        Tool(2, "n4sid", "select_order", "states that the data show", float(order), order == 1),
-        Tool(3, "predict", "predict", "five samples ahead against the free run", ahead, ahead < 1e-9),
-        Tool(3, "thd2thc", "d2c", "pole over the logarithm of the sampled one, less 1", there, abs(there) < 1e-6),
-        Tool(3, "thc2thd", "c2d", "there and back, change of the response", again, again < 1e-9),
-        Tool(3, "th2tf, th2ss", "system", "transfer function against state space", other, other < 1e-9),
+        Tool(1, "present", "coefficients", "error of f1 over its standard deviation", far, near(0.0, 4.0)),
+        Tool(1, "resid", "residual_tests", "p-value of whiteness", test.ljung_box_p, above(1e-4)),
+        Tool(1, "th2zp", "poles", "pole over the motor's, less 1", truth, near(0.0, 0.05)),
+        Tool(2, "n4sid", "select_order", "states that the data show", float(order), equals(1)),
+        Tool(3, "predict", "predict", "five samples ahead against the free run", ahead, below(1e-9)),
+        Tool(3, "thd2thc", "d2c", "pole over the logarithm of the sampled one, less 1", there, near(0.0, 1e-6)),
+        Tool(3, "thc2thd", "c2d", "there and back, change of the response", again, below(1e-9)),
+        Tool(3, "th2tf, th2ss", "system", "transfer function against state space", other, below(1e-9)),
     )

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from idloop.papers import Progress
+from idloop.papers.claim import above, below
 from idloop.papers.hidden_effects import LEVEL, Answer, Simulate, Worth, climb, told_nothing, worth
 from idloop.papers.log_ticks import plain_ticks
 from idloop.papers.reproduction import Cell, Line, Reproduction, Table
@@ -55,16 +56,16 @@ class TorsionAmplitudes(Reproduction):
     def rows(self) -> tuple[Line, ...]:
         """The linear models at the other amplitude, and the one model at all."""
         lines = [Line(f"found from {100 * SMALL:.0f} and {100 * LARGE:.0f} %, nothing told", self.found.words,
-                      "future work", "", "section 6.2", self.found.right)]  # fmt: skip
+                      "future work", "", "section 6.2", self.found.claim)]  # fmt: skip
         for name, other in ((LINEAR_SMALL, LARGE), (LINEAR_LARGE, SMALL)):
             at_other, best = self.worths[name][other].force, self.worths[TRUE][other].force
             lines.append(Line(f"{name}: error of the drive's torque at {100 * other:.0f} %", at_other, "fails", "%",
-                              "figure 5.6", at_other > 1.2 * best))  # fmt: skip
+                              "figure 5.6", above(1.2 * best)))  # fmt: skip
         for amplitude, ours in self.worths[WITH_EFFECTS].items():
             most, never = self.worths[TRUE][amplitude].force, ", never fitted" if amplitude == THIRD else ""
             at = f"{100 * amplitude:.0f} %{never} (true machine: {most:.1f})"
             lines.append(Line(f"with the effects: the same at {at}", ours.force, None, "%", "",
-                              ours.force < most + _AS_GOOD))  # fmt: skip
+                              below(most + _AS_GOOD)))  # fmt: skip
         return tuple(lines)
 
     def tables(self) -> tuple[Table, ...]:

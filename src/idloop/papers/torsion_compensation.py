@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.papers import Progress, torsion_methods
 from idloop.papers import torsion_thesis as thesis
+from idloop.papers.claim import above, at_least, below, near
 from idloop.papers.reproduction import Cell, Line, Reproduction, Table
 
 Array = NDArray[np.float64]
@@ -54,11 +55,11 @@ class OffsetCompensation(Reproduction):
         residue = float(np.max(np.abs(self.current - self.levels)))
         lines = [
             Line("current over control signal: gain", self.gain, thesis.CURRENT_GAIN, "A", "figure 2.3",
-                 abs(self.gain - thesis.CURRENT_GAIN) < 0.01),
+                 near(thesis.CURRENT_GAIN, 0.01)),
             Line("current over control signal: offset", self.offset, thesis.CURRENT_OFFSET, "A", "figure 2.3",
-                 abs(self.offset - thesis.CURRENT_OFFSET) < 0.001),
+                 near(thesis.CURRENT_OFFSET, 0.001)),
             Line("compensated: largest difference of the current from the command", residue, 0.0, "A", "eq. 4.1",
-                 residue < 1e-3),
+                 below(1e-3)),
         ]  # fmt: skip
         for setting in (WITHOUT, WITH):
             for way, paper in zip(thesis.WAYS, setting.fits, strict=True):
@@ -73,11 +74,11 @@ class OffsetCompensation(Reproduction):
             gained = self.gained(way)
             paper = None if before is None or after is None else after - before
             lines.append(Line(f"{way}: what compensation gains", gained, "from a cross" if paper is None else paper,
-                              "%", "table 5.1", bool(gained > 0.0)))  # fmt: skip
+                              "%", "table 5.1", above(0.0)))  # fmt: skip
         best = {name: max(_known(f)) for name, f in self.fits.items()}
         published = max(cell for cell in WITH.fits if cell is not None)
         lines.append(Line("best with compensation: FIT", best[WITH.name], published, "%", "table 5.1",
-                          bool(best[WITH.name] >= published)))  # fmt: skip
+                          at_least(published)))  # fmt: skip
         return tuple(lines)
 
     def gained(self, way: str) -> float:

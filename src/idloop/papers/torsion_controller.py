@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.papers import Progress
 from idloop.papers import torsion_thesis as thesis
+from idloop.papers.claim import above, at_most, below, between
 from idloop.papers.reproduction import Line, Reproduction, Table
 
 if TYPE_CHECKING:
@@ -93,18 +94,18 @@ class TorsionControllers(Reproduction):
         most = max(float(np.max(np.abs(one.command))) for one in (*s.values(), *self.prbs.values()))
         lines = [
             Line("PID against eq. 4.2: largest difference of the command", self.law_error, 0.0, "A", "eq. 4.2",
-                 self.law_error < 1e-9),
+                 below(1e-9)),
             Line("largest control signal of all loops", most, thesis.LIMIT, "", "section 4.3.2",
-                 most <= thesis.LIMIT * (1.0 + 1e-12)),
-            Line("PID: swing at the end", s[PID].swing, "stable", "deg", "section 4.3.1", s[PID].swing < 0.1),
-            Line("PD: swing at the end", s[PD].swing, "stable", "deg", "section 4.3.1", s[PD].swing < 0.1),
-            Line("PID: overshoot of the step", s[PID].overshoot, None, "%", "section 5.5", s[PID].overshoot < 10.0),
+                 at_most(thesis.LIMIT * (1.0 + 1e-12))),
+            Line("PID: swing at the end", s[PID].swing, "stable", "deg", "section 4.3.1", below(0.1)),
+            Line("PD: swing at the end", s[PD].swing, "stable", "deg", "section 4.3.1", below(0.1)),
+            Line("PID: overshoot of the step", s[PID].overshoot, None, "%", "section 5.5", below(10.0)),
             Line("derivative removed: overshoot of the step", s[NO_DERIVATIVE].overshoot, "oscillates too much", "%",
-                 "section 5.5", s[NO_DERIVATIVE].overshoot > 30.0),
+                 "section 5.5", above(30.0)),
             Line("PID, PRBS of 90 %: samples at the limit", self.limited[PID], "hardly", "%", "section 5.3",
-                 self.limited[PID] < 5.0),
+                 below(5.0)),
             Line("derivative removed, the same: samples at the limit", self.limited[NO_DERIVATIVE], "gets saturated",
-                 "%", "section 5.5", self.limited[NO_DERIVATIVE] > 2.0 * self.limited[PID]),
+                 "%", "section 5.5", above(2.0 * self.limited[PID])),
             Line("PID: error left", s[PID].left, None, "deg", ""),
             Line("PD: error left", s[PD].left, None, "deg", ""),
         ]  # fmt: skip
@@ -112,7 +113,7 @@ class TorsionControllers(Reproduction):
         expected = float(np.degrees(thesis.CURRENT_OFFSET / thesis.KP))
         lines.append(
             Line("PD: what the offset of the input adds to the angle, at most offset / Kp", gap, expected, "deg",
-                 "eq. 4.1, 4.2", 0.0 <= gap <= 1.1 * expected)
+                 "eq. 4.1, 4.2", between(0.0, 1.1 * expected))
         )  # fmt: skip
         return tuple(lines)
 

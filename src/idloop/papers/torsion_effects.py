@@ -16,6 +16,7 @@ import numpy as np
 
 from idloop.papers import Progress
 from idloop.papers import torsion_thesis as thesis
+from idloop.papers.claim import below
 from idloop.papers.hidden_effects import (
     LEVEL,
     Answer,
@@ -229,7 +230,7 @@ class TorsionEffects(Reproduction):
         for case in self.cases:
             hidden = ", ".join(case.hidden)
             lines.append(Line(f"{case.name}: {hidden} hidden; found", case.found.words, "observed, not modelled", "",
-                              "section 2.5", case.found.right))  # fmt: skip
+                              "section 2.5", case.found.claim))  # fmt: skip
             for rung in case.found.rungs:
                 for e in rung.estimates:
                     if np.isfinite(e.true):
@@ -238,7 +239,7 @@ class TorsionEffects(Reproduction):
                                           e.unit, "eq. 2.5" if known else ""))  # fmt: skip
             linear, ours, most = (case.worth[name].force for name in (LINEAR, WITH_EFFECTS, TRUE))
             lines.append(Line(f"{case.name}: error of the drive's torque on fresh records (linear: {linear:.1f})", ours,
-                              None, "%", "", ours < linear and ours < most + _AS_GOOD))  # fmt: skip
+                              None, "%", "", below(float(np.minimum(linear, most + _AS_GOOD)))))  # fmt: skip
         return tuple(lines)
 
     def tables(self) -> tuple[Table, ...]:

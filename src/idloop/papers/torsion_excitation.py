@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from idloop.papers import Progress, torsion_methods
 from idloop.papers import torsion_thesis as thesis
-from idloop.papers.reproduction import Line, Reproduction, Table, within
+from idloop.papers.claim import above, below, equals, within
+from idloop.papers.reproduction import Line, Reproduction, Table
 
 Array = NDArray[np.float64]
 
@@ -75,9 +76,9 @@ class TorsionExcitations(Reproduction):
         level = float(np.max(np.abs(prbs.wanted)))
         deviation = 2.0 * float(np.std(rgs.wanted))
         lines += [
-            Line("PRBS: level", level, thesis.PRBS_LEVEL, "deg", place, within(level, thesis.PRBS_LEVEL, 1e-9)),
+            Line("PRBS: level", level, thesis.PRBS_LEVEL, "deg", place, within(thesis.PRBS_LEVEL, 1e-9)),
             Line("RGS: two deviations", deviation, thesis.RGS_TWO_DEVIATIONS, "deg", place,
-                 within(deviation, thesis.RGS_TWO_DEVIATIONS, 0.08)),
+                 within(thesis.RGS_TWO_DEVIATIONS, 0.08)),
         ]  # fmt: skip
         for one in self.signals:
             setting, seconds = one.setting, one.wanted.size * thesis.MEASURED_EVERY - 2.0 * thesis.DROPPED
@@ -86,21 +87,21 @@ class TorsionExcitations(Reproduction):
             if not setting.compensated:
                 continue
             lines.append(Line(f"{setting.name}: power below {band:.3g} Hz", 100.0 * one.below, "most", "%",
-                              "figure 5.4", one.below > 0.5))  # fmt: skip
+                              "figure 5.4", above(50.0)))  # fmt: skip
             if setting.band != 1.0:
                 lines.append(Line(f"{setting.name}: length", seconds, length, "s", place,
-                                  within(seconds, length, 1e-3)))  # fmt: skip
+                                  within(length, 1e-3)))  # fmt: skip
         alike = float(np.max(np.abs(np.log10(_smooth(prbs) / np.sum(prbs.power)) - np.log10(
             _smooth(rgs) / np.sum(rgs.power)))))  # fmt: skip
         lines.append(Line("spectra of PRBS and RGS below 10 Hz: largest factor between them", 10.0**alike,
-                          "highly similar", "", "figure 5.4", 10.0**alike < 2.0))  # fmt: skip
+                          "highly similar", "", "figure 5.4", below(2.0)))  # fmt: skip
         for name, expected, text in (
             ("measured", round((thesis.LENGTH + 2.0 * thesis.DROPPED) / thesis.MEASURED_EVERY), "samples at 1 kHz"),
             ("kept", round(thesis.LENGTH / thesis.MEASURED_EVERY), "without the first and last second"),
             ("thinned", round(thesis.LENGTH / thesis.IDENTIFIED_EVERY), "down-sampled to 100 Hz"),
         ):
             lines.append(Line(text, float(self.counts[name]), float(expected), "", "chapter 4",
-                              self.counts[name] == expected))  # fmt: skip
+                              equals(expected)))  # fmt: skip
         # The thesis says none; what it does not tell of its loop decides, so nothing is claimed.
         lines += [
             Line(f"{one.setting.name}: samples at the limit", one.limited, "almost", "%", "figure 5.4")
@@ -108,7 +109,7 @@ class TorsionExcitations(Reproduction):
         ]
         slow = next(one for one in self.signals if one.setting == thesis.TABLE_5_1[6])
         lines.append(Line(f"{slow.setting.name}: levels at whose end the motor rests", slow.rests,
-                          "the longer ones", "%", "figure 5.5", slow.rests > 0.0))  # fmt: skip
+                          "the longer ones", "%", "figure 5.5", above(0.0)))  # fmt: skip
         return tuple(lines)
 
     def tables(self) -> tuple[Table, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.papers import Progress, torsion_methods
 from idloop.papers import torsion_thesis as thesis
+from idloop.papers.claim import above, below, near
 from idloop.papers.reproduction import Cell, Line, Reproduction, Table
 
 Array = NDArray[np.float64]
@@ -52,12 +53,11 @@ class FitMeasure(Reproduction):
                       self.predicted.items())  # fmt: skip
         ends = {name: float(np.mean(self.fits[name])) for name in self.fits}
         return (
-            Line("FIT against eq. 4.3: largest difference", formula, 0.0, "%", place, formula < 1e-9),
-            Line(f"FIT of {PERFECT}", ends[PERFECT], 100.0, "%", place, abs(ends[PERFECT] - 100.0) < 1e-9),
-            Line(f"FIT of {AVERAGE}", ends[AVERAGE], 0.0, "%", place, abs(ends[AVERAGE]) < 1e-9),
-            Line(f"{QUANSER}: average FIT", ends[QUANSER], "very poor, negative", "%", "figure 1.3",
-                 ends[QUANSER] < 50.0),
-            Line(f"{CHOICE}: average FIT", ends[CHOICE], "figure 6.1", "%", "section 6.1", ends[CHOICE] > 80.0),
+            Line("FIT against eq. 4.3: largest difference", formula, 0.0, "%", place, below(1e-9)),
+            Line(f"FIT of {PERFECT}", ends[PERFECT], 100.0, "%", place, near(100.0, 1e-9)),
+            Line(f"FIT of {AVERAGE}", ends[AVERAGE], 0.0, "%", place, near(0.0, 1e-9)),
+            Line(f"{QUANSER}: average FIT", ends[QUANSER], "very poor, negative", "%", "figure 1.3", below(50.0)),
+            Line(f"{CHOICE}: average FIT", ends[CHOICE], "figure 6.1", "%", "section 6.1", above(80.0)),
         )  # fmt: skip
 
     def tables(self) -> tuple[Table, ...]:

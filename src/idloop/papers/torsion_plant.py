@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from idloop.papers import Progress
 from idloop.papers import torsion_thesis as thesis
-from idloop.papers.reproduction import Line, Reproduction, Table, within
+from idloop.papers.claim import below, beyond, equals, near, within
+from idloop.papers.reproduction import Line, Reproduction, Table
 
 Array = NDArray[np.float64]
 
@@ -57,9 +58,10 @@ class TorsionPlant(Reproduction):
     def rows(self) -> tuple[Line, ...]:
         """Sizes, stiffness and drive entries of A and B, what the misprint does, and the sensors."""
         jm, j, k = thesis.MOTOR_INERTIA, thesis.LOAD_INERTIA, thesis.STIFFNESS
+        inputs = self.b.size // len(self.a)
         lines = [
-            Line("states", float(len(self.a)), 8.0, "", "eq. 2.2", len(self.a) == 8),
-            Line("inputs, outputs", f"1, {len(self.c)}", "1, 4", "", "eq. 2.4", self.b.ndim == 1 and len(self.c) == 4),
+            Line("states", float(len(self.a)), 8.0, "", "eq. 2.2", equals(8)),
+            Line("inputs, outputs", f"{inputs}, {len(self.c)}", "1, 4", "", "eq. 2.4", equals("1, 4")),
         ]
         for name, ours, paper in (
             ("A[5,1] = -k/Jm", self.a[4, 0], -k / jm),
@@ -69,26 +71,26 @@ class TorsionPlant(Reproduction):
             ("A[7,3] = -2k/J2", self.a[6, 2], -2.0 * k / j),
             ("A[8,4] = -k/J3", self.a[7, 3], -k / j),
         ):
-            lines.append(Line(name, float(ours), paper, "1/s²", "eq. 2.4", within(float(ours), paper, _EXACT)))
+            lines.append(Line(name, float(ours), paper, "1/s²", "eq. 2.4", within(paper, _EXACT)))
         drive = thesis.TORQUE_CONSTANT / jm
         lines.append(Line("B[5] = Kt/Jm", float(self.b[4]), drive, "rad/s²/A", "eq. 2.4",
-                          within(float(self.b[4]), drive, _EXACT)))  # fmt: skip
+                          within(drive, _EXACT)))  # fmt: skip
         rest = float(np.max(np.abs(self.undamped - self.mended)) / np.max(np.abs(self.mended)))
         lines.append(Line("all of A without friction: largest difference, as a share", rest, 0.0, "", "eq. 2.4",
-                          rest < _EXACT))  # fmt: skip
+                          below(_EXACT)))  # fmt: skip
         right, wrong = np.ones(4), np.ones(4)
         right, wrong = self.mended[4, :4] @ right, self.printed[4, :4] @ wrong
         lines += [
             Line("all angles alike: torque on the motor over its inertia", float(right), 0.0, "rad/s²", "eq. 2.1c",
-                 abs(float(right)) < 1e-6),
+                 near(0.0, 1e-6)),
             Line("the same as printed: it would spring back to zero", float(wrong), 0.0, "rad/s²", "eq. 2.4",
-                 abs(float(wrong)) > 1.0),
+                 beyond(1.0)),
             Line("pole of the free turn", float(np.min(np.abs(np.linalg.eigvals(self.a)))), 0.0, "rad/s",
-                 "section 3.1", bool(np.min(np.abs(np.linalg.eigvals(self.a))) < 1e-6)),
+                 "section 3.1", below(1e-6)),
             Line("largest real part of the other poles", _largest_rest(self.a), "negative", "rad/s", "section 3.1",
-                 _largest_rest(self.a) < 0.0),
+                 below(0.0)),
             Line("step response: simulator against matrix exponential", self.step_error, 0.0, "rad", "eq. 2.3",
-                 self.step_error < 1e-6),
+                 below(1e-6)),
             _sensor("motor encoder: radians a count", thesis.MOTOR_COUNTS, thesis.MOTOR_SENSITIVITY),
             _sensor("load encoder: radians a count", thesis.LOAD_COUNTS, thesis.LOAD_SENSITIVITY),
         ]  # fmt: skip
@@ -149,7 +151,7 @@ def _largest_rest(a: Array) -> float:
 
 def _sensor(name: str, counts: int, published: float) -> Line:
     step = 2.0 * np.pi / counts
-    return Line(name, step, published, "rad", "table A.1", within(step, published, _DIGITS))
+    return Line(name, step, published, "rad", "table A.1", within(published, _DIGITS))
 
 
 def printed_matrix(mended: bool) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from idloop.papers import Progress, torsion_methods
 from idloop.papers import torsion_thesis as thesis
+from idloop.papers.claim import above, below, near
 from idloop.papers.reproduction import Cell, Line, Reproduction, Table
 
 if TYPE_CHECKING:
@@ -126,12 +127,12 @@ class TorsionSweeps(Reproduction):
         if large is not None and small is not None:
             lines.append(Line("amplitude 20 % against 90 %: change of the best FIT", small - large,
                               max(_numbers(thesis.TABLE_5_1[8])) - max(_numbers(thesis.CHOSEN)), "%", "section 5.4",
-                              small < large))  # fmt: skip
+                              below(0.0)))  # fmt: skip
         middle = self._best(thesis.TABLE_5_1[7])
         if large is not None and middle is not None:
             lines.append(Line("amplitude 83 % against 90 %: change of the best FIT", middle - large,
                               max(_numbers(thesis.TABLE_5_1[7])) - max(_numbers(thesis.CHOSEN)), "%", "section 5.4",
-                              abs(middle - large) < 5.0))  # fmt: skip
+                              near(0.0, 5.0)))  # fmt: skip
         pairs = (
             (thesis.VODMA_PEM, thesis.VODMA, 77.10 - 68.13),
             (thesis.DIRECT_PEM, thesis.DIRECT, 75.76 - 71.01),
@@ -142,7 +143,7 @@ class TorsionSweeps(Reproduction):
                 gained = self.average(refined) - self.average(plain)
                 # A refinement of what is already best may cost a tenth on other data.
                 lines.append(Line(f"{plain}: what PEM gains on average", gained, paper, "%", "table 5.2",
-                                  gained > -0.5))  # fmt: skip
+                                  above(-0.5)))  # fmt: skip
         return lines
 
     def _settings(self) -> list[Line]:
@@ -153,26 +154,26 @@ class TorsionSweeps(Reproduction):
         if 0.005 in times.values:
             change = times.at(n4, 0.005) - times.at(n4, 0.01)
             lines.append(Line("5 ms instead of 10 ms: change of FIT, N4SID", change, "almost zero", "%", "section 5.6",
-                              abs(change) < 1.0))  # fmt: skip
+                              near(0.0, 1.0)))  # fmt: skip
         last = times.values[-1]
         drop = times.at(n4, last) - times.at(n4, 0.01)
         lines.append(Line(f"{1000.0 * last:.0f} ms instead of 10 ms: change of FIT, N4SID", drop, "drops from 60 ms",
-                          "%", "figure 5.7", drop < 0.0))  # fmt: skip
+                          "%", "figure 5.7", below(0.0)))  # fmt: skip
         five = states.at(n4, 5) - states.at(n4, 9)
         lines += [
-            Line("5 states instead of 9: change of FIT, N4SID", five, "hardly any", "%", "figure 5.9", abs(five) < 3.0),
+            Line("5 states instead of 9: change of FIT, N4SID", five, "hardly any", "%", "figure 5.9", near(0.0, 3.0)),
             Line("3 states: best FIT", max(states.at(way, 3) for way in states.fits), "works fine", "%", "figure 5.9",
-                 max(states.at(way, 3) for way in states.fits) > 60.0),
+                 above(60.0)),
             Line("1 state: best FIT", max(states.at(way, 1) for way in states.fits), "will not do", "%", "figure 5.9",
-                 max(states.at(way, 1) for way in states.fits) < 60.0),
+                 below(60.0)),
         ]  # fmt: skip
         steady = [self.many.at(thesis.DIRECT, i) for i in self.many.values if i > 6]
         collapsed = [self.many.at(thesis.DIRECT, i) for i in self.many.values if i <= 3]
         lines.append(Line("9 states, i above 6: spread of FIT, VODMA DI", max(steady) - min(steady), "quite steady",
-                          "%", "figure 5.11", max(steady) - min(steady) < 5.0))  # fmt: skip
+                          "%", "figure 5.11", below(5.0)))  # fmt: skip
         if collapsed:
             lines.append(Line("9 states, i of 3 and less: best FIT, VODMA DI (0: no model)", max(collapsed),
-                              "collapses", "%", "figure 5.11", max(collapsed) < min(steady) - 10.0))  # fmt: skip
+                              "collapses", "%", "figure 5.11", below(min(steady) - 10.0)))  # fmt: skip
         return lines
 
     def average(self, way: str) -> float:

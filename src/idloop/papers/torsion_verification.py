@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.papers import Progress, torsion_methods
 from idloop.papers import torsion_thesis as thesis
+from idloop.papers.claim import at_least, near
 from idloop.papers.reproduction import Cell, Line, Reproduction, Table
 
 if TYPE_CHECKING:
@@ -96,22 +97,21 @@ class AlgorithmVerification(Reproduction):
             known = one.name == thesis.SATURATION
             label = "saturation, known" if known else one.name
             for column, paper in zip(COLUMNS, published, strict=True):
-                if column not in one.fits:
+                if paper is None or column not in one.fits:
                     continue
-                ours = one.fits[column]
-                least = max(-np.inf if paper is None else paper - _ROUNDING, _KNOWN_SATURATION if known else -np.inf)
-                lines.append(Line(f"{label}, {column}: FIT", ours, paper, "%", "table B.1",
-                                  bool(ours >= least)))  # fmt: skip
+                least = max(paper - _ROUNDING, _KNOWN_SATURATION) if known else paper - _ROUNDING
+                lines.append(Line(f"{label}, {column}: FIT", one.fits[column], paper, "%", "table B.1",
+                                  at_least(least)))  # fmt: skip
         by_name = {one.name: one for one in self.experiments}
         noise = by_name[thesis.NOISE]
         lines.append(
             Line("noise: FIT of the true motion", noise.floor, implied_floor(), "%", "from table B.1",
-                 abs(noise.floor - implied_floor()) < 1.0)
+                 near(implied_floor(), 1.0))
         )  # fmt: skip
         saturated = by_name[thesis.SATURATION]
         found = saturated.found["saturation@input.limit"] * thesis.LIMIT
         lines.append(Line("limit that the physical model finds", found, thesis.LIMIT, "A", "section 4.3.2",
-                          abs(found - thesis.LIMIT) < 0.01 * thesis.LIMIT))  # fmt: skip
+                          near(thesis.LIMIT, 0.01 * thesis.LIMIT)))  # fmt: skip
         return tuple(lines)
 
     def tables(self) -> tuple[Table, ...]:
