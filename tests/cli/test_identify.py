@@ -192,6 +192,52 @@ def test_a_response_tells_its_resolution(bags, capsys):
     assert re.search(r"resolution .*\n.*\nspa .* Hz +[\d.]+ Hz ", out)
 
 
+def test_a_response_begins_at_its_resolution(bags, capsys):
+    _, out, _ = run(capsys, bags[0], "--method", "spa", *VELOCITY)
+    begins, resolution = re.search(r"\nspa +motor.velocity +\d+ +([\d.]+) to [\d.]+ Hz +([\d.]+) Hz", out).groups()
+    assert float(begins) >= 0.999 * float(resolution)
+
+
+def test_coefficients_that_change_are_judged_as_they_went(bags, tmp_path, capsys):
+    code, out, _ = run(capsys, bags[0], "--method", "kalman", "--method", "arx", "--order", 1, *VELOCITY)
+    assert code == 0
+    table = out.partition("coefficients of each instant")[2]
+    went, held = map(float, re.search(r"\nkalman +motor.velocity +([\d.]+) +([\d.]+)\n", table).groups())
+    assert 90.0 < held <= went + 0.5
+    assert "have the last coefficients" in table
+    assert "\narx" not in table.partition("\n\n")[0]
+    document = json.loads(run(capsys, bags[0], "--method", "kalman", "--order", 1, *VELOCITY, "--json")[1])
+    (history,) = document["results"][0]["history"]
+    assert history["names"] == ["a1", "b1[motor.effort]"]
+    assert history["fit_on_the_way"] == pytest.approx(went, abs=0.01)
+    assert "coefficients of each instant" not in run(capsys, bags[0], "--method", "arx", "--order", 1, *VELOCITY)[1]
+
+
+def test_seconds_to_drop_are_held_against_the_record(bags, capsys):
+    code, out, err = run(capsys, bags[0], "--method", "arx", "--drop", 100)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "--drop 100: nothing left after that at both ends: the record is 11.98 s long, drop less than 5.99" in err
+
+
+def test_a_model_file_names_the_method_that_was_asked_for(bags, tmp_path, capsys):
+    path = tmp_path / "model.json"
+    assert run(capsys, bags[0], "--method", "pem", "--order", 1, *VELOCITY, "--save", path)[0] == 0
+    saved = json.loads(path.read_text(encoding="utf-8"))
+    assert (saved["method"], saved["start"]) == ("pem", "pbsid")
+
+
+def test_instruments_say_why_their_prediction_is_worse_than_their_free_run():
+    def outcome(name, free_run, ahead):
+        found = Identified(METHODS[name], SimpleNamespace(form=""), 2)
+        return Outcome(name, found, Score(10, ("y",), np.array([free_run]), np.array([ahead]), (), ()))
+
+    hint = outcome("iv4", 90.0, -25.0).hint
+    assert "10 ahead is worse than the free run" in hint
+    assert "no noise model" in hint
+    assert not outcome("iv4", 90.0, 91.0).hint
+    assert not outcome("arx", 90.0, -25.0).hint
+
+
 def test_a_network_that_only_predicts_says_what_to_try():
     def outcome(name, free_run, ahead, form="series-parallel"):
         found = Identified(METHODS[name], SimpleNamespace(form=form), 2)

@@ -39,6 +39,7 @@ def test_every_linear_method_finds_the_plant(name):
     # A recursion is still on its way after so few samples.
     assert np.max(error) < (0.1 if found.method.kind == "recursive" else 0.02)
     assert found.linear.poles.size >= 2
+    assert found.linear.method == name
     assert information(found, [open_loop()]).bic == found.linear.bic
     assert (found.delay is None) == ("delay" not in found.method.needs)
 

@@ -46,6 +46,7 @@ VALIDATION = ["motor.velocity [m/s]", "residual [m/s]"]
         (("etfe",), BODE),
         (("cra",), ["weight [m/s/(N·m)]"]),
         (("narx-wavelet",), VALIDATION),
+        (("rarx",), [*BODE, *VALIDATION, "coefficient [-]", "coefficient [m/s/(N·m)]"]),
     ),
 )
 def test_the_panels_are_those_of_the_results(names, expected, data):
@@ -67,6 +68,36 @@ def test_the_measured_phase_lies_beside_the_models(data):
     figure = plot_identification(drawn(data, "spa", "oe"), [data])
     models, measured = (line.get_ydata() for line in figure.axes[1].get_lines())
     assert np.ptp(measured) < np.ptp(models) + 60.0
+
+
+def test_coefficients_that_change_are_drawn_as_they_went(data):
+    (one,) = drawn(data, "kalman")
+    *_, free, of_command = plot_identification([one], [data]).axes
+    (history,) = one.found.history
+    for axes, names in ((free, ["a1", "a2"]), (of_command, ["b1[motor.effort]", "b2[motor.effort]"])):
+        assert [text.get_text() for text in axes.get_legend().get_texts()] == names
+        assert len(axes.collections) == 2
+        for line, name in zip(axes.get_lines(), names, strict=True):
+            np.testing.assert_array_equal(line.get_ydata(), history.values[:, history.names.index(name)])
+    assert "the free run has the last ones" in free.get_title(loc="left")
+
+
+def test_only_what_has_bands_is_said_to_have_them(data):
+    def title(*names):
+        return plot_identification(drawn(data, *names), [data]).axes[0].get_title(loc="left")
+
+    assert title("etfe") == "motor.effort → motor.velocity"
+    assert title("etfe", "spa") == "motor.effort → motor.velocity, bands of 95 % of spa"
+    assert title("spa", "oe").endswith(", bands of 95 %")
+
+
+def test_lines_below_the_resolution_are_not_drawn(data):
+    (one,) = drawn(data, "spa")
+    model = one.found.model
+    assert model.frequency[0] < model.resolution
+    (curve,) = plot_identification([one], [data]).axes[0].get_lines()
+    assert curve.get_xdata()[0] == pytest.approx(np.min(model.frequency[model.resolved]))
+    assert np.all(model.frequency[model.resolved] >= model.resolution * (1.0 - 1e-6))
 
 
 def test_one_legend_names_every_method(data, tmp_path):

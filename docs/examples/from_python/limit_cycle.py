@@ -3,7 +3,15 @@
 import numpy as np
 
 import control
-from idloop.estimate.describing import DeadZone, Relay, describing_function, limit_cycles, lone_effect, simulate_loop
+from idloop.estimate.describing import (
+    DeadZone,
+    Relay,
+    describing_function,
+    limit_cycles,
+    lone_effect,
+    relay_cycles,
+    simulate_loop,
+)
 
 # In closed form, and computed for any effect of the catalogue.
 amplitude = np.array([0.2, 0.5, 2.0])
@@ -18,7 +26,14 @@ print(f"predicted: amplitude {cycle.amplitude:.3f}, {cycle.frequency:.3f} Hz, st
 run = simulate_loop(plant, Relay(1.0), cycle, start=1.5)
 print(f"simulated: amplitude {run.amplitude:.3f}, {run.frequency:.3f} Hz")
 
+# Behind a lag of first order the two never meet, and yet a thermostat oscillates: exactly, without harmonics.
+lag, thermostat = control.tf([1.0], [1.0, 1.0]), Relay(1.0, on=0.3, off=-0.3)
+(cycle,) = relay_cycles(lag, thermostat)
+print(f"thermostat: {len(limit_cycles(lag, thermostat).cycles)} by harmonics; peak {cycle.peak:.3f}", end=", ")
+print(f"{cycle.frequency:.3f} Hz, simulated {simulate_loop(lag, thermostat, cycle).frequency:.3f} Hz")
+
 # prints:
 # gain of the dead zone [0.285 0.697 0.924] and of the effect [0.285 0.697 0.924]
 # predicted: amplitude 0.637, 0.159 Hz, stable: True
 # simulated: amplitude 0.667, 0.155 Hz
+# thermostat: 0 by harmonics; peak 0.300, 0.808 Hz, simulated 0.808 Hz

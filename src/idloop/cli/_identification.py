@@ -60,8 +60,16 @@ class Outcome:
 
     @property
     def hint(self) -> str:
-        """What to try where a network predicts and does not run free; empty elsewhere."""
-        if self.score is None or self.found is None or self.found.method.kind != "network":
+        """What to know or try where one of free run and prediction falls far behind the other; empty elsewhere."""
+        if self.score is None or self.found is None:
+            return ""
+        if self.found.method.name == "iv4" and float(self.score.ahead.mean()) < float(self.score.free_run.mean()):
+            return (
+                f"{self.score.steps} ahead is worse than the free run: iv4 fits the plant and no noise model, and its"
+                " predictor takes 1/A for one, which passes sensor noise on; judge it by the free run, and take bj,"
+                " armax or pem to predict"
+            )
+        if self.found.method.kind != "network":
             return ""
         if float(self.score.free_run.mean()) > float(self.score.ahead.mean()) - _APART:
             return ""

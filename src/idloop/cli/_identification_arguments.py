@@ -175,6 +175,12 @@ def even_grids(
                 f"{record.name}: --sample-time {sample_time:g}, but the record has a sample every"
                 f" {record.sample_time:.4g} s and nothing between; take that or more"
             )
+        length = float(record.time[-1] - record.time[0])
+        if drop and 2.0 * drop >= length:
+            raise InputError(
+                f"{record.name}: --drop {drop:g}: nothing left after that at both ends: the record is {length:.4g} s"
+                f" long, drop less than {0.5 * length:.4g}"
+            )
         kept = record.drop(drop, drop) if drop else record
         level = kept if detrend == "none" else kept.detrend(detrend)
         stretches += sampled(level, sample_time)

@@ -75,18 +75,46 @@ def print_responses(outcomes: Sequence[Outcome]) -> None:
                 row = (f"{at[0]:.4g} to {at[-1]:.4g} s", "-", "-")
                 peak = (number(float(size.max())), f"{number(at[size.argmax()])} s")
             else:
-                size, at = abs(model.response[:, column, 0]), model.frequency
-                heard = None if model.coherence is None else sorted(model.coherence[:, column])[len(at) // 2]
+                kept = model.resolved
+                size, at = abs(model.response[kept, column, 0]), model.frequency[kept]
+                heard = None if model.coherence is None else sorted(model.coherence[kept, column])[len(at) // 2]
                 smoothed = "-" if fine is None else f"{number(fine)} Hz"
                 row = (f"{at[0]:.4g} to {at[-1]:.4g} Hz", smoothed, number(heard))
                 # Where next to nothing was sent in, what is largest is an error.
-                sure = model.stderr[:, column, 0] < _SURE * size
+                sure = model.stderr[kept, column, 0] < _SURE * size
                 peak = ("-", "-")
                 if sure.any():
                     peak = (number(float(size[sure].max())), f"{number(at[sure][size[sure].argmax()])} Hz")
             rows.append((one.label, name, str(len(at)), row[0], row[1], *peak, row[2]))
     if rows:
         print_table(["method", "output", "points", "range", "resolution", "largest", "at", "median coherence"], rows)
+
+
+def print_followed(outcomes: Sequence[Outcome]) -> None:
+    """Print what coefficients that change predict: on their way through the data of the fit, and the last ones."""
+    import numpy as np
+
+    rows = []
+    for one in outcomes:
+        if one.found is None:
+            continue
+        model: Any = one.found.model
+        for column, history in enumerate(one.found.history):
+            size = float(np.std(history.measured))
+            held = math.sqrt(float(model.covariance[column, column]))
+            last = 100.0 * (1.0 - held / size) if size > 0.0 else math.nan
+            first = column == 0
+            rows.append((one.label if first else "", history.output_name, fit_text(history.fit), fit_text(last)))
+    if rows:
+        click.echo()
+        print_table(
+            ["method", "output", "FIT % 1 ahead, coefficients of each instant", "FIT % 1 ahead, the last ones held"],
+            rows,
+        )
+        click.echo(
+            "of the data of the fit; the free run and all else above have the last coefficients, held for the whole"
+            " record; --plot draws how they went"
+        )
 
 
 def print_distortion(outcomes: Sequence[Outcome]) -> None:

@@ -42,6 +42,7 @@ from idloop.cli._identification_tables import (
     loop_text,
     print_details,
     print_distortion,
+    print_followed,
     print_methods,
     print_outcomes,
     print_responses,
@@ -453,6 +454,7 @@ def finish(
         print_outcomes(outcomes, steps)
         print_responses(outcomes)
         print_distortion(outcomes)
+        print_followed(outcomes)
         if len(outcomes) == 1:
             print_details(outcomes[0])
         click.echo()

@@ -27,6 +27,7 @@ from idloop.cli._ladder_folder import (
 )
 from idloop.cli._places import OUTPUT_FOLDER, OutputFile, make_folder, probe_file
 from idloop.errors import InputError
+from idloop.report.use import FITTED, UNSEEN
 
 if TYPE_CHECKING:
     from idloop.report.contents import Contents
@@ -131,8 +132,14 @@ def _origin(kept: Kept, fitted: Sequence[Path], unseen: Sequence[Path]) -> dict[
     from idloop.report.provenance import provenance
 
     now = provenance(fitted, unseen)
-    then = {bag["sha256"] for bag in kept.provenance.get("bags", ())}
+    then: dict[str, set[str]] = {}
+    for bag in kept.provenance.get("bags", ()):
+        then.setdefault(bag["sha256"], set()).add(bag["use"])
     for bag in now["bags"] if then else ():
+        # Data that made the parameters do not judge them.
+        if bag["sha256"] is not None and bag["use"] not in then.get(bag["sha256"], {bag["use"]}):
+            served, option = (FITTED, "--bag") if bag["use"] == UNSEEN else (UNSEEN, "--validate")
+            raise InputError(f"{bag['path']}: of this ladder these are {served} data: name it by {option}")
         if bag["sha256"] not in then:
             log(f"{bag['path']}: this recording is not the one that the ladder was climbed on (its checksum differs)")
     return {**now, **kept.provenance}

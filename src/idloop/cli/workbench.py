@@ -92,6 +92,10 @@ def command(
     if output is not None:
         check_target(output, "--output", overwrite=force)
     model = apply_options(model, settings, effects)
+    if only:
+        from idloop.diagnose.proposals import proposals
+
+        proposals(model, only)  # a name that is none is told now, not at the first search
     records, unseen = read_fitted_and_unseen(bags, validate, model)
 
     # Only now: bad input is told before the page's libraries are loaded.

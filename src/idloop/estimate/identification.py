@@ -152,7 +152,7 @@ def _tried(
     found = method.run(data, choices, order, delay)
     model, history = found if isinstance(found, tuple) else (found, ())
     if method.kind in ("linear", "recursive"):
-        model = replace(model, notes=(*model.notes, *_offset_notes(data)))
+        model = replace(model, method=method.name, notes=(*model.notes, *_offset_notes(data)))
     return Identified(method, model, order, delay if "delay" in method.needs else None, history=history)
 
 

@@ -154,6 +154,7 @@ class Identified:
             "delay": self.delay,
             "trials": [vars(trial) for trial in self.trials],
             "model": self.model.to_dict(),
+            "history": [one.to_dict() for one in self.history],
         }
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from idloop import drawing
 from idloop.estimate.bode_labels import ratio_unit
 from idloop.report.comparison import legend_above
+from idloop.spelling import listed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +66,7 @@ class SweepLine:
 
 
 def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], title: str = "") -> Figure:
-    """Draw Bode diagrams with bands, singular values or impulse responses, and the validation data.
+    """Draw Bode diagrams with bands, singular values or impulse responses, the validation data and coefficients.
 
     A column for each output.
 
@@ -89,7 +90,9 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
     bode = [one for one in responses if hasattr(one.found.model, "response")]
     singular = [one for one in drawn if getattr(one.found.linear, "singular_values", None) is not None]
     judged = [one for one in drawn if one.score is not None]
+    followed = [one for one in drawn if one.found.history]
     heights = [h for h, shown in ((2.2, bode), (1.6, bode), (2.0, impulses), (2.2, judged), (1.4, judged)) if shown]
+    heights += [1.5] * (2 * len(followed))
     extra = 2.0 if singular else 0.0
     columns = len(first.output_names)
     with drawing.styled():
@@ -109,6 +112,9 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
             if judged:
                 top = next_axes()
                 _draw_validation(top, next_axes(top), judged, drawn, data, column, title)
+            for one in followed:
+                top = next_axes()
+                _draw_history(top, next_axes(top), one, column)
         if singular:
             _draw_singular_values(figure.add_subplot(grid[len(heights), :]), singular, drawn)
         figure.align_ylabels()
@@ -183,7 +189,8 @@ def _look(one: Drawn, drawn: Sequence[Drawn]) -> dict[str, Any]:
 
 def _frequencies(bode: Sequence[Drawn], data: SampledData) -> Array:
     """Where models are drawn: from the lowest line that a response knows, else from the length of the record."""
-    known = [one.found.model.frequency[0] for one in bode if hasattr(one.found.model, "frequency")]
+    responses: list[Any] = [one.found.model for one in bode if hasattr(one.found.model, "frequency")]
+    known = [model.frequency[model.resolved][0] for model in responses]
     lowest = min(known) if known else max(1.0 / (len(data) * data.sample_time), _LOWEST / data.sample_time)
     return np.geomspace(lowest, 0.5 / data.sample_time, 400)
 
@@ -194,7 +201,7 @@ def _draw_bode(
     grid = _frequencies(bode, data)
     # Models first: a measured phase is drawn at the turn that lies nearest to theirs.
     nearest: tuple[Array, Array] | None = None
-    shaded = False
+    shaded = []
     for one in sorted(bode, key=lambda one: one.found.linear is None):
         frequency, value, size_error, angle_error = _response(one.found, column, grid)
         look = _look(one, drawn)
@@ -208,8 +215,8 @@ def _draw_bode(
             look = {"color": look["color"], "linestyle": "none", "marker": ".", "markersize": 2}
         drawing.line(magnitude, frequency, size, **look)
         drawing.line(phase, frequency, angle, **look)
-        shaded = shaded or banded
         if banded:
+            shaded.append(one.label)
             shade = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
             # A band that reaches zero has no lower edge on a logarithmic axis: it ends below the curve.
             lower = np.maximum(size - size_error, 0.3 * np.min(size))
@@ -220,7 +227,8 @@ def _draw_bode(
         if distortion is not None:
             distortion.draw_levels(magnitude, column)
             legend_above(magnitude, 2)
-    bands = ", bands of 95 %" if shaded else ""
+    of = "" if len(shaded) == len(bode) else f" of {listed(shaded)}"
+    bands = f", bands of 95 %{of}" if shaded else ""
     magnitude.set(xscale="log", yscale="log")
     magnitude.set_title(f"{data.input_names[0]} → {data.output_names[column]}{bands}", loc="left")
     magnitude.set_ylabel(drawing.label("magnitude", ratio_unit(data.output_units[column], data.input_units[0])))
@@ -247,11 +255,12 @@ def _response(found: Identified, column: int, grid: Array) -> tuple[Array, NDArr
     """Frequencies, response, and half widths of its 95 % bands in size and angle [rad]; NaN where none is known."""
     model: Any = found.model
     if found.linear is None:
-        value, radius = model.response[:, column, 0], model.radius(0.95)[:, column, 0]
+        kept = model.resolved
+        value, radius = model.response[kept, column, 0], model.radius(0.95)[kept, column, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             # A circle that holds the origin says nothing of the phase.
             turn = np.where(radius < np.abs(value), np.arcsin(np.minimum(radius / np.abs(value), 1.0)), np.pi)
-        return model.frequency, value, radius, np.where(np.isfinite(radius), turn, np.nan)
+        return model.frequency[kept], value, radius, np.where(np.isfinite(radius), turn, np.nan)
     polynomials = getattr(model, "polynomials", ())
     if polynomials and len(polynomials[column].b) == len(model.input_names):
         from idloop.estimate.polynomial.response_error import response_error
@@ -305,6 +314,24 @@ def _draw_validation(
         legend_above(top, len(judged))
     below.set_ylabel(drawing.label("residual", shown.output_units[column]))
     below.set_xlabel(drawing.label("time", "s"))
+
+
+def _draw_history(top: Axes, below: Axes, one: Drawn, column: int) -> None:
+    """Coefficients as they were at each instant of the fit: those without a unit above those of the command."""
+    history = one.found.history[column]
+    model: Any = one.found.model
+    of_command = [index for index, name in enumerate(history.names) if name.startswith("b")]
+    others = [index for index in range(len(history.names)) if index not in of_command]
+    history.draw(top, others)
+    history.draw(below, of_command)
+    top.set_title(f"{one.label}: coefficients as they went; the free run has the last ones", loc="left", pad=20)
+    top.set_ylabel(drawing.label("coefficient", None))
+    top.tick_params(labelbottom=False)
+    below.set_ylabel(drawing.label("coefficient", ratio_unit(model.output_units[column], model.input_units[0])))
+    below.set_xlabel(drawing.label("time of the fit", "s"))
+    for axes, count in ((top, len(others)), (below, len(of_command))):
+        if count:
+            legend_above(axes, min(count, 3))
 
 
 def _draw_singular_values(axes: Axes, singular: Sequence[Drawn], drawn: Sequence[Drawn]) -> None:

@@ -17,6 +17,7 @@ MODEL = LinearModel(
     d=np.zeros((1, 1)), gain=np.array([[0.2], [0.1]]), covariance=np.array([[0.3]]), sample_time=0.01,
     input_names=("motor.effort",), input_units=("V",), output_names=("motor.velocity",), output_units=("rad/s",),
     samples=500, free=4, coefficients=(Coefficient("f1", -1.7, 0.01), Coefficient("f2", 0.72)), notes=("ä note",),
+    start="arx",
 )  # fmt: skip
 
 
@@ -27,7 +28,7 @@ def test_what_is_saved_is_loaded(suffix, tmp_path):
     for name in ("a", "b", "c", "d", "gain", "covariance"):
         np.testing.assert_array_equal(getattr(again, name), getattr(MODEL, name))
     for name in ("method", "sample_time", "input_names", "input_units", "output_names", "output_units", "samples",
-                 "free", "notes", "bic"):  # fmt: skip
+                 "free", "notes", "bic", "start"):  # fmt: skip
         assert getattr(again, name) == getattr(MODEL, name)
     assert again.coefficients[0] == MODEL.coefficients[0]
     assert np.isnan(again.coefficients[1].stderr)

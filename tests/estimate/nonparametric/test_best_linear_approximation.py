@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -148,6 +150,9 @@ def test_an_input_that_noise_drowns_is_told(plant):
         (lambda d, s: robust_best_linear_approximation([d, d], PERIOD, by_reference=True), "no reference"),
         (lambda d, s: robust_best_linear_approximation([d, d], 500, lines=s.lines), "do not belong"),
         (lambda d, s: robust_best_linear_approximation([d, d], PERIOD, lines=[s.lines]), "1 line grids"),
+        (lambda d, s: robust_best_linear_approximation([d, d], 500), r"after 500 samples .* after 512 .* 5.12 s"),
+        (lambda d, s: fast_best_linear_approximation(d, 511), "not repeat after 511 .* after 512 samples"),
+        (lambda d, s: fast_best_linear_approximation(d, 256), "not repeat after 256 .* after 512 samples"),
         (lambda d, s: fast_best_linear_approximation(d, PERIOD), "even harmonics"),
     ],
 )
@@ -174,3 +179,19 @@ def test_the_results_show_themselves(plant):
     robust = robust_best_linear_approximation([data, plant.periodic(4, "odd_random")[0]], PERIOD)
     assert robust.distortion.to_dict()["odd"] is None
     assert robust.distortion.plot().get_xlabel() == "frequency [Hz]"
+
+
+def test_a_multiple_of_the_period_of_an_odd_grid_is_told(plant):
+    data, _ = plant.periodic(0, grid="odd_random", periods=8)
+    with pytest.raises(InputError, match="repeats after 512 samples already, 2 times in a period of 1024"):
+        fast_best_linear_approximation(data, 2 * PERIOD)
+
+
+def test_noise_in_the_command_is_no_excitation(plant):
+    clean, _ = plant.periodic(0, grid="odd_random", periods=8)
+    noise = 0.05 * np.random.default_rng(0).normal(size=clean.input.shape)
+    noisy = replace(clean, input=clean.input + noise)
+    exact, found = (fast_best_linear_approximation(one, PERIOD) for one in (clean, noisy))
+    np.testing.assert_array_equal(found.frequency, exact.frequency)
+    with pytest.raises(InputError, match=r"even harmonics are excited, by [45][0-9] %"):
+        fast_best_linear_approximation(plant.periodic(0, periods=8)[0], PERIOD)

@@ -27,6 +27,20 @@ def test_welch_is_scipys(plant):
     np.testing.assert_allclose(ours.coherence[:, 0], coherence[1:-1], rtol=1e-9)
 
 
+def test_a_figure_begins_at_the_resolution_and_names_the_bands_that_there_are(plant):
+    data = plant.open_loop(0)
+    smooth, raw = spa(data, 150), etfe(data)
+    for estimate, bands in ((smooth, True), (raw, False)):
+        axes = estimate.plot()
+        assert ("bands of 95 %" in axes[0].get_title(loc="left")) is bands
+        (curve, *_) = axes[0].get_lines()
+        np.testing.assert_array_equal(curve.get_xdata(), estimate.frequency[estimate.resolved])
+    assert not smooth.resolved[0]
+    assert np.all(raw.resolved)
+    low = spa(data, 150, frequency=smooth.resolution * np.array([0.1, 0.2]))
+    assert np.all(low.resolved)
+
+
 @pytest.mark.parametrize("overlap", [0.0, 0.75])
 def test_welch_is_scipys_at_any_overlap_and_over_experiments(plant, overlap):
     data = [plant.open_loop(0, 2000), plant.open_loop(1, 3000)]

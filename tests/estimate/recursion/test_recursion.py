@@ -309,6 +309,17 @@ def test_a_record_is_tracked_and_drawn(made):
     assert len(axes.get_lines()) == 4
 
 
+def test_coefficients_of_each_instant_are_judged_one_step_ahead(made):
+    first, second = made(600, 0, a=POLES), made(600, 1, a=POLES, b=[0, 0.4, 0.2])
+    data = [first, second]
+    history = track(recursive_arx(2, 2, drift=5e-3), data)
+    measured = np.concatenate([one.output[:, 0] for one in data])
+    np.testing.assert_array_equal(history.measured, measured)
+    errors = np.linalg.norm(history.innovations) / np.linalg.norm(measured - measured.mean())
+    assert history.fit == pytest.approx(100.0 * (1.0 - errors))
+    assert history.to_dict()["fit_on_the_way"] == history.fit
+
+
 def test_memory_does_not_grow(made):
     data = made(2000, a=POLES)
     estimator = recursive_arx(2, 2)

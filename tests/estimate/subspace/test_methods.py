@@ -238,7 +238,18 @@ def test_result_can_be_written_and_predicts_its_own_data():
         (lambda d: n4sid(d, 2, horizon=1), "give at least 2"),
         (lambda d: pbsid(d, 2, past=5, horizon=9), "give 2 to 5"),
         (lambda d: pbsid(replace(d, input=np.sin(np.arange(1000.0))[:, None]), 2), "follows from its own past"),
-        (lambda d: n4sid(replace(d, input=np.sin(np.arange(1000.0))[:, None]), 2), "excites 2 of the"),
+        (
+            lambda d: n4sid(replace(d, input=np.sin(np.arange(1000.0))[:, None]), 2),
+            "u1 .* persistently exciting of order 2 only as a single sine is, and 4 is needed here; .* oe of order 1",
+        ),
+        (
+            lambda d: n4sid(replace(d, input=np.sin(np.arange(1000.0))[:, None]), 2, horizon=9),
+            "persistently exciting of order 2 only as a single sine is, and 4 is needed",
+        ),
+        (
+            lambda d: pbsid(replace(d, input=np.sin(np.arange(1000.0))[:, None]), 2, past=10),
+            "persistently exciting of order 2 only as a single sine is, and 11 is needed",
+        ),
         (
             lambda d: pbsid(
                 replace(d, input=d.input * [1.0, 2.0], input_names=("a", "b"), input_units=("V", "V"))

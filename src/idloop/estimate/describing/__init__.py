@@ -2,7 +2,8 @@
 
 In closed form (`DeadZone`, `Saturation`, `Relay`, ...), computed for any effect of the catalogue
 (`lone_effect`, `describing_function`), and measured from stepped-sine records
-(`measure_describing_function`). `limit_cycles` holds −1/N(A) against G(jω), `simulate_loop` checks it.
+(`measure_describing_function`). `limit_cycles` holds −1/N(A) against G(jω), `relay_cycles` does without harmonics
+for relays, `simulate_loop` checks them.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from idloop.estimate.describing.limit_cycle import LimitCycle, LimitCycles, limi
 from idloop.estimate.describing.lone_effect import LoneEffect, lone_effect
 from idloop.estimate.describing.loop_simulation import LoopSimulation, simulate_loop
 from idloop.estimate.describing.measured import MeasuredDescribingFunction, measure_describing_function
+from idloop.estimate.describing.relay_cycle import RelayCycle, relay_cycles
 from idloop.estimate.describing.sine_drive import SineAnswer, drive_by_sine
 
 __all__ = [
@@ -37,6 +39,7 @@ __all__ = [
     "LoopSimulation",
     "MeasuredDescribingFunction",
     "Relay",
+    "RelayCycle",
     "Saturation",
     "SineAnswer",
     "describing_function",
@@ -46,5 +49,6 @@ __all__ = [
     "limit_cycles",
     "lone_effect",
     "measure_describing_function",
+    "relay_cycles",
     "simulate_loop",
 ]

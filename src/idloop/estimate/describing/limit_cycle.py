@@ -13,10 +13,12 @@ from idloop.errors import InputError
 from idloop.estimate.describing.describing_function import DescribingFunction, closed_form
 from idloop.estimate.describing.drawing import new_axes, with_unit
 from idloop.estimate.describing.element import ClosedForm, positive_amplitudes
+from idloop.estimate.describing.elements.relay import Relay
 from idloop.estimate.describing.harmonics import Complexes, Floats
 from idloop.estimate.describing.interpolation import Exact, Interpolated
 from idloop.estimate.describing.linear_part import LinearPart, linear_part
 from idloop.estimate.describing.plain import plain, plain_list
+from idloop.estimate.describing.relay_cycle import RelayCycle, relay_cycles
 from idloop.estimate.describing.roots import grid_roots
 from idloop.estimate.describing.sine_drive import drive_by_sine
 
@@ -104,6 +106,8 @@ class LimitCycles:
         G(jω) at them.
     unit : str
         Of the element's input; empty where not known.
+    exact : tuple of RelayCycle
+        Of a relay without a dead zone behind a continuous system, without the harmonic assumption (`relay_cycles`).
     """
 
     name: str
@@ -113,6 +117,7 @@ class LimitCycles:
     frequency: Floats
     response: Complexes
     unit: str = ""
+    exact: tuple[RelayCycle, ...] = ()
 
     def __repr__(self) -> str:
         """Name the element and its cycles; the curves are what `plot` and `to_dict` are for."""
@@ -121,7 +126,12 @@ class LimitCycles:
             f"{'stable' if one.stable else 'unstable'}: {one.amplitude:.4g}{unit} at {one.frequency:.4g} Hz"
             for one in self.cycles
         ]
-        return f"LimitCycles({self.name}: {'; '.join(told) or 'none'})"
+        exact = [
+            f"exactly {'stable' if one.stable else 'unstable'}: peak {one.peak:.4g}{unit} at {one.frequency:.4g} Hz"
+            for one in self.exact
+        ]
+        first = told or ["none by the first harmonic" if exact else "none"]
+        return f"LimitCycles({self.name}: {'; '.join([*first, *exact])})"
 
     @property
     def stable(self) -> tuple[LimitCycle, ...]:
@@ -134,6 +144,7 @@ class LimitCycles:
             "name": self.name,
             "unit": self.unit,
             "cycles": [cycle.to_dict() for cycle in self.cycles],
+            "exact": [cycle.to_dict() for cycle in self.exact],
             "amplitude": plain_list(self.amplitude),
             "locus_real": plain_list(self.locus.real),
             "locus_imag": plain_list(self.locus.imag),
@@ -149,8 +160,12 @@ class LimitCycles:
         ax.plot(self.locus.real, self.locus.imag, color="C1", label=f"−1/N(A) of {self.name}")
         for cycle in self.cycles:
             cycle.plot(ax)
+        for one in self.exact:
+            text = f"exact: A {one.amplitude:.4g}, {one.frequency:.4g} Hz"
+            ax.plot(one.point.real, one.point.imag, "x", color="C3", label=text)
         # Both curves run to infinity: what matters is around the meetings, or else around −1.
-        reach = 2.0 * max([abs(cycle.point) for cycle in self.cycles], default=1.0)
+        points = [cycle.point for cycle in self.cycles] + [one.point for one in self.exact]
+        reach = 2.0 * max([abs(point) for point in points], default=1.0)
         ax.set(xlim=(-reach, 0.5 * reach), ylim=(-reach, 0.5 * reach))
         ax.set(xlabel=with_unit("real part", "-"), ylabel=with_unit("imaginary part", "-"))
         ax.axhline(0.0, color="0.6", linewidth=0.6)
@@ -205,6 +220,10 @@ def limit_cycles(
     left of G(jω) with growing ω, out of the region that an open-loop stable G encircles (Loeb's criterion;
     Gelb and Vander Velde, Multiple-Input Describing Functions, 1968).
 
+    A first harmonic stands for the whole motion only where G takes the others away. Behind a lag of first order a
+    relay with hysteresis oscillates (a thermostat), though −1/N has a negative real part and G none, so that they never
+    meet: that is in `LimitCycles.exact`.
+
     Examples
     --------
     >>> import control
@@ -232,7 +251,10 @@ def limit_cycles(
     at = cycles[0].frequency if cycles else float(band[band.size // 2])
     locus = np.array([_inverse(value) for value in gain.mesh(sizes, at)[:, 0]], dtype=np.complex128)
     label = unit or getattr(element, "input_unit", "")
-    return LimitCycles(element.name, tuple(cycles), sizes, locus, band, response, label)
+    exact: tuple[RelayCycle, ...] = ()
+    if isinstance(element, Relay) and element.lower == -element.on and linear.held_between:
+        exact = relay_cycles(system, element, delay=delay)
+    return LimitCycles(element.name, tuple(cycles), sizes, locus, band, response, label, exact)
 
 
 def _inverse(gain: complex) -> complex:

@@ -47,6 +47,11 @@ class LinearPart:
         """Whether the system is sampled."""
         return self.sample_time > 0.0
 
+    @property
+    def held_between(self) -> bool:
+        """Whether the response to a jump begins without one and is known at every instant: relays switch exactly."""
+        return not self.discrete and float(self.space.D[0, 0]) == 0.0
+
     def response(self, frequency: ArrayLike) -> Complexes:
         """Frequency response at frequencies [Hz], shape (k,); infinite at a pole."""
         omega = 2.0 * math.pi * np.atleast_1d(np.asarray(frequency, dtype=float))

@@ -16,6 +16,7 @@ from idloop.estimate.describing.harmonics import Floats
 from idloop.estimate.describing.limit_cycle import LimitCycle
 from idloop.estimate.describing.linear_part import LinearPart, linear_part
 from idloop.estimate.describing.plain import plain
+from idloop.estimate.describing.relay_cycle import RelayCycle
 from idloop.estimate.describing.sine_drive import HARMONICS
 from idloop.estimate.describing.sine_fit import refine_frequency, sine_fit
 
@@ -75,7 +76,7 @@ class LoopSimulation:
 def simulate_loop(
     system: Any,
     element: Element,
-    cycle: LimitCycle,
+    cycle: LimitCycle | RelayCycle,
     *,
     delay: float = 0.0,
     start: float = 1.0,
@@ -90,7 +91,7 @@ def simulate_loop(
         The linear part, strictly proper (or sampled and with a delay).
     element : Element
         A closed-form element or a `LoneEffect`.
-    cycle : LimitCycle
+    cycle : LimitCycle or RelayCycle
         Where to start, and how fast it turns.
     delay : float
         Further delay in the loop [s]; of a sampled loop, whole samples.
@@ -123,7 +124,7 @@ def simulate_loop(
     return _measured(time, signal, cycle, start, signal.size == count)
 
 
-def _grid(linear: LinearPart, cycle: LimitCycle, steps: int) -> tuple[float, int]:
+def _grid(linear: LinearPart, cycle: LimitCycle | RelayCycle, steps: int) -> tuple[float, int]:
     """Step [s] and the delay in steps."""
     if linear.discrete:
         return linear.sample_time, linear.whole_delay()
@@ -133,8 +134,14 @@ def _grid(linear: LinearPart, cycle: LimitCycle, steps: int) -> tuple[float, int
 
 
 def _run(
-    linear: LinearPart, element: Element, cycle: LimitCycle, start: float, interval: float, late: int, count: int
-) -> Floats:  # fmt: skip
+    linear: LinearPart,
+    element: Element,
+    cycle: LimitCycle | RelayCycle,
+    start: float,
+    interval: float,
+    late: int,
+    count: int,
+) -> Floats:
     space, omega = linear.space, 2.0 * math.pi * cycle.frequency
     a, b, d = np.asarray(space.A, dtype=float), np.asarray(space.B, dtype=float)[:, 0], float(space.D[0, 0])
     c = np.asarray(space.C, dtype=float)[0]
@@ -179,7 +186,9 @@ def _run(
     return signal
 
 
-def _measured(time: Floats, signal: Floats, cycle: LimitCycle, start: float, whole: bool) -> LoopSimulation:
+def _measured(
+    time: Floats, signal: Floats, cycle: LimitCycle | RelayCycle, start: float, whole: bool
+) -> LoopSimulation:
     """Figures of the last periods."""
     nothing = float("nan")
     last = time >= time[-1] - 2.0 * MEASURED / cycle.frequency

@@ -69,6 +69,8 @@ class LinearModel:
         Of the weighted projection (subspace methods): a gap shows the order.
     notes : tuple of str
         What a user should know of this estimate.
+    start : str
+        Method of the model that a search began from (`prediction_error`); empty elsewhere.
     """
 
     method: str
@@ -89,6 +91,7 @@ class LinearModel:
     coefficient_covariance: Array | None = None
     singular_values: Array | None = None
     notes: tuple[str, ...] = ()
+    start: str = ""
 
     @property
     def order(self) -> int:
@@ -232,6 +235,7 @@ class LinearModel:
         """Plain numbers for JSON."""
         return {
             "method": self.method,
+            "start": self.start or None,
             "order": self.order,
             "sample_time": self.sample_time,
             "a": self.a,

@@ -45,6 +45,7 @@ def save(model: LinearModel, path: Path | str) -> Path:
     content: dict[str, Any] = {
         "schema": SCHEMA,
         "method": model.method,
+        "start": model.start,
         "sample_time": float(model.sample_time),
         "samples": int(model.samples),
         "free": int(model.free),
@@ -98,6 +99,7 @@ def load(path: Path | str) -> LinearModel:
         )
         return LinearModel(
             method=str(content["method"]),
+            start=str(content.get("start", "")),
             **matrices,
             sample_time=float(content["sample_time"]),
             samples=int(content["samples"]),

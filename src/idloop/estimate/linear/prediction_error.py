@@ -70,7 +70,7 @@ def prediction_error(
     Returns
     -------
     LinearModel
-        Method "<start>_pem".
+        Method "pem"; `start` is the method of the model that the search began from.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def prediction_error(
         raise overflowing(start.method, focus)
     names = [] if free is None else _entry_names(matrices)
     kept = np.flatnonzero(moving) if free is not None else np.zeros(0, dtype=int)
-    shape = replace(start, method=f"{start.method.removesuffix('_pem')}_pem", singular_values=None)
+    shape = replace(start, method="pem", start=start.start or start.method, singular_values=None)
     return finished(
         shape, matrices.like(found.parameters), found, [names[i] for i in kept], kept, experiments, focus, prefilter
     )

@@ -147,7 +147,18 @@ def fast_best_linear_approximation(
     any_excited = np.flatnonzero(np.any(spectra.excited, axis=0))
     harmonic = np.arange(1, spectra.frequency.size + 1)
     if np.any(spectra.excited[:, harmonic % 2 == 0]):
-        raise InputError(f"{first.name}: even harmonics are excited; the fast method needs the grid odd_random")
+        turns = int(np.gcd.reduce(harmonic[any_excited]))
+        if turns > 1 and period % turns == 0:
+            raise InputError(
+                f"{first.name}: the excitation repeats after {period // turns} samples already,"
+                f" {turns} times in a period of {period}: give a period of {period // turns * first.sample_time:.6g} s"
+            )
+        power = np.abs(spectra.driver) ** 2
+        share = 100.0 * float(np.sum(power[:, harmonic % 2 == 0]) / np.sum(power))
+        raise InputError(
+            f"{first.name}: even harmonics are excited, by {share:.2g} % of the power; the fast method needs the grid"
+            " odd_random, and a command without noise"
+        )
     inside = (harmonic >= harmonic[any_excited[0]]) & (harmonic <= harmonic[any_excited[-1]])
     empty = inside & ~spectra.excited
     if not np.any(empty[:, harmonic % 2 == 1]):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,16 @@ class FrequencyResponse:
     distortion: Distortion | None = None
     resolution: float | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def resolved(self) -> Mask:
+        """Which lines lie at or above the resolution, shape (f,): below it an average reaches over 0 Hz.
+
+        All of them where none does.
+        """
+        # Lines are multiples of something, which rounding must not put below.
+        found = self.frequency >= (self.resolution or 0.0) * (1.0 - 1e-9)
+        return np.asarray(found if np.any(found) else ~found)
 
     def radius(self, share: float = 0.95) -> Array:
         """Radius of the circle about each estimate that holds the true response with probability `share`.
@@ -131,7 +142,7 @@ class FrequencyResponse:
         }
 
     def plot(self, axes: Any = None, share: float = 0.95) -> Any:
-        """Draw the Bode diagram with its bands, and the coherence where it is known.
+        """Draw the Bode diagram with its bands, and the coherence where it is known, from the resolution upwards.
 
         Parameters
         ----------
@@ -158,10 +169,12 @@ class FrequencyResponse:
             magnitude, phase = axes[0], axes[1]
             for index, (row, column) in enumerate(np.ndindex(self.response.shape[1:])):
                 look = drawing.model_look(index)
-                value, width = self.response[:, row, column], radius[:, row, column]
+                kept = self.resolved
+                frequency = self.frequency[kept]
+                value, width = self.response[kept, row, column], radius[kept, row, column]
                 size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
-                drawing.line(magnitude, self.frequency, size, label=texts[row][column], **look)
-                drawing.line(phase, self.frequency, angle, **look)
+                drawing.line(magnitude, frequency, size, label=texts[row][column], **look)
+                drawing.line(phase, frequency, angle, **look)
                 if np.any(np.isfinite(width)):
                     # A circle that holds the origin says nothing of the phase.
                     turn = np.degrees(np.arcsin(np.minimum(width / np.maximum(size, 1e-300), 1.0)))
@@ -169,8 +182,8 @@ class FrequencyResponse:
                     shade = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
                     # A band that reaches zero has no lower edge on a logarithmic axis: it ends below the curve.
                     lower = np.maximum(size - width, 0.3 * np.min(size))
-                    magnitude.fill_between(self.frequency, lower, size + width, **shade)
-                    phase.fill_between(self.frequency, angle - turn, angle + turn, **shade)
+                    magnitude.fill_between(frequency, lower, size + width, **shade)
+                    phase.fill_between(frequency, angle - turn, angle + turn, **shade)
             if self.distortion is not None:
                 self.distortion.draw_levels(magnitude)
             magnitude.set(
@@ -179,12 +192,14 @@ class FrequencyResponse:
             )
             fine = "" if self.resolution is None else f", resolution {self.resolution:.3g} Hz"
             magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
-            title_over_legend(magnitude, f"{self.method}, bands of {100 * share:g} %{fine}")
+            bands = f", bands of {100 * share:g} %" if np.any(np.isfinite(radius)) else ""
+            title_over_legend(magnitude, f"{self.method}{bands}{fine}")
             phase.set_ylabel(drawing.label("phase", "deg"))
             if self.coherence is not None and len(axes) > 2:
                 for index, name in enumerate(self.output_names):
                     look = drawing.model_look(index)
-                    drawing.line(axes[2], self.frequency, self.coherence[:, index], label=name, **look)
+                    heard = self.coherence[self.resolved, index]
+                    drawing.line(axes[2], self.frequency[self.resolved], heard, label=name, **look)
                 axes[2].set(ylim=(0.0, 1.05), ylabel=drawing.label("coherence", "-"))
             axes[-1].set_xlabel(drawing.label("frequency", "Hz"))
         return axes

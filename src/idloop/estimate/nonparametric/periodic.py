@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimate.nonparametric.repetition import misfit
 from idloop.estimate.sampled import SampledData, together
 from idloop.signals.base import LineGrid
 
@@ -16,6 +17,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
+_NEIGHBOURS = 21  # lines over which the noise of the driver is averaged
+_ABOVE_NOISE = 15.0  # of it, the power of a line that is meant: noise alone comes so far once in a million lines
 _EXCITED = 1e-4  # a line with this share of the greatest line's power is meant, less is noise or rounding
 
 
@@ -85,7 +88,8 @@ def by_period(
     Raises
     ------
     InputError
-        Fewer than two periods, more than one input, or no reference where one is needed.
+        Fewer than two periods, more than one input, no reference where one is needed, or a driver that does not
+        repeat with the period.
     """
     several = together(data)
     first = several[0]
@@ -94,7 +98,7 @@ def by_period(
     period = int(period)
     if period < 4 or skip < 0:
         raise InputError(f"{first.name}: period of {period} samples, {skip} skipped; take at least 4 and skip none")
-    outputs, inputs, drivers = [], [], []
+    outputs, inputs, drivers, noises = [], [], [], []
     for one in several:
         count = len(one) // period - skip
         if count < 2:
@@ -108,6 +112,8 @@ def by_period(
         if by_reference and one.reference is not None:
             signals.append(one.reference[:, None])
         values = np.hstack(signals)[len(one) - count * period :].reshape(count, period, -1)
+        if lines is None:
+            _check_repetition(one, values[:, :, -1], period)
         if drift:
             values = _without_drift(values)
         amplitude = 2.0 / period * np.fft.rfft(values, axis=1)[:, 1 : (period + 1) // 2]
@@ -115,10 +121,28 @@ def by_period(
         outputs.append(amplitude[:, :, :p])
         inputs.append(amplitude[:, :, p])
         drivers.append(np.mean(amplitude[:, :, -1], axis=0))
+        noises.append(_noise_floor(amplitude[:, :, -1]))
     driver = np.array(drivers)
     frequency = np.arange(1, driver.shape[1] + 1) / (period * first.sample_time)
-    excited = _excited(driver, lines, first, period)
+    excited = _excited(driver, np.array(noises), lines, first, period)
     return PeriodicSpectra(tuple(several), frequency, tuple(outputs), tuple(inputs), driver, excited)
+
+
+def _check_repetition(one: SampledData, driver: Array, period: int) -> None:
+    """Refuse a period with which what drives the experiment, shape (periods, period), does not repeat."""
+    found = misfit(driver.ravel(), period)
+    if found is None:
+        return
+    mismatch, own = found
+    mend = (
+        "it does not repeat with any: record a periodic excitation, as a multisine"
+        if own is None
+        else f"it repeats after {own} samples: give a period of {own * one.sample_time:.6g} s"
+    )
+    raise InputError(
+        f"{one.name}: the excitation does not repeat after {period} samples ({period * one.sample_time:.6g} s),"
+        f" {100.0 * min(mismatch, 1.0):.0f} % of its power is another then; {mend}"
+    )
 
 
 def _without_drift(values: Array) -> Array:
@@ -130,14 +154,25 @@ def _without_drift(values: Array) -> Array:
     return np.asarray(values - slope * instant)
 
 
-def _excited(driver: Complex, lines: LineGrid | Sequence[LineGrid] | None, first: SampledData, period: int) -> Mask:
+def _noise_floor(periods: Complex) -> Array:
+    """Power that noise leaves of the mean over the periods, shape (P, k), over each line and its neighbours, (k,)."""
+    count = len(periods)
+    scatter = np.sum(np.abs(periods - np.mean(periods, axis=0)) ** 2, axis=0) / (count - 1) / count
+    width = min(_NEIGHBOURS, scatter.size)
+    kernel = np.ones(width)
+    return np.asarray(np.convolve(scatter, kernel, "same") / np.convolve(np.ones(scatter.size), kernel, "same"))
+
+
+def _excited(
+    driver: Complex, noise: Array, lines: LineGrid | Sequence[LineGrid] | None, first: SampledData, period: int
+) -> Mask:
     """Lines that were meant to be excited in each experiment, shape (experiments, k)."""
     if lines is None:
         power = np.abs(driver) ** 2
         greatest = np.max(power, axis=1, keepdims=True)
         if not np.all(greatest > 0):
             raise InputError(f"{first.name}: what should excite the plant stands still; record a multisine")
-        return np.asarray(power > _EXCITED * greatest)
+        return np.asarray((power > _EXCITED * greatest) & (power > _ABOVE_NOISE * noise))
     grids = [lines] * len(driver) if isinstance(lines, LineGrid) else list(lines)
     if len(grids) != len(driver):
         raise InputError(f"{len(grids)} line grids for {len(driver)} experiments; give one, or one for each")

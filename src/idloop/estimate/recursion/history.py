@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from idloop.errors import InputError
 from idloop.estimate.polynomial.polynomials import Polynomials
 from idloop.estimate.recursion.estimator import RecursivePolynomial
 from idloop.estimate.sampled import SampledData, together
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -32,6 +35,8 @@ class CoefficientHistory:
         Coefficients and standard errors after the sample at `time`.
     innovations : ndarray, shape (n,)
         Of every sample [output unit].
+    measured : ndarray, shape (n,)
+        What they are the prediction errors of [output unit].
     final : Polynomials
         The model at the end.
     """
@@ -43,7 +48,14 @@ class CoefficientHistory:
     values: Array
     stderr: Array
     innovations: Array
+    measured: Array
     final: Polynomials
+
+    @property
+    def fit(self) -> float:
+        """FIT one step ahead, each sample predicted with the coefficients as they were before it [%]."""
+        swing = float(np.linalg.norm(self.measured - np.nanmean(self.measured)))
+        return 100.0 * (1.0 - float(np.linalg.norm(self.innovations)) / swing) if swing > 0.0 else float("nan")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
@@ -54,6 +66,7 @@ class CoefficientHistory:
             "values": self.values,
             "stderr": self.stderr,
             "innovation_rms": float(np.sqrt(np.nanmean(self.innovations**2))) if len(self.innovations) else None,
+            "fit_on_the_way": self.fit,
             "final": self.final.to_dict(),
         }
 
@@ -66,21 +79,28 @@ class CoefficientHistory:
         with drawing.styled():
             if axes is None:
                 _, axes = plt.subplots(figsize=(8, 4), layout="constrained")
-            for index, name in enumerate(self.names):
-                look = drawing.model_look(index)
-                drawing.line(axes, self.time, self.values[:, index], label=name, **look)
-                low, high = (self.values[:, index] + sign * 2.0 * self.stderr[:, index] for sign in (-1, 1))
-                axes.fill_between(self.time, low, high, color=look["color"], alpha=0.15, linewidth=0)
-            if self.values.size:
-                # The first bands are as wide as the prior: the settled half sets the scale.
-                settled = self.values[len(self.values) // 2 :]
-                reach = 0.4 * max(float(np.ptp(self.values[len(self.values) // 20 :])), 1e-12)
-                axes.set_ylim(float(np.min(settled)) - reach, float(np.max(settled)) + reach)
+            self.draw(axes, range(len(self.names)))
             axes.set_xlabel(drawing.label("time", "s"))
             axes.set_ylabel(drawing.label("coefficient", None))
             axes.set_title(f"coefficients of {self.output_name}, ± 2 standard errors")
             axes.legend(ncols=2)
         return axes
+
+    def draw(self, axes: Axes, which: Sequence[int]) -> None:
+        """Draw some of the coefficients, by their places in `names`, with bands of two standard errors."""
+        from idloop import drawing
+
+        for number, index in enumerate(which):
+            look = drawing.model_look(number)
+            drawing.line(axes, self.time, self.values[:, index], label=self.names[index], **look)
+            low, high = (self.values[:, index] + sign * 2.0 * self.stderr[:, index] for sign in (-1, 1))
+            axes.fill_between(self.time, low, high, color=look["color"], alpha=0.15, linewidth=0)
+        values = self.values[:, list(which)]
+        if values.size:
+            # The first bands are as wide as the prior: what comes after the first twentieth sets the scale.
+            later = values[len(values) // 20 :]
+            reach = 0.4 * max(float(np.ptp(later)), 1e-12)
+            axes.set_ylim(float(np.min(later)) - reach, float(np.max(later)) + reach)
 
 
 def track(
@@ -126,5 +146,6 @@ def track(
         begin += one.sample_time * len(one)
     return CoefficientHistory(
         first.output_names[0], first.output_units[0], estimator.names, np.concatenate(times), np.vstack(values),
-        np.vstack(errors), np.concatenate(innovations), estimator.polynomials,
+        np.vstack(errors), np.concatenate(innovations), np.concatenate([one.output[:, 0] for one in experiments]),
+        estimator.polynomials,
     )  # fmt: skip

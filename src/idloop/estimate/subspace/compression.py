@@ -23,6 +23,7 @@ _BLOCK = 65536  # samples that are summed at once
 _RIDGE = 1e-14
 # Deviation of what is new in the last sample of a window, as a share, beside which that noise is nothing.
 _SMALLEST_NEWS = 1e-4
+_LEAST_EXCITED = 4  # directions of a command: two samples of past and of future
 _SMALLEST_COMMAND = 1e-11  # variance of a direction of the commands beside which it is little
 
 
@@ -191,11 +192,33 @@ def check_excitation(compression: Compression) -> None:
     wanted, excited = compression.length * compression.inputs, compression.excited()
     if excited < wanted:
         first = compression.experiments[0]
+        if excited < _LEAST_EXCITED * compression.inputs:
+            raise not_exciting(compression, excited, _LEAST_EXCITED)
         raise InputError(
             f"{first.name}: {', '.join(first.input_names)} excites {excited} of the {wanted} directions of"
             f" {compression.length} samples; give a richer and independent excitation or a horizon of at most"
             f" {excited // (2 * compression.inputs)}"
         )
+
+
+def not_exciting(compression: Compression, excited: int, needed: int) -> InputError:
+    """Error for commands that are not persistently exciting of the order that a method needs.
+
+    Parameters
+    ----------
+    compression : Compression
+    excited : int
+        Directions of all commands that the data have.
+    needed : int
+        Of each command.
+    """
+    first, each = compression.experiments[0], excited // compression.inputs
+    sine = " as a single sine is" if each == 2 else ""
+    return InputError(
+        f"{first.name}: {', '.join(first.input_names)} follows from its own past: it is persistently exciting of order"
+        f" {each} only{sine}, and {needed} is needed here; excite more frequencies, by a multisine, a chirp or random"
+        f" steps, or take oe of order {max(each // 2, 1)}"
+    )
 
 
 def _deviations(signals: list[Array], names: tuple[str, ...], where: str) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.estimate.sampled import SampledData, together
-from idloop.estimate.subspace.compression import Compression, compress
+from idloop.estimate.subspace.compression import Compression, compress, not_exciting
 
 _LONGEST = 60  # samples
 _SHORTEST = 10
@@ -80,13 +80,22 @@ def halved_windows(
     -------
     Compression
         Of windows of twice the horizon.
+
+    Raises
+    ------
+    InputError
+        A horizon below 2, or commands that excite too little for any, or for the order.
     """
     if horizon is not None:
         if horizon < 2:
             raise InputError(f"horizon of {horizon} samples; give at least 2")
         return compress(data, 2 * horizon, exact=exact)
     found = compress(data, 2 * default_horizon(data, order, feedthrough), exact=exact)
-    shown = found.excited() // (2 * found.inputs)
+    excited = found.excited()
+    shown = excited // (2 * found.inputs)
+    least = 1 + (1 if order is None else -(-order // found.outputs))
+    if 2 * shown < found.length and shown < least:
+        raise not_exciting(found, excited, 2 * least)
     # Narrow excitation: shorter windows are told apart where long ones are not.
     return found if 2 * shown >= found.length else compress(data, 2 * max(shown, 2), exact=exact)
 

@@ -16,7 +16,7 @@ from idloop.estimate.sampled import SampledData
 from idloop.estimate.subspace import realisation
 from idloop.estimate.subspace.assemble import assembled
 from idloop.estimate.subspace.commands import command_matrices
-from idloop.estimate.subspace.compression import Compression, compress
+from idloop.estimate.subspace.compression import Compression, compress, not_exciting
 from idloop.estimate.subspace.horizon import default_horizon
 from idloop.estimate.subspace.order import OrderSelection, check_order, significant
 from idloop.estimate.subspace.projection import project, regress, row_basis
@@ -168,6 +168,9 @@ def _check_excitation(compression: Compression, before: Array, commands: Array, 
     known = row_basis(np.concatenate([before, now]))
     new = np.linalg.norm(commands - project(commands, known), axis=1)
     if np.any(new <= _UNPREDICTED):
+        excited = compression.excited()
+        if excited < compression.length * compression.inputs:
+            raise not_exciting(compression, excited, compression.length)
         name = compression.experiments[0].input_names[int(np.argmin(new))]
         raise InputError(
             f"{compression.experiments[0].name}: {name} follows from its own past and the measurements;"

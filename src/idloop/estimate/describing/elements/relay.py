@@ -58,11 +58,12 @@ class Relay:
     def __post_init__(self) -> None:
         check_size(self.name, "level", self.level)
         check_size(self.name, "on", self.on, zero=True)
-        if not -self.on <= self._off <= self.on:
-            raise InputError(f"{self.name}: off is {self._off:g}; it must lie between −on and on (±{self.on:g})")
+        if not -self.on <= self.lower <= self.on:
+            raise InputError(f"{self.name}: off is {self.lower:g}; it must lie between −on and on (±{self.on:g})")
 
     @property
-    def _off(self) -> float:
+    def lower(self) -> float:
+        """Input at which it switches off again."""
         return self.on if self.off is None else self.off
 
     @property
@@ -73,19 +74,19 @@ class Relay:
     def gain(self, amplitude: ArrayLike) -> Complexes:
         """Describing function N(A), in the shape of ``amplitude``."""
         values = positive_amplitudes(amplitude, self.name)
-        on, off = np.minimum(self.on / values, 1.0), np.clip(self._off / values, -1.0, 1.0)
+        on, off = np.minimum(self.on / values, 1.0), np.clip(self.lower / values, -1.0, 1.0)
         found = np.sqrt(1.0 - on**2) + np.sqrt(1.0 - off**2) - 1j * (on - off)
         found = np.where(values > self.on, 2.0 * self.level / (math.pi * values) * found, 0.0)
         return np.asarray(found, dtype=np.complex128)
 
     def answer(self, interval: float) -> Answer:
         """A relay that is off (with hysteresis alone: at −level), asked at any interval."""
-        position = -1.0 if self._off == -self.on and self.on > 0.0 else 0.0
+        position = -1.0 if self.lower == -self.on and self.on > 0.0 else 0.0
 
         def switch(value: float, rate: float, total: float) -> float:
             nonlocal position
             # Both ways off come before the ways on, so that one sample may cross the whole dead zone.
-            if (position > 0.0 and value < self._off) or (position < 0.0 and value > -self._off):
+            if (position > 0.0 and value < self.lower) or (position < 0.0 and value > -self.lower):
                 position = 0.0
             if value > self.on:
                 position = 1.0
