@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from idloop.diagnose import Candidate, Ladder, Step
+from idloop.diagnose.errors import model_errors
 from idloop.diagnose.experiment import Experiment
 from idloop.physics import load_model
-from idloop.report.contents import gather, labelled_models, noise_floor
+from idloop.report.contents import driven_step, gather, labelled_models, noise_floor
 from idloop.report.figures.describing import describing_figures
 from idloop.report.page_figures import page_figures
+from idloop.report.page_words import page_words
+from idloop.report.paper import paper_figures
 from idloop.report.use import FITTED, UNSEEN
 
 
@@ -52,6 +55,75 @@ def test_an_effect_is_drawn_on_what_the_last_model_leaves_without_it(story):
     np.testing.assert_allclose(np.abs(one.curve_y), 3.0)
     outer = np.abs(one.centre) > 1.0
     np.testing.assert_allclose(one.mean[outer], 3.0 * np.sign(one.centre[outer]), atol=0.3)
+
+
+@pytest.fixture(scope="module")
+def hidden_motion(story):
+    """A ladder whose last step has a motion that is not measured: the force cannot be told any more."""
+    name = "coulomb_friction@motor"
+    friction = story["ladder"].model
+    last = friction.with_effects(["compliance@motor(stiffness=40000,damping=5,split=0.5)"])
+    assert set(last.effect_names) == {name, "compliance@motor"}
+    added = Candidate("compliance", "motor", "yes", "", "It gives.", model=last, explains=0.01)
+    records = [story["train"]], [story["unseen"]]
+    step = Step(
+        added, last, ("compliance@motor",), 2e-3, train=model_errors(last, records[0]),
+        validation=model_errors(last, records[1]),
+    )  # fmt: skip
+    assert step.validation["force"] is None
+    return gather(Ladder((*story["ladder"].steps, step), "adequate"), *records)
+
+
+def test_the_force_is_shown_up_to_the_last_step_that_tells_it(hidden_motion):
+    assert driven_step(hidden_motion.ladder) == 1
+    for one in hidden_motion.judged:
+        assert [label for label, _ in one.rows] == ["start", "2 effects"]
+        assert [label for label, _ in one.force_rows] == ["start", "1 effect"]
+    drawn = page_figures(hidden_motion)
+    said = [item.label.value for item in drawn["force-0"][0].legend[0].items]
+    assert [text.partition(" (")[0] for text in said] == ["applied", "needed by start", "needed by 1 effect"]
+    (over,) = drawn["where-drive force-velocity"]
+    assert len(over.legend[0].items) == 2
+    words = page_words(hidden_motion)
+    tile = words["changes"][0]
+    assert (tile["name"], tile["data"]) == ("error of the drive force", "unseen data, up to step 1")
+    assert tile["trend"] == "better"
+    assert words["no_force"].startswith("–: the force that a model with compliance @ motor needs cannot be read off")
+    where = {one["name"]: one for one in words["where"]}
+    assert (where["drive force"]["end"], where["motor.position"]["end"]) == ("1 effect", "end of the ladder")
+    assert where["drive force"]["after"]
+
+
+def test_the_figures_for_a_paper_show_the_force_up_to_the_same_step(hidden_motion):
+    axes = paper_figures(hidden_motion)["where_1_unseen"].axes
+    legends = [one.get_legend() for one in axes if one.get_legend() is not None]
+    named = [[text.get_text().partition(" (")[0] for text in one.get_texts()][1:] for one in legends]
+    outputs = ["error of start", "error of 2 effects"]
+    assert named == [["error of start", "error of 1 effect"], outputs, outputs]
+
+
+def test_an_effect_that_the_last_model_does_not_show_is_drawn_with_an_earlier_one(hidden_motion):
+    assert hidden_motion.drawn_at == {"coulomb_friction@motor": 1}
+    assert hidden_motion.characteristics["coulomb_friction@motor"].variable == "velocity"
+    friction, compliance = page_words(hidden_motion)["steps"]
+    assert friction["drawn"] == "Drawn with the model of step 1: the last one does not show it."
+    assert compliance["drawn"] == ""
+    assert compliance["place"] not in page_figures(hidden_motion)
+
+
+def test_a_first_step_without_a_force_is_said_as_well(hidden_motion):
+    first, _, last = hidden_motion.ladder.steps
+    words = page_words(gather(Ladder((first, last), "adequate"), [hidden_motion.judged[1].record], []))
+    assert driven_step(Ladder((first, last), "adequate")) is None
+    assert "compliance @ motor" in words["no_force"]
+    assert [row["name"] for row in words["changes"]] == ["FIT of motor.position", "FIT of motor.velocity"]
+
+
+def test_a_ladder_that_tells_the_force_to_its_end_says_nothing_about_it(contents):
+    assert driven_step(contents.ladder) is None
+    assert page_words(contents)["no_force"] == ""
+    assert contents.drawn_at == {}
+    assert contents.judged[0].force_rows == contents.judged[0].rows
 
 
 def test_noise_is_a_floor_where_the_model_states_it(contents, story):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.report.estimates import figure_text, with_interval
+from idloop.report.estimates import figure_text, fit_text, with_interval
 
 
 @pytest.mark.parametrize(
@@ -38,6 +38,17 @@ def test_the_text_is_within_a_tenth_of_the_interval(value, stderr):
     said, half = (float(part.strip("()")) * factor for part in text.split(" ± "))
     assert abs(said - value) <= 0.1 * 1.96 * stderr + 1e-9
     assert half == pytest.approx(1.96 * stderr, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    (
+        (83.66, 3, "83.7"), (99.94, 3, "99.9"), (99.96, 3, "99.96"), (99.9996, 4, "99.9996"), (100.0, 3, "100"),
+        (-12.34, 3, "−12.3"), (None, 3, "–"), (math.nan, 3, "–"), (math.inf, 3, "∞"), (100.0 - 1e-12, 3, "100"),
+    ),
+)  # fmt: skip
+def test_a_fit_is_not_rounded_up_to_a_perfect_one(value, digits, text):
+    assert fit_text(value, digits) == text
 
 
 def test_what_is_no_number_is_said():

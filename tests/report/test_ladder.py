@@ -64,6 +64,13 @@ def test_the_force_error_has_its_own_row_where_it_is_known():
     assert len(plot_ladder(without).axes) == 1
 
 
+def test_a_step_stands_below_itself_where_the_error_of_the_force_ends_before_the_ladder():
+    steps = (*ladder().steps, step("compliance@motor", 0.04, None))
+    errors, force = plot_ladder(Ladder(steps, "adequate")).axes
+    assert errors.get_xlim() == force.get_xlim()
+    assert force.get_xlim()[1] > 2.0
+
+
 def test_steps_are_named_with_evidence_and_ties_in_brackets():
     figure = plot_ladder(ladder())
     labels = [text.get_text() for text in figure.axes[-1].get_xticklabels()]

@@ -60,6 +60,11 @@ def test_all_sections_and_figures_are_there_and_nothing_is_loaded(html, items):
     assert len(html.encode()) < 3_000_000
 
 
+def test_a_fit_is_explained_where_it_is_first_listed(html):
+    ladder = html.partition('<section id="ladder">')[2].partition("</section>")[0]
+    assert "100&nbsp;% is perfect, 0&nbsp;% no better than a constant" in ladder
+
+
 def test_the_answer_comes_first(html, contents):
     said = "Missing from the model: Coulomb friction and something that no effect of the catalogue explains."
     assert headline(contents.ladder) == said
@@ -182,7 +187,7 @@ def test_a_ladder_without_a_step_says_so(contents):
             judged=tuple(replace(one, rows=one.rows[:1]) for one in contents.judged),
         )  # fmt: skip
         page = render_page(bare)
-        assert "Every effect of the catalogue would have shown" in page
+        assert "Every effect that was looked for would have shown" in page
         assert tuple(Outline(page).sections) == SECTIONS
 
 

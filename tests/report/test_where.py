@@ -70,6 +70,12 @@ def test_every_column_names_its_variable_and_unit(figure):
     assert titles[2] == "motor.velocity: free-run error"
 
 
+def test_the_last_tick_of_a_turn_is_clear_of_the_next_column(figure):
+    for row in rows(figure)[1::2]:
+        last = row[3].get_xticklabels()[-1]
+        assert (last.get_text(), last.get_horizontalalignment()) == ("360", "right")
+
+
 def test_shares_and_means_are_those_computed(figure, found):
     breakdown = found[0][1]["drive force"].along("velocity")
     shares, values = (row[2] for row in rows(figure)[:2])

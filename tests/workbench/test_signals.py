@@ -54,6 +54,18 @@ def test_the_band_is_that_of_the_sensor_and_else_of_the_bulk_of_the_residual(sig
     assert signals.view(0.0, 1.0, 100).band == pytest.approx([0.6, 0.6], rel=0.2)
 
 
+def test_a_residual_below_the_stated_noise_refutes_it(signals):
+    fill(signals, 1000)
+    rng = np.random.default_rng(2)
+    residual = np.column_stack([rng.normal(0.0, 0.002, 1000), rng.normal(0.0, 0.0728, 1000)])
+    signals.replace("residual", 10**9 + MS * np.arange(1000), residual)
+    assert signals.view(0.0, 1.0, 100).band == pytest.approx([3 * 0.002, 3 * 0.0728], rel=0.1)
+    # A few samples, or none of which anything is left, say nothing.
+    assert signals.view(0.0, 0.05, 100).band == pytest.approx([3 * 0.0332, 3 * 0.0728])
+    signals.replace("residual", 10**9 + MS * np.arange(1000), 0.0 * residual)
+    assert signals.view(0.0, 1.0, 100).band == pytest.approx([3 * 0.0332, 3 * 0.0728])
+
+
 def test_a_clock_that_is_set_back_begins_anew(signals):
     fill(signals, 3000)
     fill(signals, 10)

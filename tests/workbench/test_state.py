@@ -12,7 +12,8 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 from idloop.diagnose import Candidate, Ladder, Step
 from idloop.physics import load_model
 from idloop.workbench import state
-from idloop.workbench.source import Missing
+from idloop.workbench.signals import Signals
+from idloop.workbench.source import Missing, Snapshot
 
 
 def error(mean=0.0, rms=1.0, **variables):
@@ -87,3 +88,9 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
     assert lacking["conclusion"] == ""
     assert lacking["basis"] == "As long as dead zone @ input is not in the model, this data cannot show"
     assert state._missing(Missing("adequate"), {}, replace(ladder, steps=steps[:1]))["conclusion"] == ""
+
+
+@pytest.mark.parametrize(("shown", "said"), ((0, "unseen data"), (1, "fitted data"), (2, ""), (3, "")))
+def test_a_fit_says_which_data_it_is_of(shown, said):
+    snapshot = Snapshot(recordings=("b (unseen)", "a (fitted)", "c"), shown=shown)
+    assert state.page_state(snapshot, Signals(load_model("dc_motor"), capacity=10))["judged_on"] == said

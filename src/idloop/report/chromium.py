@@ -34,7 +34,8 @@ def find_chromium() -> str:
         if found:
             return found
     raise InputError(
-        f"no {named or 'Chromium'} to print a PDF: install chromium, name it in {VARIABLE}, or print the page yourself"
+        f"no {named or 'Chromium'} for a PDF or a picture: install chromium, name it in {VARIABLE}, "
+        "or print the page yourself"
     )
 
 

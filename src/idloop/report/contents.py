@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +11,12 @@ import numpy as np
 
 from idloop.diagnose.characteristic import Characteristic, characteristic
 from idloop.errors import IdloopError
+from idloop.report.sensor_noise import believed_noise, refuted_noise
 from idloop.report.use import FITTED, UNSEEN
 from idloop.validate import Comparison, compare
 
 if TYPE_CHECKING:
-    from idloop.diagnose import Ladder
+    from idloop.diagnose import Ladder, Step
     from idloop.diagnose.suggest import Suggestion
     from idloop.estimate.describing import MeasuredDescribingFunction
     from idloop.physics import Model
@@ -34,10 +35,18 @@ class Judged:
     use : {"fitted", "unseen"}
     rows : tuple of (str, Comparison)
         Label and comparison, one where nothing was added.
+    driven : tuple of (str, Comparison), optional
+        The last model whose drive force can be read off the motion, where that is not the last one.
     """
 
     use: str
     rows: tuple[tuple[str, Comparison], ...]
+    driven: tuple[str, Comparison] | None = None
+
+    @property
+    def force_rows(self) -> tuple[tuple[str, Comparison], ...]:
+        """Those for the drive force: as `rows`, but the last one of which it is known."""
+        return self.rows if self.driven is None else (self.rows[0], self.driven)
 
     @property
     def record(self) -> Record:
@@ -68,6 +77,10 @@ class Contents:
     suggestion : Suggestion or None
         The next experiment with its rivals.
     provenance : mapping
+    refuted_noise : mapping of str to float
+        Outputs that are quieter than the model file says, and the most that their noise can be.
+    drawn_at : mapping of str to int
+        Step whose model a characteristic was drawn with, where the last one does not show it.
     """
 
     ladder: Ladder
@@ -77,6 +90,42 @@ class Contents:
     describing: tuple[MeasuredDescribingFunction, ...]
     suggestion: Suggestion | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    refuted_noise: Mapping[str, float] = field(default_factory=dict)
+    drawn_at: Mapping[str, int] = field(default_factory=dict)
+
+
+def driven_step(ladder: Ladder) -> int | None:
+    """Last step whose drive force can be read off the motion, where the last one's cannot.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    int or None
+        None where that of the last step can be, or of none but the first.
+    """
+    known = [n for n, step in enumerate(ladder.steps) if step_force(step) is not None]
+    if not known or known[-1] in (0, len(ladder.steps) - 1):
+        return None
+    return known[-1]
+
+
+def step_force(step: Step) -> float | None:
+    """Error of the drive force at a step, of unseen data where there are any.
+
+    Parameters
+    ----------
+    step : Step
+
+    Returns
+    -------
+    float or None
+        Relative to the applied force; None where it cannot be told.
+    """
+    force = (step.validation or step.train).get("force")
+    return None if force is None or not np.isfinite(force) else float(force)
 
 
 def labelled_models(ladder: Ladder) -> list[tuple[str, Model]]:
@@ -93,8 +142,12 @@ def labelled_models(ladder: Ladder) -> list[tuple[str, Model]]:
     found = [("start", ladder.steps[0].model)]
     more = len(ladder.steps) - 1
     if more:
-        found.append((f"{more} effects" if more > 1 else "1 effect", ladder.model))
+        found.append((_effects(more), ladder.model))
     return found
+
+
+def _effects(count: int) -> str:
+    return f"{count} effects" if count > 1 else "1 effect"
 
 
 def gather(
@@ -129,45 +182,59 @@ def gather(
     every = [(UNSEEN, record) for record in validation] + [(FITTED, record) for record in records]
     # A characteristic wants much motion, fitted or not.
     longest = sorted((record for _, record in every), key=lambda record: -record.duration)
+    driven = driven_step(ladder)
     judged = []
     for index, (use, record) in enumerate(every):
         tell(0.8 * index / max(len(every), 1), f"comparing with {record.name}")
-        judged.append(Judged(use, tuple((label, compare(model, record)) for label, model in models)))
+        one_more = None if driven is None else (_effects(driven), compare(ladder.steps[driven].model, record))
+        judged.append(Judged(use, tuple((label, compare(model, record)) for label, model in models), one_more))
     tell(0.8, "characteristics")
     found: dict[str, Characteristic] = {}
-    for step in ladder.steps:
+    drawn_at: dict[str, int] = {}
+    for number, step in enumerate(ladder.steps):
         name = "" if step.added is None else step.added.name
         # The last model has what was still missing at the step, and would lie in the dots beside the effect.
-        model = ladder.model if name in ladder.model.effect_names else step.model
-        if step.added is not None and name in model.effect_names:
-            shown = (characteristic(model, name, record) for record in longest)
+        having = [n for n in (len(ladder.steps) - 1, driven, number) if n is not None and _has(ladder.steps[n], name)]
+        for place in dict.fromkeys(having[:2]):
+            shown = (characteristic(ladder.steps[place].model, name, record) for record in longest)
             one = next((one for one in shown if one is not None), None)
             if one is not None:
                 found[name] = one
+                if place != having[0]:
+                    drawn_at[name] = place
+                break
     tell(0.95, "describing functions")
+    refuted = refuted_noise(comparison for one in judged for _, comparison in one.rows)
     return Contents(
-        ladder, tuple(judged), noise_floor(ladder.model, validation or records), found,
-        tuple(_describing([record for _, record in every])), suggestion, provenance or {},
+        ladder, tuple(judged), noise_floor(ladder.model, validation or records, refuted), found,
+        tuple(_describing([record for _, record in every])), suggestion, provenance or {}, refuted, drawn_at,
     )  # fmt: skip
 
 
-def noise_floor(model: Model, records: Sequence[Record]) -> dict[str, float]:
+def _has(step: Step, name: str) -> bool:
+    return name in step.model.effect_names
+
+
+def noise_floor(model: Model, records: Sequence[Record], refuted: Iterable[str] = ()) -> dict[str, float]:
     """NRMSE that the measurement noise alone leaves, by output; only where the model states the noise.
 
     Parameters
     ----------
     model : Model
     records : sequence of Record
+    refuted : iterable of str
+        Outputs whose stated noise the data refute: they have no floor.
 
     Returns
     -------
     dict
     """
     floor = {}
+    noise = believed_noise(model, refuted)
     for column, output in enumerate(model.outputs):
         spread = float(np.nanstd(np.concatenate([record.output[:, column] for record in records])))
-        if output.noise is not None and spread > 0.0:
-            floor[output.name] = output.noise / spread
+        if output.name in noise and spread > 0.0:
+            floor[output.name] = noise[output.name] / spread
     return floor
 
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from idloop.physics import Model
 
 NORMAL_95 = 1.959963984540054
+_MOST_DIGITS = 8
 
 
 def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
@@ -58,6 +59,25 @@ def figure_text(value: float | None, digits: int = 4) -> str:
     if math.isinf(value):
         return "∞" if value > 0.0 else "−∞"
     return _tidy(f"{value:.{digits}g}")
+
+
+def fit_text(value: float | None, digits: int = 4) -> str:
+    """Write a FIT [%] with a few digits, and with more where it would look perfect and is not.
+
+    Parameters
+    ----------
+    value : float or None
+    digits : int
+
+    Returns
+    -------
+    str
+        Such as "83.7", and "99.96" where three digits would say 100.
+    """
+    if value is not None and math.isfinite(value):
+        while value < 100.0 and digits < _MOST_DIGITS and float(f"{value:.{digits}g}") >= 100.0:
+            digits += 1
+    return figure_text(value, digits)
 
 
 def with_interval(value: float, stderr: float | None) -> str:

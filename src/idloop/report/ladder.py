@@ -47,6 +47,10 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
         if forces:
             _draw_forces(axes[1 - errors], ladder)
             axes[0].set_xticks(np.arange(len(ladder.steps)), [""] * len(ladder.steps))
+            # Equal, so that a step stands below itself; the error of the force may end before the ladder does.
+            ends = [axes[row].get_xlim() for row in (0, 1)]
+            for row in (0, 1):
+                axes[row].set_xlim(min(low for low, _ in ends), max(high for _, high in ends))
         _name_steps(axes[int(forces)], ladder)
         if ladder.unknown is not None:
             _draw_unknown(axes[-1], ladder.unknown)

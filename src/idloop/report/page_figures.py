@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.report.comparison import Panel
-from idloop.report.estimates import figure_text
+from idloop.report.estimates import fit_text
 from idloop.report.figures.candidates import candidates_figure, ladder_rows
 from idloop.report.figures.characteristic import characteristic_figure
 from idloop.report.figures.describing import describing_figures
@@ -21,13 +20,15 @@ from idloop.report.figures.theme import LIGHT, Theme
 from idloop.report.figures.thinning import BUCKETS
 from idloop.report.figures.unknown import unknown_figure
 from idloop.report.figures.where import error_along
+from idloop.report.sensor_noise import believed_noise, refuted_noise
 from idloop.validate.variables import VARIABLES
+from idloop.validate.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
 
     from idloop.report.contents import Contents, Judged
-    from idloop.validate import Comparison
+    from idloop.validate.where import ErrorMap
 
 # Records that are drawn; the tables name them all.
 MOST_RECORDS = 3
@@ -60,7 +61,7 @@ def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[fig
         places["candidates"] = [candidates]
     for index, judged in enumerate(contents.judged[:MOST_RECORDS]):
         record = judged.record
-        forces = [(label, c.force) for label, c in judged.rows if c.force is not None]
+        forces = [(label, c.force) for label, c in judged.force_rows if c.force is not None]
         if forces:
             places[f"force-{index}"] = force_figures(forces, contents.ladder.model.units.force, theme, buckets=buckets)
         places[f"overlay-{index}"] = overlay(
@@ -68,7 +69,7 @@ def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[fig
             theme, buckets=buckets,
         )  # fmt: skip
     for name, variable in where_places(contents):
-        maps = [(label, c.where[name]) for label, c in contents.judged[0].rows if name in _names(c)]
+        maps = maps_of(contents.judged[0], name)
         drawn = error_along(maps, variable, theme)
         if drawn is not None:
             places[where_place(name, variable)] = [drawn]
@@ -82,6 +83,23 @@ def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[fig
     if contents.suggestion is not None:
         places["next"] = experiment_figures(contents.suggestion, theme, buckets=buckets)
     return places
+
+
+def maps_of(judged: Judged, name: str) -> list[tuple[str, ErrorMap]]:
+    """Where the first and the last model fail, of one output or of the drive force.
+
+    Parameters
+    ----------
+    judged : Judged
+    name : str
+
+    Returns
+    -------
+    list of (str, ErrorMap)
+        Label and map; none of a model that does not tell.
+    """
+    rows = judged.force_rows if name == DRIVE_FORCE else judged.rows
+    return [(label, one) for label, c in rows for one in c.where.maps if one.name == name]
 
 
 def effect_place(name: str) -> str:
@@ -130,7 +148,8 @@ def panel_of(judged: Judged) -> Panel:
     Panel
     """
     first = judged.rows[0][1]
-    noise = [np.nan if output.noise is None else output.noise for output in first.model.outputs]
+    believed = believed_noise(first.model, refuted_noise(comparison for _, comparison in judged.rows))
+    noise = [believed.get(output.name, np.nan) for output in first.model.outputs]
     return Panel(
         title=judged.title,
         time=first.time,
@@ -140,14 +159,10 @@ def panel_of(judged: Judged) -> Panel:
         input=first.record.input,
         band=1.96 * np.array(noise),
         notes={
-            label: [f"FIT {figure_text(comparison.fit[name], 3)} %" for name in comparison.names]
+            label: [f"FIT {fit_text(comparison.fit[name], 3)} %" for name in comparison.names]
             for label, comparison in judged.rows
         },
     )
-
-
-def _names(comparison: Comparison) -> Sequence[str]:
-    return [one.name for one in comparison.where.maps]
 
 
 def _buckets(contents: Contents) -> int:

@@ -11,11 +11,12 @@ from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.characteristic import shifts_in_time
 from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
+from idloop.report.contents import driven_step, step_force
 from idloop.report.effect_names import words
-from idloop.report.estimates import NORMAL_95, figure_text, with_interval
+from idloop.report.estimates import NORMAL_95, figure_text, fit_text, with_interval
 from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.report.ladder import p_text
-from idloop.report.page_figures import MOST_RECORDS, effect_place, where_place, where_places
+from idloop.report.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
 from idloop.report.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders
 from idloop.report.unshown import absent, unshown
 from idloop.report.use import FITTED, SAID
@@ -46,6 +47,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "headline": headline(ladder),
         "verdict": verdict_text(ladder, _fitted_remainders(contents)),
         "changes": changes(ladder),
+        "no_force": _no_force(ladder),
         "against": [
             _capital(line) + "."
             for line in (
@@ -53,7 +55,11 @@ def page_words(contents: Contents) -> dict[str, Any]:
                 *remainder_lines(ladder.verdict, _fitted_remainders(contents)),
             )
         ],
-        "steps": [_step(n, step, ladder) for n, step in enumerate(ladder.steps) if step.added is not None],
+        "steps": [
+            {**_step(n, step, ladder), "drawn": _drawn(step.added.name, contents)}
+            for n, step in enumerate(ladder.steps)
+            if step.added is not None
+        ],
         "rungs": rungs(ladder),
         "forces": any(part.get("force") is not None for step in ladder.steps for part in (step.validation, step.train)),
         "kinds": [
@@ -62,6 +68,8 @@ def page_words(contents: Contents) -> dict[str, Any]:
             if any(getattr(step, kind) for step in ladder.steps)
         ],
         "outputs": list(ladder.model.output_names),
+        "noise": _noise(contents),
+        "refuted": list(contents.refuted_noise),
         "records": [_record(judged) for judged in contents.judged],
         "most_records": MOST_RECORDS,
         "where": _where(contents),
@@ -179,6 +187,9 @@ def changes(ladder: Ladder) -> list[dict[str, str]]:
     if before.get("force") is not None and after.get("force") is not None:
         forces = (100.0 * before["force"], 100.0 * after["force"])
         rows.append(_change("error of the drive force", *forces, data, wanted=-1))
+    elif (driven := driven_step(ladder)) is not None and before.get("force") is not None:
+        forces = (100.0 * before["force"], 100.0 * getattr(ladder.steps[driven], kind)["force"])
+        rows.append(_change("error of the drive force", *forces, f"{data}, up to step {driven}", wanted=-1))
     fits = before.get("fit", {})
     found = after.get("fit", {}).items()
     return rows + [_change(f"FIT of {name}", fits.get(name), fit, data, wanted=1) for name, fit in found]
@@ -186,11 +197,44 @@ def changes(ladder: Ladder) -> list[dict[str, str]]:
 
 def _change(name: str, before: float | None, after: float | None, data: str, *, wanted: int) -> dict[str, str]:
     """A row; `wanted` is the sign of a change for the better."""
-    texts = {"before": figure_text(before, 3), "after": figure_text(after, 3)}
+    write = fit_text if wanted > 0 else figure_text
+    texts = {"before": write(before, 3), "after": write(after, 3)}
     trend = "same"
     if before is not None and after is not None and texts["before"] != texts["after"]:
         trend = "better" if wanted * (after - before) > 0.0 else "worse"
     return {"name": name, "unit": "%", **texts, "data": data, "trend": trend}
+
+
+def _no_force(ladder: Ladder) -> str:
+    """Why the error of the drive force ends before the ladder does; empty where it does not."""
+    known = [step_force(step) is not None for step in ladder.steps]
+    if known[-1] or not any(known):
+        return ""
+    first = len(known) - known[::-1].index(True)
+    added = ladder.steps[first].added
+    what = "" if added is None else f" with {words(added.name)}"
+    return f"–: the force that a model{what} needs cannot be read off what is measured."
+
+
+def _drawn(name: str, contents: Contents) -> str:
+    """With which model a characteristic is drawn, where not with the last one."""
+    place = contents.drawn_at.get(name)
+    if place is None:
+        return ""
+    return f"Drawn with the model of step {place}: the last one does not show it."
+
+
+def _noise(contents: Contents) -> dict[str, str]:
+    """Noise of every output as its cell of the table says it."""
+    said = {}
+    for output in contents.ladder.model.outputs:
+        said[output.name] = "from the data"
+        if output.noise is not None:
+            said[output.name] = f"{figure_text(output.noise, 3)} {output.unit}"
+        if output.name in contents.refuted_noise:
+            most = figure_text(contents.refuted_noise[output.name], 3)
+            said[output.name] = f"at most {most} {output.unit} on this data; the model file says {said[output.name]}"
+    return said
 
 
 def _fitted_remainders(contents: Contents) -> list[Remainder]:
@@ -283,7 +327,7 @@ def rungs(ladder: Ladder) -> list[dict[str, Any]]:
             force = part.get("force")
             errors[kind] = {
                 "force": figure_text(None if force is None else 100.0 * force, 3),
-                "fit": [figure_text(part.get("fit", {}).get(name), 4) for name in ladder.model.output_names],
+                "fit": [fit_text(part.get("fit", {}).get(name), 4) for name in ladder.model.output_names],
             }
         rows.append(
             {
@@ -327,15 +371,16 @@ def _where(contents: Contents) -> list[dict[str, Any]]:
                 figures.append(
                     {"place": where_place(name, variable), "title": TITLES[variable], "caption": caption}
                 )  # fmt: skip
-        last = rows[-1][1].where
-        after = next((other for other in last.maps if other.name == one.name), None)
+        told = maps_of(contents.judged[0], one.name)
+        label, after = told[-1] if len(told) > 1 else ("", None)
         found.append(
             {
                 "name": one.name,
                 "kind": one.kind if after is None or after.kind == one.kind else "",
                 "figures": figures,
                 "before": one.lines(),
-                "after": after.lines() if after is not None and len(rows) > 1 else [],
+                "after": [] if after is None else after.lines(),
+                "end": "end of the ladder" if label == rows[-1][0] else label,
             }
         )
     return found

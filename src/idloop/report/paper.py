@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,11 +11,13 @@ from idloop.report.comparison import plot_comparison
 from idloop.report.ladder import plot_ladder, plot_unknown
 from idloop.report.page_figures import panel_of
 from idloop.report.where import plot_where
+from idloop.validate.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from idloop.report.contents import Contents
+    from idloop.report.contents import Contents, Judged
+    from idloop.validate import Where
 
 
 def paper_figures(contents: Contents) -> dict[str, Figure]:
@@ -35,7 +38,7 @@ def paper_figures(contents: Contents) -> dict[str, Figure]:
         figures[f"compare_{index}_{judged.use}"] = plot_comparison(
             [panel_of(judged)], record.output_names, record.output_units, record.input_name, record.input_unit
         )
-        figures[f"where_{index}_{judged.use}"] = plot_where([(label, c.where) for label, c in judged.rows])
+        figures[f"where_{index}_{judged.use}"] = plot_where(_where(judged))
     if contents.ladder.unknown is not None:
         figures["unknown"] = plot_unknown(contents.ladder.unknown)
     if contents.suggestion is not None:
@@ -43,6 +46,16 @@ def paper_figures(contents: Contents) -> dict[str, Figure]:
 
         figures["next"] = plot_suggestion(contents.suggestion)
     return figures
+
+
+def _where(judged: Judged) -> list[tuple[str, Where]]:
+    """Where the models fail; for the drive force also the last one of which it is known."""
+    found = [(label, comparison.where) for label, comparison in judged.rows]
+    if judged.driven is not None:
+        label, comparison = judged.driven
+        force = tuple(one for one in comparison.where.maps if one.name == DRIVE_FORCE)
+        found.insert(1, (label, replace(comparison.where, maps=force)))
+    return found
 
 
 def save_paper_figures(contents: Contents, folder: Path) -> list[Path]:

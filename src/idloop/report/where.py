@@ -217,6 +217,8 @@ def _label(top: Any, below: Any, breakdown: Breakdown, unit: str) -> None:
                 )  # fmt: skip
         elif variable == "position" and breakdown.circular:
             axes.set_xticks(np.arange(0.0, 361.0, 90.0))
+            for last in axes.get_xticklabels()[-1:]:
+                last.set_horizontalalignment("right")  # clear of the first one of the next column
 
 
 def _leave_out(top: Any, below: Any, title: str, why: str) -> None:

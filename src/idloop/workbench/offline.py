@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
+from idloop.report.use import FITTED, UNSEEN
 from idloop.workbench.assessment import assess
 from idloop.workbench.desk import Desk
 from idloop.workbench.signals import Signals
@@ -42,7 +43,7 @@ class OfflineSource:
         # What the fits do not see says most about the model: it is shown first.
         self._records: Sequence[Record] = (*study.validation, *study.records)
         names = [
-            f"{record.name} ({'unseen' if number < len(study.validation) else 'fitted'})"
+            f"{record.name} ({UNSEEN if number < len(study.validation) else FITTED})"
             for number, record in enumerate(self._records)
         ]
         longest = max(max(r.time.size, r.input_time.size) for r in self._records)

@@ -18,6 +18,7 @@ from idloop.report.figures.next_experiment import experiment_figures
 from idloop.report.figures.theme import LIGHT, THEMES
 from idloop.report.figures.unknown import unknown_figure
 from idloop.report.figures.where import error_along
+from idloop.report.sensor_noise import REFUTED, least_error
 from idloop.validate.variables import TITLES, VARIABLES
 
 if TYPE_CHECKING:
@@ -167,7 +168,8 @@ class Page:
         ladder = snapshot.ladder
         if ladder is None or not ladder.steps:
             return []
-        plots: list[figure] = ladder_figures(ladder, self._floor(), self._theme)
+        floor = {name: value for name, value in self._floor().items() if value * REFUTED <= least_error(ladder, name)}
+        plots: list[figure] = ladder_figures(ladder, floor, self._theme)
         if ladder.unknown is not None:
             plots.append(unknown_figure(ladder.unknown, self._theme))
         return list(plots)

@@ -8,8 +8,14 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from idloop.errors import IdloopError
+
 ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
 LONG = 900_000  # milliseconds that a diagnosis may take
+ADD = "#candidates .card.significant button.primary"
+_LOOKS = "() => document.body.dataset.looks"
+_STEPS = "() => document.querySelector('#steps').textContent"
+_REFUSED = "() => document.querySelector('#note.bad:not([hidden]) span')?.textContent ?? ''"
 
 
 def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, width: int = 1500) -> None:
@@ -22,11 +28,16 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
     file : Path
         PNG to write.
     add : int
-        Effects that are added before.
+        Effects that are added before, as far as something is missing.
     dark : bool
         In the dark.
     width : int
         Of the page [CSS pixels].
+
+    Raises
+    ------
+    IdloopError
+        The workbench could not do what was asked.
     """
     from playwright.sync_api import sync_playwright
 
@@ -45,12 +56,7 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
         page.wait_for_selector("#stretches button")
         if page.is_visible("#stop"):
             page.wait_for_selector(".fit .what >> text=unseen data")
-        for step in range(add + 1):
-            _diagnose(page)
-            if step < add:
-                page.click("#candidates .card.significant button.primary")
-                page.wait_for_selector(f"[data-step='{step + 1}']")
-                page.wait_for_selector("#activity", state="hidden")
+        climb(page, add)
         if page.is_visible("#assess"):
             _leave_alone(page)
         page.wait_for_timeout(1500)  # what was found is drawn
@@ -60,12 +66,42 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
         browser.close()
 
 
+def climb(page: Any, add: int) -> None:
+    """Find what is missing and add it, and find what is missing then.
+
+    Parameters
+    ----------
+    page : playwright.sync_api.Page
+        Of the workbench.
+    add : int
+        Effects that are added, as far as something is missing.
+
+    Raises
+    ------
+    IdloopError
+        The workbench could not do what was asked.
+    """
+    _diagnose(page)
+    for _ in range(add):
+        if not page.is_visible(ADD):
+            return
+        # One that takes the place of another makes the ladder no longer.
+        _order(page, ADD, _STEPS)
+        _diagnose(page)
+
+
 def _diagnose(page: Any) -> None:
-    before = page.get_attribute("body", "data-looks")
-    page.click("#diagnose")
-    page.wait_for_selector(f"body:not([data-looks='{before}'])")  # one that is over at once shows no activity
+    _order(page, "#diagnose", _LOOKS)  # one that is over at once shows no activity
+
+
+def _order(page: Any, button: str, shown: str) -> None:
+    """Click, and wait until what is shown has changed and nothing is under way."""
+    before = page.evaluate(shown)
+    page.click(button)
+    page.wait_for_function(f"before => ({shown})() !== before || ({_REFUSED})() !== ''", arg=before)
     page.wait_for_selector("#activity", state="hidden")
-    page.wait_for_selector("#candidates > *, .verdict.good", state="attached")
+    if page.evaluate(shown) == before:
+        raise IdloopError(f"the workbench says: {page.evaluate(_REFUSED)}")
 
 
 def _leave_alone(page: Any) -> None:
@@ -84,4 +120,7 @@ if __name__ == "__main__":
     parser.add_argument("--add", type=int, default=0, help="effects that are added before the picture is taken")
     parser.add_argument("--dark", action="store_true")
     given = parser.parse_args()
-    take_picture(given.address, given.file, add=given.add, dark=given.dark)
+    try:
+        take_picture(given.address, given.file, add=given.add, dark=given.dark)
+    except IdloopError as error:
+        parser.exit(1, f"idloop.workbench.picture: {error}\n")

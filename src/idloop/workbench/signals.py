@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from idloop.report.sensor_noise import FEWEST, REFUTED
 from idloop.workbench.decimation import extremes, held_steps
 from idloop.workbench.ring import Ring
 
@@ -200,14 +201,18 @@ class Signals:
         return View(points, start, stop, newest, band)
 
     def _band(self, first: int, last: int) -> Array:
-        """Three standard deviations of the sensor; where the model does not say them, of the residual's bulk."""
+        """Three standard deviations of the sensor; of the residual's bulk where the model does not say, or is wrong."""
         band = BAND * self.noise
-        unknown = np.flatnonzero(~np.isfinite(band))
-        residual = self._rings["residual"].window(first, last)[1] if len(unknown) else np.empty((0, 0))
+        residual = self._rings["residual"].window(first, last)[1]
         residual = residual[:: 1 + len(residual) // ENOUGH]
-        for column in unknown:
+        for column in range(len(band)):
             known = residual[:, column][np.isfinite(residual[:, column])]
-            if len(known) >= 20:
+            if np.isfinite(band[column]):
+                rms = float(np.sqrt(np.mean(known**2))) if len(known) >= FEWEST else np.inf
+                # No reading is quieter than its noise.
+                if 0.0 < rms < REFUTED * self.noise[column]:
+                    band[column] = BAND * rms
+            elif len(known) >= 20:
                 band[column] = BAND * 1.4826 * float(np.median(np.abs(known - np.median(known))))
         return band
 

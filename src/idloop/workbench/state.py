@@ -10,6 +10,7 @@ from idloop import drawing
 from idloop.report.effect_names import words
 from idloop.report.estimates import with_interval
 from idloop.report.ladder import p_text
+from idloop.report.use import FITTED, UNSEEN
 from idloop.report.verdicts import basis, conclusion, explained_of, stand_ins
 from idloop.validate.words import percent, short
 
@@ -59,6 +60,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
+        "judged_on": _judged_on(snapshot),
         "shown": snapshot.shown,
         "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder),
         "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
@@ -79,6 +81,12 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         ],
         "assessment": None if snapshot.assessment is None else _assessment(snapshot.assessment),
     }
+
+
+def _judged_on(snapshot: Snapshot) -> str:
+    """Whether the recording that is shown was fitted, as its name says; empty for a live graph."""
+    name = snapshot.recordings[snapshot.shown] if snapshot.shown < len(snapshot.recordings) else ""
+    return next((f"{use} data" for use in (UNSEEN, FITTED) if name.endswith(f"({use})")), "")
 
 
 def trouble(values: Mapping[str, str]) -> list[str]:

@@ -133,7 +133,10 @@ def test_the_ladder_names_its_steps_and_shows_the_noise_floor(contents):
     assert labels(outputs)[0] == "NRMSE of the free run [-]"
     floors = sorted(one.location for one in outputs.center if isinstance(one, Span))
     assert floors == sorted(contents.floor.values())
-    assert [one.text for one in outputs.center if isinstance(one, Label)] == step_names(contents.ladder)
+    names = [one for one in outputs.center if isinstance(one, Label)]
+    assert [one.text for one in names] == step_names(contents.ladder)
+    # A line from step to step goes behind the words.
+    assert {(one.level, one.background_fill_alpha) for one in names} == {("overlay", 1.0)}
 
 
 def test_effects_are_written_as_words():

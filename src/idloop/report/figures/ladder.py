@@ -211,8 +211,9 @@ def name_rows(plot: figure, names: Sequence[str], theme: Theme) -> Array:
         plot.add_layout(
             Label(
                 x=0, x_units="screen", y=place, y_offset=9, text=name, text_color=theme.text, text_font=FONT,
-                text_font_size="12px", background_fill_color=theme.surface,
-                background_fill_alpha=0.85, level="overlay",
+                # Solid: a line from step to step goes behind the words.
+                text_font_size="12px", background_fill_color=theme.surface, background_fill_alpha=1.0,
+                level="overlay",
             )
         )  # fmt: skip
     return places

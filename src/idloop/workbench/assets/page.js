@@ -46,7 +46,12 @@
   }
 
   const say = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
-  const percent = (value, digits = 1) => (value == null ? "–" : `${value.toFixed(digits).replace("-", "−")} %`);
+  // A value below 100 gets more digits before it is written as 100.
+  function percent(value, digits = 1) {
+    if (value == null) return "–";
+    while (value < 100 && digits < 6 && Number(value.toFixed(digits)) >= 100) digits += 1;
+    return `${value.toFixed(digits).replace("-", "−")} %`;
+  }
 
   // -- orders -------------------------------------------------------------------------------
 
@@ -155,9 +160,10 @@
       ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
       : ["no further effects"]);
     const live = s.fit && !s.fit.error;
+    const use = live ? "unseen data" : s.judged_on;
     const values = live ? s.fit.unseen : s.assessment?.fit;
     const force = s.assessment?.force;
-    render("fits", [live, values, force, s.fit?.seconds, s.fit?.error, s.assessment?.record], () => {
+    render("fits", [live, use, values, force, s.fit?.seconds, s.fit?.error, s.assessment?.record], () => {
       if (s.fit?.error) return [make("span", { class: "hint" }, `no fit: ${s.fit.error}`)];
       if (!values) return [make("span", { class: "hint" }, s.live ? "waiting for the first fit" : "comparing model and record …")];
       const fits = Object.entries(values).map(([name, value]) => make("div", { class: "fit", "data-output": name, title: live
@@ -165,7 +171,7 @@
           : `FIT of the free run on ${s.assessment.record}: ${FIT}` },
         make("div", { class: "value" }, percent(value)),
         make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, value ?? 0))}%` })),
-        make("div", { class: "what" }, `FIT ${name}${live ? ", unseen data" : ""}`)));
+        make("div", { class: "what" }, `FIT ${name}${use ? `, ${use}` : ""}`)));
       if (force != null) fits.push(make("div", { class: "fit error", "data-output": "force", title: `Force that the measured motion needs and the model does not know, on ${s.assessment.record}` },
         make("div", { class: "value" }, percent(force)),
         make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, force))}%` })),
