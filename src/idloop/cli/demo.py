@@ -104,7 +104,7 @@ class Outcome:
             added = ", ".join(self.ladder.model.effect_names) or "nothing"
             failed.append(f"{self.hidden} was hidden, {added} was found")
         if not self.above_floor <= AT_THE_FLOOR:
-            failed.append(f"the ladder ends {self.above_floor:.2f} times above the noise floor")
+            failed.append(f"the last error is {self.above_floor:.2f} times that of the noise")
         return failed
 
 
@@ -247,7 +247,7 @@ def tell_outcome(outcome: Outcome) -> None:
     click.echo()
     print_ladder(outcome.ladder)
     floor = ", ".join(f"{name} {value:.2f} %" for name, value in outcome.floor["fit"].items())
-    click.echo(f"noise floor: FIT {floor}; the ladder ends {outcome.above_floor:.2f} times above it")
+    click.echo(f"noise floor: FIT {floor}; the last error is {outcome.above_floor:.2f} times that of the noise")
     click.echo(f"hidden in the machine: {outcome.hidden}: {'found' if outcome.found else 'NOT found'}\n")
     _common.print_table(("file", ""), [(name, str(path)) for name, path in outcome.files.items()])
 

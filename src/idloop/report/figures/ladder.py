@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from bokeh.models import HoverTool, Range1d
+from bokeh.models import FixedTicker, HoverTool, Range1d
 from bokeh.models.annotations import Label, Span
 from bokeh.plotting import figure
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ ROW = 44
 TRAIN, VALIDATION = "train", "validation"
 # From this ratio of the largest to the smallest error on, decades are read better.
 _DECADES = 5.0
+# Over so many decades more than one tick in each is too much for a phone.
+_MANY = 2.5
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,10 @@ def _draw(
         x_range=Range1d(start=0.8 * low, end=1.3 * high) if decades else Range1d(start=0.0, end=1.12 * high),
         height=70 + ROW * len(names), tools="reset,save", active_drag=None,
     )  # fmt: skip
+    if decades:
+        ticks = decade_ticks(0.8 * low, 1.3 * high)
+        plot.xaxis.ticker = FixedTicker(ticks=ticks)
+        plot.xaxis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
     places = name_rows(plot, names, theme)
     entries = []
     unseen = any(line.kind == VALIDATION for line in lines)
@@ -185,6 +191,23 @@ def _draw(
     if len(entries) > 1:
         add_legend(plot, theme, entries)
     return plot
+
+
+def decade_ticks(low: float, high: float) -> list[float]:
+    """Round numbers for an axis of decades: 1, 2, 5, 10, ..., or whole decades where there are many.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the axis, both positive.
+
+    Returns
+    -------
+    list of float
+    """
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    steps = (1, 2, 5) if np.log10(high / low) < _MANY else (1,)
+    return [tick for n in range(first, last + 1) for step in steps if low <= (tick := float(f"{step}e{n}")) <= high]
 
 
 def name_rows(plot: figure, names: Sequence[str], theme: Theme) -> Array:
