@@ -37,3 +37,15 @@ def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Mo
     assert found.best.model is not None
     assert found.best.model.values["input_delay@input.delay"] == pytest.approx(0.01, rel=0.02)
     assert found.best.model.values["axis.inertia"] == pytest.approx(axis.values["axis.inertia"], rel=0.05)
+
+
+def test_a_long_delay_in_a_tight_loop_is_found_where_the_plain_model_has_left_the_axis_behind() -> None:
+    from cases import all_cases
+    from experiment import experiment
+
+    (case,) = (case for case in all_cases() if case.id == "single/input_delay/axis/input/dominant")
+    made = experiment(case)
+    found = diagnose(made.start, made.training, effects=["input_delay", "actuator_lag", "compliance"])
+    assert found.set == ("input_delay@input",)
+    assert found.best is not None
+    assert found.best.parameters["delay"]["value"] == pytest.approx(0.02, rel=0.01)

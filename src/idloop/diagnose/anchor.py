@@ -69,7 +69,8 @@ def from_near(
         return []
     screened = Screen(setting, start, seed).all(proposals(start.model, effects))
     chosen = promising(screened, calibrate(screened, seed + 1).threshold(0.5))
-    # A score says little of what begins at a level, or of a joint whose spring is far from its right stiffness.
+    # A score says little of what begins at a level, of a joint whose spring is far from its right stiffness, or of a
+    # delay of many samples.
     chosen += [s for s in screened if s.traces and s not in chosen and _strange_to_scores(s.proposal)]
     # What is still behind the fit far away after a first round is not searched to its end.
     found = confirm(setting, start, chosen, matters=lambda c: c.fit.log_likelihood > parent.log_likelihood)
@@ -103,7 +104,8 @@ def _left(model: Model, given: Mapping[str, float]) -> list[str]:
 
 
 def _strange_to_scores(proposal: Proposal) -> bool:
-    return proposal.replaces is None and bool(proposal.effect.site == COUPLING or proposal.effect.from_a_level)
+    strange = proposal.effect.site == COUPLING or proposal.effect.from_a_level or proposal.effect.delay
+    return proposal.replaces is None and bool(strange)
 
 
 def _linear(model: Model, given: Mapping[str, float], kinds: Sequence[str]) -> list[str]:

@@ -103,7 +103,7 @@ def time_constants(scales: Scales) -> list[float]:
     found, value = [], 0.5 * scales.sample_time
     while value <= max(0.25, 4.0 * scales.sample_time):
         found.append(value)
-        value *= 4.0
+        value *= 2.0
     return found
 
 
