@@ -20,6 +20,7 @@ from idloop.diagnose.disturbance import (
     aside,
     elsewhere,
     glimpsed,
+    second_summit,
     tune,
 )
 from idloop.diagnose.setting import Setting
@@ -195,7 +196,9 @@ def refit(
     if any(fit.problem.orders):
         # A whitening of few lags and a disturbance that remembers explain much the same: which is the plainer way?
         found.append(_search(setting, fit.model, None, found[-1], scale, rounds, False, [0] * len(fit.problem.orders)))
-    return max(found, key=lambda one: one.log_likelihood)
+    best = max(found, key=lambda one: one.log_likelihood)
+    summit = _from_a_second_summit(setting, best, scale, rounds)
+    return best if summit is None else max(best, summit, key=lambda one: one.log_likelihood)
 
 
 def _search(
@@ -236,7 +239,7 @@ def _search(
     if not np.isfinite(best):
         raise IdloopError("the model gives no finite output at its starting values; check signs and magnitudes")
     if calm and isinstance(criterion, InnovationCriterion):
-        value, elsewhere = _without_disturbance(criterion, problem, theta, lower, upper, size, orders)
+        value, elsewhere = _under_disturbance(criterion, problem, theta, (lower, upper), size, NONE, orders)
         if value > best:
             theta, start = elsewhere, np.array(NONE)
     criterion.keep(start)
@@ -346,6 +349,28 @@ def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
     return None if found is None else replace(fit, point=np.append(theta, found))
 
 
+def _from_a_second_summit(setting: Setting, fit: Refit, scale: Array | None, rounds: int) -> Refit | None:
+    """The model searched from a stronger disturbance with more whitening beside it, where the two have a summit."""
+    if not isinstance(fit.criterion, InnovationCriterion):
+        return None
+    theta = fit.point[: fit.parameters]
+    here = float(fit.nuisance[0]), float(fit.nuisance[1])
+    found = second_summit(setting, fit.model, theta, here, fit.problem.orders)
+    if found is None:
+        return None
+    disturbance, orders = found
+    # Under the disturbance of the one summit, parameters that suit the other would have the search fall back to it.
+    criterion = setting.criterion(fit.model)
+    problem = setting.problem(criterion, len(theta))
+    _, theta = _under_disturbance(criterion, problem, theta, fit.model.bounds, np.abs(theta), disturbance, orders)
+    model = fit.model.with_values(dict(zip(fit.model.free, map(float, theta), strict=True)))
+    there = replace(fit, model=model, point=np.append(theta, disturbance))
+    try:
+        return _search(setting, model, None, there, scale, rounds, False, orders)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+
+
 def refit_or_none(
     setting: Setting,
     model: Model,
@@ -427,31 +452,30 @@ def _start(
     return values[best], tries[best]
 
 
-def _without_disturbance(
-    criterion: InnovationCriterion,
+def _under_disturbance(
+    criterion: Criterion,
     problem: Problem,
     theta: Array,
-    lower: Array,
-    upper: Array,
+    bounds: tuple[Array, Array],
     size: Array,
+    disturbance: Disturbance,
     orders: list[int] | None,
 ) -> tuple[float, Array]:
-    """Log-likelihood and parameters at which the model is best without any disturbance."""
+    """Log-likelihood and parameters at which the model is best under one disturbance."""
     try:
         criterion.retune(theta)
-        if weigh(problem, np.append(theta, NONE), orders) == -np.inf:
+        if weigh(problem, np.append(theta, disturbance), orders) == -np.inf:
             return -np.inf, theta
         found = minimise(
-            lambda at: projected(problem, np.append(at, NONE)),
+            lambda at: projected(problem, np.append(at, disturbance)),
             theta,
-            lower,
-            upper,
+            *bounds,
             np.maximum(np.abs(theta), 1e-3 * size),
             max_iterations=2 * _ITERATIONS_PER_ROUND,
             tolerance=_PROMISE,
             quick=True,
         ).point
         criterion.retune(found)
-        return weigh(problem, np.append(found, NONE), orders), found
+        return weigh(problem, np.append(found, disturbance), orders), found
     except (IdloopError, np.linalg.LinAlgError):
         return -np.inf, theta
