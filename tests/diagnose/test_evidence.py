@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable
+from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, may_decide
 
 
 def fitted(contributions: NDArray[np.float64], parameters: int = 2) -> Any:
@@ -31,3 +31,22 @@ def test_a_difference_that_comes_and_goes_tells_nothing() -> None:
     deviation = difference_deviation(other, fitted(NOISE))
     assert deviation == pytest.approx(np.sqrt(2.0 * 2000), rel=0.3)
     assert not distinguishable(other, fitted(NOISE))
+
+
+@pytest.mark.parametrize(
+    ("replaces", "slow", "gain", "score", "goes_on"),
+    [
+        pytest.param("coulomb_friction@axis", False, 0.0, 100.0, True, id="a replacement that is still far off"),
+        pytest.param("coulomb_friction@axis", False, 60.0, 1.0, True, id="a replacement that has gained already"),
+        pytest.param("coulomb_friction@axis", False, 0.0, 1.0, False, id="a replacement that nothing speaks for"),
+        pytest.param(None, True, 0.0, 100.0, False, id="a constant force, which the disturbance stands for"),
+        pytest.param(None, False, 0.0, 100.0, True, id="any other effect, by its score"),
+        pytest.param(None, False, 60.0, 1.0, False, id="any other effect whose score is nothing"),
+    ],
+)
+def test_what_is_searched_further_after_a_first_round(
+    replaces: str | None, slow: bool, gain: float, score: float, goes_on: bool
+) -> None:
+    proposal = SimpleNamespace(replaces=replaces, effect=SimpleNamespace(slow=slow))
+    first: Any = SimpleNamespace(proposal=proposal, gain=gain, statistic=score)
+    assert may_decide(first, 40.0) is goes_on

@@ -51,6 +51,9 @@ def statistic(confirmed: Confirmed) -> float:
 def may_decide(first: Confirmed, bar: float) -> bool:
     """Whether an effect may still reach a statistic when its search has only had its first round.
 
+    What takes a plainer effect's place begins far from where it is best, with the disturbance that was strong for
+    want of it: after one round it may still be worse than what it replaces, and the score test tells more.
+
     Parameters
     ----------
     first : Confirmed
@@ -61,8 +64,10 @@ def may_decide(first: Confirmed, bar: float) -> bool:
     -------
     bool
     """
-    judged_by_ratio = first.proposal.effect.slow or first.proposal.replaces is not None
-    reached = 2.0 * first.gain if judged_by_ratio else first.statistic
+    if first.proposal.replaces is not None:
+        reached = max(2.0 * first.gain, first.statistic)
+    else:
+        reached = 2.0 * first.gain if first.proposal.effect.slow else first.statistic
     return reached > FIRST_ROUND * bar
 
 
