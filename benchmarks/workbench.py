@@ -37,6 +37,13 @@ COUNTERS = {
     "estimator: prediction": ("samples", "restarts"),
     "recorder: recording": ("received/joint_states", "lost/joint_states", "lost/joint_command", "dropped_by_queue"),
 }
+# Those that must not grow because of the page.
+LOSSES = {
+    "controller: loop": ("silences",),
+    "estimator: prediction": ("restarts",),
+    "recorder: recording": ("lost/joint_states", "lost/joint_command", "dropped_by_queue"),
+}
+ENOUGH = 10.0  # pictures a second
 SILENT = 3  # level of a check that is heard no more
 MINUTE = 60.0  # seconds between two looks at the memory: a collection of the browser's garbage goes before each
 HZ = os.sysconf("SC_CLK_TCK")
@@ -284,6 +291,45 @@ def table(phases: Sequence[Phase]) -> list[tuple[str, ...]]:
     return rows
 
 
+def verdicts(before: Phase, opened: Phase) -> list[str]:
+    """What was asked of the page, and whether it was reached.
+
+    Parameters
+    ----------
+    before, opened : Phase
+        Without the page, and with it.
+
+    Returns
+    -------
+    list of str
+        A line each: pictures, samples, memory.
+    """
+    slow = [(pictures, load) for pictures, load in zip(opened.pictures, opened.load, strict=False) if pictures < ENOUGH]
+    said = f"{ENOUGH:g} pictures a second: "
+    if slow:
+        parts = f"{len(slow)} of {len(opened.pictures)} parts"
+        calmest = min(load for _, load in slow)
+        said += f"not reached in {parts}, fewest {min(slow)[0]:.1f}; the load was {calmest:.1f} or more in all of them"
+    else:
+        said += "reached in every part"
+    late = [
+        phase.count("plant: loop", "steps") - phase.count("estimator: prediction", "samples")
+        for phase in (opened, before)
+    ]
+    lines = [said, f"measured, not predicted in time: {late[0]} with the page, {late[1]} without"]
+    for check, names in LOSSES.items():
+        for name in names:
+            now, then = opened.count(check, name), before.count(check, name)
+            share = now / max(opened.length, 1.0), then / max(before.length, 1.0)
+            words = f"{check.partition(':')[0]}, {name.replace('_', ' ')}"
+            lines.append(f"{words}: {now} with the page, {share[0]:.3g} a second; {share[1]:.3g} a second without")
+    for what, title in (("node", "the node"), ("browser", "the browser"), ("heap", "the heap of the page")):
+        sizes = [one[what] for one in opened.memory if what in one]
+        half = sizes[len(sizes) // 2 :]
+        lines.append(f"memory of {title}: {half[-1] - half[0]:+.1f} MB over the second half")
+    return lines
+
+
 def main() -> None:
     """Run it and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -310,6 +356,7 @@ def main() -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     for row in rows:
         print("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
+    print("\n".join(["", *verdicts(*phases)]))
     print(f"complaints of the browser: {complaints or 'none'}")
     if given.json:
         given.json.write_text(json.dumps([vars(one) for one in phases], indent=2) + "\n", encoding="utf-8")

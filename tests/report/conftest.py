@@ -10,6 +10,7 @@ import pytest
 from idloop.diagnose import Candidate, Ladder, Step, UnknownStructure
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.errors import model_errors
+from idloop.diagnose.proposals import proposals
 from idloop.physics import load_model, simulate
 from idloop.records import Record
 from idloop.report.contents import Contents, gather
@@ -44,6 +45,12 @@ def story() -> dict:
     )  # fmt: skip
     weighed = Candidate("backlash", "position[motor]", "yes", "", "A gap.", gain=1.5, p_value=0.7, explains=0.01)
     hidden = Candidate("saturation", "input", "weak", "a limit beyond the data cannot show", "A limit.")
+    named = {weighed.name, hidden.name}
+    screened = tuple(
+        Candidate(one.effect.name, one.at, "yes", "", one.effect.text)
+        for one in proposals(fitted)
+        if one.name not in named
+    )
     steps = tuple(
         Step(
             candidate, model, set=names, p_value=p_value, train=model_errors(model, [train]),
@@ -55,7 +62,7 @@ def story() -> dict:
     )  # fmt: skip
     at = np.linspace(-5.0, 5.0, 9)
     ladder = Ladder(
-        steps, verdict="unknown_structure", candidates=(weighed, hidden), untestable=("saturation@input",),
+        steps, verdict="unknown_structure", candidates=(weighed, hidden, *screened), untestable=("saturation@input",),
         findings=("20 s in 2 records",), criterion="prediction",
         unknown=UnknownStructure("motor.velocity", "rad/s", "N·m", at, 0.01 * at**2, np.full(9, 0.1), 0.2, "a curve"),
     )  # fmt: skip

@@ -55,6 +55,9 @@ def test_the_figure_shows_what_is_sent_and_what_each_rival_would_show(suggestion
             np.testing.assert_allclose(drawn.data_source.data["y"], curve.value, rtol=1e-5, atol=1e-6)
     named = [plot for plot in plots if plot.above]
     assert [item.label["value"] for item in named[0].above[0].items] == [
-        "friction (leads by 40 if right; differences are from it)",
+        "friction (leads by 40 if right)",
         "dead zone (leads by 40 if right)",
     ]
+    titles = {row.kind: plot.title.text for plot, row in zip(plots, rows, strict=True)}
+    assert titles["difference"].startswith("from friction")
+    assert "friction" not in titles["output"]

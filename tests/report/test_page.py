@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from idloop.diagnose.detection import DetectionLimit
 from idloop.errors import IdloopError, InputError
 from idloop.report.chromium import VARIABLE, find_chromium, print_pdf, take_picture
 from idloop.report.contents import gather
@@ -180,7 +181,8 @@ def test_the_figure_of_the_ladder_holds_the_numbers_of_the_document(items, conte
 def test_a_ladder_without_a_step_says_so(contents):
     start = contents.ladder.steps[:1]
     for verdict, words in (("adequate", "Nothing is missing"), ("not_excited", "cannot show everything")):
-        alone = replace(contents.ladder, steps=start, verdict=verdict, unknown=None, candidates=(), untestable=())
+        nothing = {"unknown": None, "candidates": (), "untestable": (), "findings": ()}
+        alone = replace(contents.ladder, steps=start, verdict=verdict, **nothing)
         assert words in headline(alone)
         bare = replace(
             contents, ladder=alone, characteristics={},
@@ -206,7 +208,7 @@ def opened(browser, file):
     """Open the page from disk in a window; complaints and requests are kept and must stay empty."""
     contexts, bad = [], []
 
-    def opening(**window):
+    def opening(shown=file, **window):
         context = browser.new_context(offline=True, **window)
         contexts.append(context)
         page = context.new_page()
@@ -215,7 +217,7 @@ def opened(browser, file):
         page.on(
             "request", lambda asked: bad.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None
         )
-        page.goto(file.as_uri())
+        page.goto(shown.as_uri())
         page.wait_for_selector("html[data-ready]", timeout=200_000)
         return page
 
@@ -272,9 +274,37 @@ def test_light_and_dark_are_switched_and_paper_gets_pictures(opened, items):
     assert max(pictured) > 3
     assert page.locator("figure.plot img:visible").count() == sum(pictured)
     assert page.locator("header").is_hidden()
+    # No box is empty because what it holds is folded up, and no figure is cut off.
+    assert (
+        page.evaluate(
+            "[...document.querySelectorAll('.card')].filter((card) => card.checkVisibility() && !card.innerText.trim()"
+            " && !card.querySelector('img')).length"
+        )
+        == 0
+    )
+    assert page.evaluate(
+        "[...document.querySelectorAll('figure.plot img')].every((img) => img.getBoundingClientRect().right"
+        " <= img.closest('.card').getBoundingClientRect().right)"
+    )
     # Words on paper are dark, whatever the screen was.
     dark_ink = "rgb({}, {}, {})".format(*(int(LIGHT.text[i : i + 2], 16) for i in (1, 3, 5)))
     assert page.evaluate("getComputedStyle(document.body).color") == dark_ink
+
+
+@pytest.mark.slow
+def test_paper_shows_what_a_click_unfolds_where_nothing_else_says_it(opened, contents, tmp_path):
+    limits = {"backlash@position[motor]": DetectionLimit("gap", "rad", 0.01, 0.02)}
+    shown = tmp_path / "limits.html"
+    shown.write_text(render_page(replace(contents, ladder=replace(contents.ladder, limits=limits))), encoding="utf-8")
+    page = opened(shown, viewport=DESK)
+    folded = page.locator("details.paper")
+    assert folded.count() == 1
+    assert not folded.locator("table").is_visible()
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    assert folded.locator("table").is_visible()
+    assert "backlash" in folded.inner_text()
+    assert page.locator("details:not(.paper):visible").count() == 0
 
 
 @pytest.mark.slow

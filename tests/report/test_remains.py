@@ -27,11 +27,12 @@ class Test:
     input_free: bool
     ljung_box_p: float = 0.5
     cross_p: float = 0.5
+    against: str = "input"
 
 
-def left(record: str, name: str, *, white: bool = True, free: bool = True) -> Remainder:
+def left(record: str, name: str, *, white: bool = True, free: bool = True, against: str = "input") -> Remainder:
     p = 0.5 if white else 1e-9
-    return Remainder(record, Test(name, white, free, p, 0.5 if free else 0.004))  # type: ignore[arg-type]
+    return Remainder(record, Test(name, white, free, p, 0.5 if free else 0.004, against))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("verdict", ("adequate", "not_excited"))
@@ -48,6 +49,8 @@ def test_a_verdict_that_reads_like_noise_is_contradicted_where_it_must_be(verdic
         "but the one-step error of position on the fitted data still follows the command (p 0.004)"
     )
     assert coloured.startswith("but the one-step error of velocity on the fitted data is not white")
+    (line,) = remainder_lines(verdict, [left("a", "position", free=False, against="reference")])
+    assert line.startswith("but the one-step error of position on the fitted data still follows the reference")
 
 
 @pytest.mark.parametrize(("share", "told"), [(1e-6, 0), (0.05, 1)])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idloop.cli import _assessment
 from idloop.diagnose import Ladder, Step
 from idloop.report.contents import gather
 from idloop.report.page_figures import page_figures, panel_of
@@ -46,6 +47,17 @@ def test_refuted_noise_is_no_floor_and_no_band_and_the_table_says_so(loud):
     assert said["motor.position"].startswith("at most 0.00")
     assert said["motor.position"].endswith(" rad on this data; the model file says 0.02 rad")
     assert said["motor.velocity"] == "0.005 rad/s"
+
+
+def test_a_figure_of_the_command_line_has_no_band_of_refuted_noise_and_no_perfect_fit(loud, story):
+    train = story["train"]
+    model = with_noise(loud.ladder.model, 2e-2, 5e-3)
+    nearly = compare(model, train).simulated * (1.0 + 1e-6)
+    comparison = compare(model, replace(train, output=nearly))
+    assert 99.9995 < comparison.fit["motor.position"] < 100.0
+    panel = _assessment.make_panel("fitted data", [("fitted", comparison)])
+    assert np.isnan(panel.band).all()
+    assert all(float(note.split()[1]) < 100.0 for note in panel.notes["fitted"])
 
 
 def test_true_noise_is_believed(contents, story):

@@ -119,8 +119,8 @@ def test_the_head_names_the_experiment_its_worth_and_the_rivals():
     assert title == "square on the command, amplitude 1.5 V, 4 s: expected discrimination 120 in log-likelihood"
     assert text.startswith("Expected to tell them apart. ")
     assert [t.get_text() for t in figure.legends[0].get_texts()] == [
-        "dead_zone@input (leads by 40 if right; differences are from it)",
-        "coulomb_friction@motor (leads by 80 if right)",
+        "dead zone @ input (leads by 40 if right; differences are from it)",
+        "Coulomb friction @ motor (leads by 80 if right)",
     ]
     looks = [(to_rgba(line.get_color())[:3], line.get_linestyle()) for line in curves(figure.axes[1])]
     assert len(set(looks)) == 2

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from idloop.diagnose import Candidate, Ladder, Step, UnknownStructure
+from idloop.diagnose.proposals import proposals
 from idloop.physics import load_model
 from idloop.report.page_words import headline, verdict_text
 from idloop.report.remains import Remainder
-from idloop.report.verdicts import UNEXPLAINED, VERDICTS, basis, conclusion, explained_of
+from idloop.report.tried import only_tried, only_words
+from idloop.report.verdicts import UNEXPLAINED, UNEXPLAINED_BY_THESE, VERDICTS, basis, conclusion, explained_of
 
 START = load_model("axis")
 COGGING, FRICTION = "cogging@axis(amplitude=0.1)", "coulomb_friction@axis(level=0.1)"
@@ -63,9 +65,54 @@ def test_a_verdict_that_claims_no_end_stays(verdict: str) -> None:
 
 def test_errors_that_follow_the_command_come_before_nothing_significant() -> None:
     found = ladder(step(error=0.1))
-    follows, free = (Remainder("a", SimpleNamespace(input_free=one)) for one in (False, True))  # type: ignore[arg-type]
+    follows, free = (
+        Remainder("a", SimpleNamespace(input_free=one, against="input"))  # type: ignore[arg-type]
+        for one in (False, True)
+    )
     assert conclusion(found, [free]) == VERDICTS["adequate"]
     assert conclusion(found, [free, follows]).startswith(f"{UNEXPLAINED} is left")
+
+
+def weighed(found: Ladder, *only: str) -> Ladder:
+    """The ladder as it ends when only these effects were looked for; all without any."""
+    named = proposals(found.model, only or None)
+    return replace(
+        found, candidates=tuple(Candidate(one.effect.name, one.at, "yes", "", "Some physics.") for one in named)
+    )
+
+
+def test_what_was_not_looked_for_is_not_said_to_explain_nothing() -> None:
+    found = ladder(step(error=0.1), step(FRICTION, error=0.05), verdict="unknown_structure")
+    few = weighed(found, "cogging", "dead_zone")
+    assert only_tried(few) == ("Coulomb friction", "cogging", "dead zone")
+    assert headline(few) == f"Missing from the model: Coulomb friction and {UNEXPLAINED_BY_THESE}."
+    assert verdict_text(few) == (
+        "What is left has a shape that none of the effects looked for explains."
+        " Only Coulomb friction, cogging and dead zone were looked for, not the whole catalogue."
+    )
+    assert "of the catalogue" not in conclusion(few, (), only_words(few))
+    # The one effect that was looked for has come in: there is nothing left to weigh.
+    one = replace(found, findings=("20 s in 2 records",))
+    assert only_tried(one) == ("Coulomb friction",)
+    assert verdict_text(one).endswith("Only Coulomb friction was looked for, not the whole catalogue.")
+    assert headline(one) == headline(few)
+    everything = weighed(found)
+    assert only_tried(everything) == ()
+    assert headline(everything) == f"Missing from the model: Coulomb friction and {UNEXPLAINED}."
+    assert conclusion(everything) == VERDICTS["unknown_structure"]
+
+
+@pytest.mark.parametrize("verdict", ["adequate", "not_excited", "unknown_structure"])
+def test_few_effects_that_do_not_show_leave_the_others_open(verdict: str) -> None:
+    start = ladder(step(error=0.1), verdict=verdict)
+    few = weighed(start, "cogging")
+    for said in (headline(few), conclusion(few, (), only_words(few)), verdict_text(few)):
+        assert "looked for" in said
+        assert "of the catalogue" not in said
+    assert verdict_text(few).endswith("Only cogging was looked for, not the whole catalogue.")
+    everything = weighed(start)
+    assert only_words(everything) == only_words(replace(few, candidates=())) == ""
+    assert "looked for" not in headline(everything) + verdict_text(everything)
 
 
 def test_of_what_a_share_is_one_depends_on_the_criterion() -> None:

@@ -56,7 +56,7 @@ def test_what_the_opening_tells_of_the_disturbance_is_where_the_search_begins(mo
     wrong = model.with_values({"coulomb_friction@axis.level": 17.0})
     quick = compare(wrong, record)
     # The package has a function of the module's name.
-    monkeypatch.setattr(sys.modules["idloop.validate.compare"], "openings", lambda data: None)
+    monkeypatch.setattr(sys.modules["idloop.validate.runs"], "openings", lambda data: None)
     whole = compare(wrong, record)
     assert quick.fit_predicted["axis.position"] == pytest.approx(whole.fit_predicted["axis.position"], abs=0.02)
     assert np.std(quick.innovation - whole.innovation) < 0.05 * np.std(whole.innovation)

@@ -62,3 +62,39 @@ def test_feedback_of_the_residual_into_the_command_is_no_finding() -> None:
         p.append(input_residual_test(u, e, 20)[2])
     # 5 % of 200 with three binomial standard deviations
     assert abs(np.sum(np.array(p) < 0.05) - 10) <= 10
+
+
+def closed_loop(seed: int, *, missing: float = 0.0, n: int = 2000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coloured residual, command that carries it back, and the reference; part of the command may be left in it."""
+    rng = np.random.default_rng(seed)
+    reference = lfilter([1.0], [1.0, -0.8], rng.normal(size=n))
+    noise = lfilter([1.0], [1.0, -0.9], rng.normal(size=n))
+    command, residual = np.zeros(n), np.zeros(n)
+    for i in range(1, n):
+        residual[i] = noise[i] + missing * command[i - 1]
+        command[i] = reference[i] - 0.5 * residual[i]
+    return residual, command, reference
+
+
+def test_coloured_residuals_in_a_closed_loop_are_tested_against_the_reference() -> None:
+    loops = [closed_loop(seed) for seed in range(200)]
+    p = [residual_tests(e, u, outside=[r], fed_back=True)[0].cross_p for e, u, r in loops]
+    assert np.sum(np.array(p) < 0.05) <= 10 + 12
+    # The command carries the residual: by it alone every one of them would be called wrong.
+    assert all(residual_tests(e, u)[0].cross_p < 1e-6 for e, u, _ in loops)
+    e, u, r = closed_loop(0, missing=0.3)
+    found = residual_tests(e, u, outside=[r, np.arange(len(u)) % 7.0], fed_back=True)[0]
+    assert found.against == "reference"
+    assert not found.input_free
+    assert found.freedom == "still follows the reference"
+
+
+def test_where_feedback_hides_it_nothing_is_said() -> None:
+    e, u, _ = closed_loop(0)
+    found = residual_tests(e, u, fed_back=True)[0]
+    assert found.input_free
+    assert not found.told
+    assert found.to_dict()["input_correlation_p"] is None
+    assert "reference would tell" in found.freedom
+    white = np.random.default_rng(1).normal(size=1000)
+    assert residual_tests(white, np.roll(white, -1), fed_back=True)[0].told

@@ -125,7 +125,7 @@ def test_a_free_run_that_does_not_stay_finite_gives_way_to_a_prediction(monkeypa
         raise IdloopError("the free run does not stay finite")
 
     plain = load_model("dc_motor")
-    monkeypatch.setattr(sys.modules["idloop.validate.compare"], "free_run", away)
+    monkeypatch.setattr(sys.modules["idloop.validate.runs"], "free_run", away)
     result = compare(plain, recorded(plain, swept()))
     assert np.all(np.isnan(result.simulated))
     assert {one.basis for one in result.where.maps} == {"force", "ahead"}

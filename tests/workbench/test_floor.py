@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
@@ -10,7 +12,8 @@ from bokeh.document import Document
 from bokeh.models import Span
 from fake import FRICTION, FakeSource
 
-from idloop.workbench.page import Page
+from idloop.diagnose import Ladder
+from idloop.workbench.page import Page, judged_spread
 
 
 def floors(page):
@@ -27,3 +30,20 @@ def test_a_floor_that_the_ladder_goes_below_is_none():
     source.order("add", FRICTION.name)  # and is known to 2 %
     page.tick()
     assert floors(page) == 1
+
+
+def test_the_floor_is_that_of_the_data_that_judge_the_ladder():
+    source = FakeSource()
+    source.feed(3000)
+    start = source.board.snapshot.ladder.steps[0]
+    # Judged on a motion of 4 rad; what is shown meanwhile is one of about 0.7.
+    judged = {"nrmse": {"motor.position": 0.2, "motor.velocity": 0.4}, "rmse": {"motor.position": 0.8}}
+    ladder = Ladder((replace(start, validation=judged),))
+    assert judged_spread(ladder, "motor.position") == pytest.approx(4.0)
+    assert judged_spread(ladder, "motor.velocity") == 0.0
+    source.signals.noise[:] = 0.04, 0.02
+    source.board.change(ladder=ladder)
+    page = Page(Document(), source, "light")
+    drawn = [one.location for plot in page.roots["ladder"].children for one in plot.center if isinstance(one, Span)]
+    assert min(drawn) == pytest.approx(0.01)
+    assert max(drawn) == pytest.approx(0.02 / 0.7, rel=0.1)

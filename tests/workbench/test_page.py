@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
-from fake import MISSING, FakeSource
+from fake import DEAD_ZONE, FRICTION, MISSING, FakeSource
 
 from idloop.workbench.server import Place, Site
 from idloop.workbench.source import STALE as SILENT
@@ -112,6 +113,39 @@ def test_an_experiment_shows_its_limits_and_asks_once(site, source, visit):
     page.click("#experiment")
     page.click("#confirm-yes")
     held(lambda: source.orders == [("experiment", "")])
+
+
+def many_that_tie(count):
+    names = [c.name for c in (FRICTION, DEAD_ZONE)]
+    more = tuple(replace(FRICTION, effect=f"effect_{number}") for number in range(count - len(names)))
+    tied = (FRICTION, DEAD_ZONE, *more)
+    return replace(MISSING, candidates=tied, set=tuple(c.name for c in tied))
+
+
+def test_a_tie_of_many_has_the_way_on_and_all_its_effects_before_the_readers_eyes(site, source, visit):
+    source.board.change(missing=many_that_tie(7))
+    page = visit(site.address).page
+    assert "One of these 7 effects is missing" in page.inner_text("#verdict")
+    go = page.locator("#experiment")
+    assert go.inner_text() == "Run the experiment that tells them apart …"
+    # The one thing to do next; whichever is added by hand would be a guess.
+    assert page.evaluate("() => getComputedStyle(document.querySelector('#experiment')).backgroundColor") not in {
+        page.evaluate("e => getComputedStyle(e).backgroundColor", button)
+        for button in page.query_selector_all(".tie button")
+    }
+    verdict, box = page.locator("#verdict").bounding_box(), go.bounding_box()
+    assert 0.0 <= box["y"] - verdict["y"] - verdict["height"] <= 20.0
+    assert page.locator(".tie .card").count() == 7
+    last = page.locator(".tie .card").last.bounding_box()
+    assert last["y"] + last["height"] < page.viewport_size["height"]
+
+
+def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):
+    source.board.change(missing=replace(MISSING, set=(FRICTION.name,)))
+    page = visit(site.address).page
+    assert page.inner_text("#verdict") == "Missing: Coulomb friction @ motor."
+    assert page.is_hidden("#experiment")
+    assert page.inner_text(f"[data-effect='{FRICTION.name}']") == "Add it"
 
 
 def test_escape_in_the_question_stops_and_does_not_run(site, source, visit):

@@ -84,6 +84,10 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
     assert good["conclusion"].startswith("Something that no effect of the catalogue explains is missing")
     assert "drive force" in good["explains"]
     assert good["basis"] == "This data cannot show"
+    few = replace(ladder, steps=steps[:1], candidates=(replace(cogging, model=None),))
+    assert state._missing(Missing("adequate"), {}, few)["conclusion"] == (
+        "Nothing significant is left of what was looked for: only cogging was looked for, not the whole catalogue."
+    )
     lacking = state._missing(Missing("missing", set=("dead_zone@input",)), {}, ladder)
     assert lacking["conclusion"] == ""
     assert lacking["basis"] == "As long as dead zone @ input is not in the model, this data cannot show"
@@ -94,3 +98,26 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
 def test_a_fit_says_which_data_it_is_of(shown, said):
     snapshot = Snapshot(recordings=("b (unseen)", "a (fitted)", "c"), shown=shown)
     assert state.page_state(snapshot, Signals(load_model("dc_motor"), capacity=10))["judged_on"] == said
+
+
+def test_a_tie_that_no_experiment_can_end_says_what_to_do_by_hand():
+    ladder = Ladder((Step(None, load_model("dc_motor")),), criterion="prediction")
+    twins = ("input_offset@input", "load_torque@motor")
+    told = state._missing(Missing("missing", set=twins), {}, ladder)
+    assert not told["separable"]
+    (one,) = told["twins"]
+    assert one["text"].startswith("No motion can tell input offset @ input and load torque @ motor apart")
+    assert "With the load off" in one["checks"][0]
+    third = state._missing(Missing("missing", set=(*twins, "dead_zone@input")), {}, ladder)
+    assert third["separable"]
+    assert len(third["twins"]) == 1
+    assert state._missing(Missing("missing", set=twins[:1]), {}, ladder)["twins"] == []
+    assert state._missing(Missing("missing", set=twins), {}, None)["separable"]
+
+
+def test_an_experiment_says_what_it_sends_in():
+    signal = {"name": "sine", "duration": 11.0, "amplitude": 0.4, "offset": 0.4, "sample_time": 0.01}
+    told = state._suggested({"signal": signal, "adds_to": "command", "text": "tells dead_zone@input apart"})
+    assert told["signal"] == "Sine on the command, 11 s, amplitude 0.4, offset 0.4"
+    assert told["text"] == "Tells dead zone @ input apart"
+    assert state._suggested({"text": "it moves"})["signal"] == ""

@@ -65,10 +65,10 @@ def print_verdicts(rows: Iterable[tuple[str, Comparison]]) -> None:
     for label, comparison in rows:
         for test in (one.test for one in remainders([comparison])):
             white = "white" if test.white else "not white"
-            free = "free of the input" if test.input_free else "still follows the input"
+            free = f" (p {test.cross_p:.2g})" if test.told else ""
             click.echo(
                 f"{label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g})"
-                f" and {free} (p {test.cross_p:.2g})"
+                f" and {test.freedom}{free}"
             )
         for name, regions in comparison.share.items():
             parts = (
@@ -105,7 +105,7 @@ def brief_verdicts(comparison: Comparison) -> str:
     said: dict[str, list[str]] = {}
     for test in (one.test for one in remainders([comparison])):
         white = "white" if test.white else "not white"
-        text = f"{white}, {'free of the input' if test.input_free else 'still follows the input'}"
+        text = f"{white}, {test.freedom}"
         said.setdefault(text, []).append(test.name)
     return "; ".join(f"{' and '.join(names)} {text}" for text, names in said.items())
 
@@ -141,25 +141,9 @@ def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
     rows : sequence of (str, Comparison)
         Label of each model and its comparison, all with the same record.
     """
-    import numpy as np
+    from idloop.report import comparison
 
-    from idloop.report.comparison import Panel
-
-    first = rows[0][1]
-    noise = [np.nan if output.noise is None else output.noise for output in first.model.outputs]
-    return Panel(
-        title=title,
-        time=first.time,
-        output=first.measured,
-        modelled={label: comparison.simulated for label, comparison in rows},
-        input_time=first.record.input_time,
-        input=first.record.input,
-        band=1.96 * np.array(noise),
-        notes={
-            label: [f"FIT {number(comparison.fit[name], 3)} %" for name in comparison.names]
-            for label, comparison in rows
-        },
-    )
+    return comparison.make_panel(title, rows)
 
 
 def save_figure(panels: Sequence[Panel], comparison: Comparison, path: Path) -> None:

@@ -143,7 +143,7 @@ def unknown_structure(screen: Screen, found: Sequence[tuple[Learnt, float]]) -> 
 
 
 def _sentence(shape: Shape, length: float | None, p_value: float, curve: Array, rivals: tuple[str, ...]) -> str:
-    by = f"(p = {p_value:.1g}) in a way that no effect of the catalogue explains"
+    by = f"(p = {p_value:.1g}) in a way that no effect looked for explains"
     if not shape.coefficient:
         what = (
             f"repeat every {length:.5g} {shape.unit} of the position"

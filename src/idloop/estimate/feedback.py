@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 _LAGS = 20  # samples that the regressions look back
 _ROWS = 20_000  # that are enough for them
 _SURE = 1e-6  # probability below which chance is ruled out
+_DOUBT = 0.01  # and below which it is not held for chance either
 _SHARE = 0.02  # of a command's news that noise must explain: less, and a nonlinear plant could feign it
 _LEAST = 5e-3  # of a command's power without a reference: a smooth command can be told so well from any signal
 _ROUNDING = 1e-13  # of the largest eigenvalue of normal equations: less is none of the data's
@@ -51,6 +52,11 @@ class Loop:
     def closed(self) -> bool:
         """Whether the loop counts as closed."""
         return self.reference or self.depends
+
+    @property
+    def possible(self) -> bool:
+        """Whether feedback cannot be ruled out: there is a reference, or a trace of noise in the command."""
+        return self.reference or self.p_value < _DOUBT
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""

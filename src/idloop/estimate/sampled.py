@@ -168,9 +168,9 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
             f"{record.name}: no stretch of {_SHORTEST} samples in which every output is measured;"
             " record for longer or leave out the output that is missing"
         )
-    reference = _held_sum(grid, ("reference", 0), ("excitation", 0))
-    velocity = _held_sum(grid, ("reference", 1))
-    feedforward = _held_sum(grid, ("excitation", 1))
+    reference = held_sum(grid, grid.time, ("reference", 0), ("excitation", 0))
+    velocity = held_sum(grid, grid.time, ("reference", 1))
+    feedforward = held_sum(grid, grid.time, ("excitation", 1))
     return [
         SampledData(
             name=record.name,
@@ -248,8 +248,21 @@ def _part(value: Array | None, stretch: slice) -> Array | None:
     return None if value is None else value[stretch]
 
 
-def _held_sum(record: Record, *columns: tuple[str, int]) -> Array | None:
-    """Sum of columns of the reference and the excitation at each sample; None where none of them says anything."""
+def held_sum(record: Record, time: Array, *columns: tuple[str, int]) -> Array | None:
+    """Sum of columns of the reference and the excitation at given times; None where none of them says anything.
+
+    Parameters
+    ----------
+    record : Record
+    time : array, shape (n,)
+        [s].
+    *columns : tuple of str and int
+        ``("reference", 0)`` is the first column of `Record.reference`.
+
+    Returns
+    -------
+    array, shape (n,), or None
+    """
     from idloop.records.filtering import resample_held
 
     total: Array | None = None
@@ -258,6 +271,6 @@ def _held_sum(record: Record, *columns: tuple[str, int]) -> Array | None:
         if when is None or what is None or not np.any(np.isfinite(what[:, column])):
             continue
         # Before its first sample, and where it says nothing, a signal adds nothing.
-        held = np.nan_to_num(resample_held(when, what[:, column], record.time))
+        held = np.nan_to_num(resample_held(when, what[:, column], time))
         total = held if total is None else total + held
     return total

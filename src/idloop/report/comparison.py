@@ -13,10 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.report.estimates import fit_text
 from idloop.report.frame import Frame, residual_frame, value_frame, widest
+from idloop.report.sensor_noise import believed_noise, refuted_noise
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from idloop.validate import Comparison
 
 Array = NDArray[np.float64]
 
@@ -73,6 +77,39 @@ class Panel:
         parts = [note[column]] if note else []
         parts += [frame.strays[label]] if frame is not None and label in frame.strays else []
         return f"{label} ({'; '.join(parts)})" if parts else label
+
+
+def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
+    """Column of one record: what was measured, the free run of each model, and the band of the noise.
+
+    Parameters
+    ----------
+    title : str
+        Above the column.
+    rows : sequence of (str, Comparison)
+        Label of each model and its comparison, all with the same record.
+
+    Returns
+    -------
+    Panel
+        Without a band where a model misses less than the noise that is stated.
+    """
+    first = rows[0][1]
+    believed = believed_noise(first.model, refuted_noise(comparison for _, comparison in rows))
+    noise = [believed.get(output.name, np.nan) for output in first.model.outputs]
+    return Panel(
+        title=title,
+        time=first.time,
+        output=first.measured,
+        modelled={label: comparison.simulated for label, comparison in rows},
+        input_time=first.record.input_time,
+        input=first.record.input,
+        band=1.96 * np.array(noise),
+        notes={
+            label: [f"FIT {fit_text(comparison.fit[name], 3)} %" for name in comparison.names]
+            for label, comparison in rows
+        },
+    )
 
 
 def plot_comparison(

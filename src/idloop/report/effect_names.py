@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 # Effects that bear the name of someone.
 _PEOPLE = ("coulomb", "stribeck")
 
@@ -20,3 +22,17 @@ def words(effect: str) -> str:
     name, at, site = effect.partition("@")
     name = " ".join(part.capitalize() if part in _PEOPLE else part for part in name.split("_"))
     return f"{name} @ {site}" if at else name
+
+
+def in_words(text: str) -> str:
+    """Write every ``effect@site`` of a sentence in words.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+    """
+    return re.sub(r"\b[a-z]\w*@[\w\[\]]+", lambda found: words(found[0]), text)

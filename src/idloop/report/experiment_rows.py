@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.report.effect_names import in_words
 
 if TYPE_CHECKING:
     from idloop.diagnose.suggest import Suggestion
@@ -89,13 +90,13 @@ def rows_of(suggestion: Suggestion) -> list[Row]:
     return [*_sent(suggestion, records), *_outputs(suggestion, records)]
 
 
-def rival_name(suggestion: Suggestion, index: int) -> str:
-    """A rival, by how much it leads if it is right, and whether it is what the differences are from."""
+def rival_name(suggestion: Suggestion, index: int, *, first: bool = True) -> str:
+    """A rival, by how much it leads if it is right, and where `first` whether the differences are from it."""
     from idloop.diagnose.suggest_words import lead_text
 
-    label, lead = suggestion.rivals[index][0], suggestion.outcomes[index].in_favour
+    label, lead = in_words(suggestion.rivals[index][0]), suggestion.outcomes[index].in_favour
     notes = [f"leads by {lead_text(lead)} if right"] if lead >= 1.0 else []
-    notes += ["differences are from it"] if index == 0 else []
+    notes += ["differences are from it"] if first and index == 0 else []
     return f"{label} ({'; '.join(notes)})" if notes else label
 
 

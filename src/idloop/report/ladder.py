@@ -9,6 +9,7 @@ import numpy as np
 
 from idloop import drawing
 from idloop.report.effect_names import words
+from idloop.report.tried import only_words
 from idloop.report.use import SAID
 from idloop.report.verdicts import conclusion
 
@@ -55,7 +56,9 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
         if ladder.unknown is not None:
             _draw_unknown(axes[-1], ladder.unknown)
         axes[0].set_title(
-            f"{ladder.steps[0].model.name}: {conclusion(ladder).partition(':')[0]}", loc="left", fontweight="bold"
+            f"{ladder.steps[0].model.name}: {conclusion(ladder, (), only_words(ladder)).partition(':')[0]}",
+            loc="left",
+            fontweight="bold",
         )
         figure.align_ylabels(axes)
     return figure

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from idloop.report.comparison import Panel
-from idloop.report.estimates import fit_text
+from idloop.report.comparison import Panel, make_panel
 from idloop.report.figures.candidates import candidates_figure, ladder_rows
 from idloop.report.figures.characteristic import characteristic_figure
 from idloop.report.figures.describing import describing_figures
@@ -20,7 +19,6 @@ from idloop.report.figures.theme import LIGHT, Theme
 from idloop.report.figures.thinning import BUCKETS
 from idloop.report.figures.unknown import unknown_figure
 from idloop.report.figures.where import error_along
-from idloop.report.sensor_noise import believed_noise, refuted_noise
 from idloop.validate.variables import VARIABLES
 from idloop.validate.where import DRIVE_FORCE
 
@@ -147,22 +145,7 @@ def panel_of(judged: Judged) -> Panel:
     -------
     Panel
     """
-    first = judged.rows[0][1]
-    believed = believed_noise(first.model, refuted_noise(comparison for _, comparison in judged.rows))
-    noise = [believed.get(output.name, np.nan) for output in first.model.outputs]
-    return Panel(
-        title=judged.title,
-        time=first.time,
-        output=first.measured,
-        modelled={label: comparison.simulated for label, comparison in judged.rows},
-        input_time=first.record.input_time,
-        input=first.record.input,
-        band=1.96 * np.array(noise),
-        notes={
-            label: [f"FIT {fit_text(comparison.fit[name], 3)} %" for name in comparison.names]
-            for label, comparison in judged.rows
-        },
-    )
+    return make_panel(judged.title, judged.rows)
 
 
 def _buckets(contents: Contents) -> int:

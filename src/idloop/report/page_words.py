@@ -12,15 +12,16 @@ from idloop.diagnose.characteristic import shifts_in_time
 from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
 from idloop.report.contents import driven_step, step_force
-from idloop.report.effect_names import words
+from idloop.report.effect_names import in_words, words
 from idloop.report.estimates import NORMAL_95, figure_text, fit_text, with_interval
 from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.report.ladder import p_text
 from idloop.report.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
 from idloop.report.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders
+from idloop.report.tried import only_tried, only_words
 from idloop.report.unshown import absent, unshown
 from idloop.report.use import FITTED, SAID
-from idloop.report.verdicts import CRITERIA, UNEXPLAINED, basis, conclusion, explained_of, stand_ins
+from idloop.report.verdicts import CRITERIA, basis, conclusion, explained_of, stand_ins, unexplained
 from idloop.validate.variables import TITLES
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "outputs": list(ladder.model.output_names),
         "noise": _noise(contents),
         "refuted": list(contents.refuted_noise),
+        "banded": any(output.noise is not None for output in ladder.model.outputs),
         "records": [_record(judged) for judged in contents.judged],
         "most_records": MOST_RECORDS,
         "where": _where(contents),
@@ -89,7 +91,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "untestable": _untestable(ladder),
         "absent": [{"name": words(name), "size": size} for name, size in absent(ladder).items()],
         "findings": list(ladder.findings),
-        "suggestion": ladder.suggested_experiment,
+        "suggestion": _suggestion(ladder),
         "experiment": _experiment(ladder),
         "parameters": _parameters(ladder.model),
         "describing": [
@@ -118,13 +120,20 @@ def headline(ladder: Ladder) -> str:
     # An effect that stands in for another one is not what is missing.
     in_place = stand_ins(ladder)
     names = [words(name).partition(" @ ")[0] for name in ladder.added if name not in in_place]
+    something = unexplained(only_words(ladder))
     if in_place or (names and ladder.verdict == "unknown_structure"):
-        names.append(UNEXPLAINED)
+        names.append(something)
     shape = ladder.unknown
     if shape is not None and shape.coefficient and ladder.verdict == "unknown_structure":
-        names = [*(name for name in names if name != UNEXPLAINED), f"{shape.of} that is not constant"]
+        names = [*(name for name in names if name != something), f"{shape.of} that is not constant"]
     if names:
         return f"Missing from the model: {listed(list(dict.fromkeys(names)))}."
+    if only_tried(ladder):
+        return {
+            "adequate": "Nothing that was looked for is missing.",
+            "unknown_structure": f"{_capital(something)} is missing.",
+            "not_excited": "Nothing that was looked for shows, but this data cannot show everything.",
+        }.get(ladder.verdict, "No effect was added.")
     return {
         "adequate": "Nothing is missing: the model explains this data.",
         "unknown_structure": "Something is missing that no effect of the catalogue explains.",
@@ -145,13 +154,22 @@ def verdict_text(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
     -------
     str
     """
-    hidden, end = unshown(ladder), conclusion(ladder, left)
-    if end.startswith(UNEXPLAINED):
+    only = only_words(ladder)
+    end = conclusion(ladder, left, only)
+    if end.startswith(unexplained(only)):
         return f"{_capital(end)}."
+    if only:
+        return f"{_end_text(ladder, end.partition(':')[0])} {_capital(only)}."
+    return _end_text(ladder, end)
+
+
+def _end_text(ladder: Ladder, end: str) -> str:
+    """How a ladder ended, with what the headline does not say."""
+    hidden = unshown(ladder)
     if ladder.verdict == "not_excited" and hidden:
         names = listed([words(name) for name in hidden])
         return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
-    if not ladder.added and ladder.verdict == "adequate":
+    if not ladder.added and ladder.verdict == "adequate" and not only_tried(ladder):
         return "What is left is noise."
     shape = ladder.unknown
     if ladder.verdict == "unknown_structure" and shape is not None and len(shape.force):
@@ -400,8 +418,8 @@ def _residuals(contents: Contents) -> list[dict[str, Any]]:
             "place": f"residual-{test.name}",
             "white": "is white" if test.white else "is not white",
             "white_p": p_text(test.ljung_box_p),
-            "free": "is free of the input" if test.input_free else "still follows the input",
-            "free_p": p_text(test.cross_p),
+            "free": test.freedom,
+            "free_p": p_text(test.cross_p) if test.told else "",
         }
         for test in contents.judged[0].rows[-1][1].residual_tests()
     ]
@@ -414,6 +432,15 @@ def _untestable(ladder: Ladder) -> list[dict[str, str]]:
 def _experiment(ladder: Ladder) -> str:
     suggested = ladder.suggested_experiment
     return "" if suggested is None else describe_signal(suggested["signal"], suggested["adds_to"])
+
+
+def _suggestion(ladder: Ladder) -> dict[str, Any] | None:
+    """What the next experiment is for, and what each outcome would say, as sentences."""
+    suggested = ladder.suggested_experiment
+    if suggested is None:
+        return None
+    outcomes = [f"{_capital(in_words(one['text']))}." for one in suggested["outcomes"]]
+    return {"text": f"{_capital(in_words(suggested['text']))}.", "outcomes": outcomes}
 
 
 def _parameters(model: Model) -> list[dict[str, Any]]:

@@ -42,6 +42,11 @@ class Remainder:
     record: str
     test: ResidualTest
 
+    @property
+    def drive(self) -> str:
+        """What the errors were tested against, as one says it of a machine."""
+        return "command" if self.test.against == "input" else self.test.against
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         return {"record": self.record, **self.test.to_dict()}
@@ -107,11 +112,11 @@ def remainder_lines(verdict: str, found: Sequence[Remainder]) -> list[str]:
         return []
     follows = [one for one in found if not one.test.input_free]
     coloured = [one for one in found if not one.test.white and one.test.name not in {o.test.name for o in follows}]
-    structure = "a structure that no effect of the catalogue explains significantly"
+    structure = "a structure that no effect that was looked for explains significantly"
     lines = []
     if follows:
         p = min(one.test.cross_p for one in follows)
-        what = f"still {'follow' if _several(follows) else 'follows'} the command (p {_p_text(p)})"
+        what = f"still {'follow' if _several(follows) else 'follows'} the {follows[0].drive} (p {_p_text(p)})"
         lines.append(f"but {_errors(follows, found)} {what}: {structure} is left")
     if coloured:
         p = min(one.test.ljung_box_p for one in coloured)

@@ -21,6 +21,14 @@ VERDICTS = {
 }
 MISSING = "an effect is missing"
 UNEXPLAINED = "something that no effect of the catalogue explains"
+# The same where the reader has named the effects to choose from: of the others the data were not asked.
+UNEXPLAINED_BY_THESE = "something that none of the effects looked for explains"
+_OF_THESE = {
+    **VERDICTS,
+    "adequate": "nothing significant is left of what was looked for",
+    "unknown_structure": "what is left has a shape that none of the effects looked for explains",
+    "not_excited": "nothing significant is left of what was looked for, but this data cannot show everything",
+}
 
 CRITERIA = {
     "auto": "chosen from the data",
@@ -36,7 +44,7 @@ _LEFT = {
 }
 
 
-def conclusion(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
+def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -> str:
     """How a ladder ends, what the reader is to conclude first.
 
     Parameters
@@ -44,23 +52,43 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
     ladder : Ladder
     left : sequence of Remainder
         Residual tests of the last model on the fitted data.
+    only : str
+        What was looked for where that was not the whole catalogue, as `idloop.report.tried.only_words` says it.
 
     Returns
     -------
     str
     """
-    plain = VERDICTS.get(ladder.verdict, ladder.verdict)
+    plain = (_OF_THESE if only else VERDICTS).get(ladder.verdict, ladder.verdict)
+    tail = f": {only}" if only else ""
     if ladder.verdict not in SAY_NOISE:
-        return plain
+        return plain + tail
+    something, of_these = unexplained(only), "" if only else "of the catalogue "
     names = stand_ins(ladder)
     if names:
         return (
-            f"{UNEXPLAINED} is missing: {listed(names)} {'stand' if len(names) > 1 else 'stands'} in for it one step"
-            f" ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; of the catalogue {plain}"
+            f"{something} is missing: {listed(names)} {'stand' if len(names) > 1 else 'stands'} in for it one step"
+            f" ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{plain}{tail}"
         )
-    if any(not one.test.input_free for one in left):
-        return f"{UNEXPLAINED} is left, for the errors still follow the command; of the catalogue {plain}"
-    return plain
+    follows = [one for one in left if not one.test.input_free]
+    if follows:
+        return f"{something} is left, for the errors still follow the {follows[0].drive}; {of_these}{plain}{tail}"
+    return plain + tail
+
+
+def unexplained(only: str) -> str:
+    """What to call that which is missing and no effect explains: of the catalogue, or of the few that were tried.
+
+    Parameters
+    ----------
+    only : str
+        As for `conclusion`.
+
+    Returns
+    -------
+    str
+    """
+    return UNEXPLAINED_BY_THESE if only else UNEXPLAINED
 
 
 def stand_ins(ladder: Ladder) -> list[str]:

@@ -13,7 +13,7 @@ from idloop.validate.spectrum import line_powers, on_even_steps
 from idloop.validate.words import percent, short
 
 if TYPE_CHECKING:
-    from idloop.validate.compare import Comparison
+    from idloop.validate.runs import Runs
 
 Array = NDArray[np.float64]
 
@@ -49,12 +49,12 @@ class Basis:
     error: Array
 
 
-def choose_basis(comparison: Comparison, column: int) -> Basis:
+def choose_basis(runs: Runs, column: int) -> Basis:
     """Take the free run of an output if it stays with the measurement, a prediction otherwise.
 
     Parameters
     ----------
-    comparison : Comparison
+    runs : Runs
     column : int
         Output.
 
@@ -62,19 +62,19 @@ def choose_basis(comparison: Comparison, column: int) -> Basis:
     -------
     Basis
     """
-    measured, simulated = comparison.measured[:, column], comparison.simulated[:, column]
+    measured, simulated = runs.measured[:, column], runs.simulated[:, column]
     free = measured - simulated
-    reason = drift(comparison.time, measured, free)
+    reason = drift(runs.time, measured, free)
     if not reason:
         return Basis("free_run", "free-run error", "", free)
-    start = comparison.settled
-    ahead = measured - comparison.ahead[:, column]
-    ahead[: start + comparison.steps] = np.nan
+    start = runs.settled
+    ahead = measured - runs.ahead[:, column]
+    ahead[: start + runs.steps] = np.nan
     if np.any(np.isfinite(ahead)):
-        length = short(comparison.steps * comparison.record.sample_time)
-        kind = f"prediction error {comparison.steps} steps ({length} s) ahead"
+        length = short(runs.steps * runs.record.sample_time)
+        kind = f"prediction error {runs.steps} steps ({length} s) ahead"
         return Basis("ahead", kind, f"{reason}: hence a prediction", ahead)
-    innovation = comparison.innovation[:, column].copy()
+    innovation = runs.innovation[:, column].copy()
     innovation[:start] = np.nan
     if np.any(np.isfinite(innovation)):
         return Basis("one_step", "one-step prediction error", f"{reason}: hence a prediction", innovation)

@@ -1,4 +1,4 @@
-"""Measured against model: free run, prediction and drive side of one record in one object."""
+"""Measured against model: what the runs of a model on one record are worth, in one object."""
 
 from __future__ import annotations
 
@@ -10,17 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.dataset import Data, openings, output_noise, prepare
-from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.greybox import force_scale
-from idloop.estimate.prediction import PredictionCriterion
+from idloop.estimate.outside import may_be_fed_back, signals_from_outside
 from idloop.estimate.sensors import body_sensors
-from idloop.validate.ahead import steps_ahead
-from idloop.validate.drive import ForceError, force_error
-from idloop.validate.free_run import free_run
 from idloop.validate.measures import fit_percent, measures, nrmse, rmse
 from idloop.validate.regions import error_share, motion_regions, smooth_velocity
 from idloop.validate.residual import ResidualTest, residual_tests
+from idloop.validate.runs import Runs
 from idloop.validate.where import Where, where
 
 if TYPE_CHECKING:
@@ -31,90 +26,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """A model beside one record. Parts that cost time are computed when first asked for.
-
-    Attributes
-    ----------
-    model : Model
-    record : Record
-    steps : int
-        Steps ahead of `ahead`.
-    cutoff : float or None
-        Cut-off of the differentiating filter on the drive side [Hz]; from the data when None.
-    """
-
-    model: Model
-    record: Record
-    steps: int = 10
-    cutoff: float | None = None
-
-    # -- outputs ------------------------------------------------------------------------
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Output names."""
-        return tuple(o.name for o in self.model.outputs)
-
-    @property
-    def time(self) -> Array:
-        """Instants [s], shape (n,)."""
-        return self.record.time
-
-    @property
-    def measured(self) -> Array:
-        """Measured output, shape (n, p)."""
-        return self.record.output
-
-    @cached_property
-    def data(self) -> Data:
-        """The record as the compiled simulator reads it."""
-        return prepare(self.model, [self.record])[0]
-
-    @cached_property
-    def simulated(self) -> Array:
-        """Free run from an estimated initial state, shape (n, p); NaN when it does not stay finite."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            try:
-                return free_run(self._engine, self.data)
-            except IdloopError:
-                return np.full(self.measured.shape, np.nan)
-
-    @cached_property
-    def predicted(self) -> Array:
-        """One-step prediction, shape (n, p)."""
-        return self.measured - self.innovation
-
-    @cached_property
-    def innovation(self) -> Array:
-        """One-step prediction error, shape (n, p); NaN where not measured and without an observer."""
-        if self._observer is None:
-            return np.full(self.measured.shape, np.nan)
-        theta, nuisance = self.model.theta, self._observer.nuisance()[0]
-        return self._observer.innovation(theta, nuisance, 0)
-
-    @property
-    def settled(self) -> int:
-        """First sample at which the predictions no longer depend on where the observer started."""
-        rule = self._observer
-        return 0 if rule is None or rule.estimate_start else int(np.ceil(rule.observer.memory))
-
-    @cached_property
-    def ahead(self) -> Array:
-        """Prediction `steps` samples ahead, shape (n, p); NaN for the first `steps` samples and without an observer."""
-        rule, theta = self._observer, self.model.theta
-        if rule is None:
-            return np.full(self.measured.shape, np.nan)
-        start = rule.initial.state(rule.initial.values, 0, theta)
-        return steps_ahead(self._engine, self.data, rule.observer.gain, self.steps, start)
-
-    @cached_property
-    def force(self) -> ForceError | None:
-        """Drive side, or None when some body is not measured steadily."""
-        try:
-            return force_error(self.model, self.record, self.cutoff)
-        except InputError:
-            return None
+class Comparison(Runs):
+    """A model beside one record: its runs, measured and judged. Parts that cost time are computed when asked for."""
 
     # -- measures -----------------------------------------------------------------------
 
@@ -161,7 +74,9 @@ class Comparison:
         return where(self)
 
     def residual_tests(self, lags: int = 25) -> list[ResidualTest]:
-        """Whiteness and input correlation of the one-step prediction errors.
+        """Whiteness of the one-step prediction errors, and their correlation with what drives the machine.
+
+        In a closed loop that is what enters it from outside, where that is recorded.
 
         Parameters
         ----------
@@ -175,7 +90,11 @@ class Comparison:
         """
         if self._observer is None:
             return []
-        return residual_tests(self.innovation, self.data.held_input(), self.names, lags)
+        fed_back = may_be_fed_back(self.record)
+        outside = signals_from_outside(self.record, self.time) if fed_back else ()
+        return residual_tests(
+            self.innovation, self.data.held_input(), self.names, lags, outside=outside, fed_back=fed_back
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return all measures as plain numbers for JSON."""
@@ -231,33 +150,6 @@ class Comparison:
 
     def _named(self, values: Array) -> dict[str, float]:
         return dict(zip(self.names, (float(v) for v in values), strict=True))
-
-    @cached_property
-    def _engine(self) -> RememberingEngine:
-        return RememberingEngine(self.model)
-
-    @cached_property
-    def _observer(self) -> PredictionCriterion | None:
-        """The tuned predictor; None where no linear gain follows the model, as with a sensor blind to the sign."""
-        data = [self.data]
-        theta, given = self.model.theta, (output_noise(self.model, data), force_scale(self._engine, data))
-        known = self.model.disturbance
-        if known is not None and known > 0.0:
-            rule = PredictionCriterion(self._engine, data, *given)
-            rule.fix(theta, known**2)
-            return rule
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                short, near = openings(data), None
-                if short is not None:
-                    begin = PredictionCriterion(self._engine, short, *given)
-                    begin.retune(theta)
-                    near = begin.intensity
-                rule = PredictionCriterion(self._engine, data, *given, near)
-                rule.retune(theta)
-        except IdloopError:
-            return None
-        return rule
 
     def _velocity(self) -> Array | None:
         place, speed = body_sensors(self.model)[0]

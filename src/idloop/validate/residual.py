@@ -1,8 +1,15 @@
-"""Residual tests: whether what the model leaves over is white and free of the input."""
+"""Residual tests: whether what the model leaves over is white and free of the input.
+
+A controller carries past residuals into the command. White ones have nothing in common with it all the same; coloured
+ones have, of the best model as well. They are tested against what enters the loop from outside, the recorded reference
+or excitation; where none is recorded, their correlation with the command tells nothing, and nothing is said (Ljung,
+2nd ed., section 16.6).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +19,12 @@ from idloop.errors import InputError
 
 Array = NDArray[np.float64]
 
+INPUT, REFERENCE = "input", "reference"
+
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """Correlations of one output's residual with itself and with the input.
+    """Correlations of one output's residual with itself and with the input, or what stands for it.
 
     Attributes
     ----------
@@ -32,7 +41,9 @@ class ResidualTest:
     cross_correlation, cross_correlation_band : array, shape (2 m + 1,)
         Correlation between input and residual and the half width of its 99 % band.
     cross_p : float
-        p-value that no causal lag (≥ 1) carries input left in the residual.
+        p-value that no causal lag (≥ 1) carries input left in the residual; NaN where feedback hides it.
+    against : str
+        What stands for the input: ``input``, or ``reference`` for signals from outside a closed loop.
     """
 
     name: str
@@ -45,6 +56,7 @@ class ResidualTest:
     cross_correlation: Array
     cross_correlation_band: Array
     cross_p: float
+    against: str = INPUT
 
     @property
     def white(self) -> bool:
@@ -53,8 +65,20 @@ class ResidualTest:
 
     @property
     def input_free(self) -> bool:
-        """Whether independence of residual and past input stands at the 1 % level."""
-        return self.cross_p > 0.01
+        """Whether independence of residual and past input stands at the 1 % level, or nothing speaks against it."""
+        return not self.cross_p <= 0.01
+
+    @property
+    def told(self) -> bool:
+        """Whether the data tell what the residual has in common with the input."""
+        return bool(np.isfinite(self.cross_p))
+
+    @property
+    def freedom(self) -> str:
+        """What the residual has in common with the input, to follow "is white and"."""
+        if not self.told:
+            return "may come back in the command: only a recorded reference would tell whether it follows it"
+        return f"{'is free of' if self.input_free else 'still follows'} the {self.against}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdicts as plain numbers for JSON."""
@@ -64,7 +88,8 @@ class ResidualTest:
             "ljung_box": self.ljung_box,
             "ljung_box_p": self.ljung_box_p,
             "input_free": bool(self.input_free),
-            "input_correlation_p": self.cross_p,
+            "input_correlation_p": self.cross_p if self.told else None,
+            "against": self.against,
         }
 
     def plot(self, axes: Any = None) -> Any:
@@ -77,7 +102,7 @@ class ResidualTest:
         _stems(top, self.lag, self.autocorrelation, self.autocorrelation_band)
         top.set(title=f"residual of {self.name}", xlabel="lag [samples]", ylabel="autocorrelation")
         _stems(bottom, self.cross_lag, self.cross_correlation, self.cross_correlation_band)
-        bottom.set(xlabel="lag [samples]", ylabel="correlation with the input")
+        bottom.set(xlabel="lag [samples]", ylabel=f"correlation with the {self.against}")
         return axes
 
 
@@ -207,6 +232,9 @@ def residual_tests(
     signal: ArrayLike,
     names: tuple[str, ...] | None = None,
     lags: int = 25,
+    *,
+    outside: Sequence[ArrayLike] = (),
+    fed_back: bool = False,
 ) -> list[ResidualTest]:
     """Whiteness and input-residual tests for every output.
 
@@ -220,6 +248,12 @@ def residual_tests(
         Output names.
     lags : int
         Largest lag in samples.
+    outside : sequence of array, shape (n,)
+        What enters a closed loop from outside, at the same instants: reference, excitation. The residual is tested
+        against these instead of the input, the p-value multiplied by their number.
+    fed_back : bool
+        Whether the input may carry past residuals: then what is not white and has nothing from outside beside it is not
+        tested.
 
     Returns
     -------
@@ -239,14 +273,16 @@ def residual_tests(
     if len(e) < 4 * lags:
         raise InputError(f"{len(e)} samples are too few for {lags} lags; give {4 * lags} or fewer lags")
     names = names or tuple(f"output{i}" for i in range(e.shape[1]))
+    signals = [np.asarray(one, dtype=float) for one in outside] or [u]
     tests = []
     for column, name in zip(e.T, names, strict=True):
         known = np.isfinite(column)
         if np.sum(known) < 4 * lags:
             continue
-        values, held = column[known], u[known]
+        values = column[known]
         statistic, p_value = ljung_box(values, lags)
-        cross, band, cross_p = input_residual_test(held, values, lags)
+        tried = [input_residual_test(one[known], values, lags) for one in signals]
+        cross, band, cross_p = min(tried, key=lambda one: one[2])
         tests.append(
             ResidualTest(
                 name=name,
@@ -258,7 +294,10 @@ def residual_tests(
                 cross_lag=np.arange(-lags, lags + 1, dtype=float),
                 cross_correlation=cross,
                 cross_correlation_band=band,
-                cross_p=cross_p,
+                cross_p=min(len(tried) * cross_p, 1.0),
+                against=REFERENCE if outside else INPUT,
             )
         )
+    if fed_back and not outside and not all(test.white for test in tests):
+        return [replace(test, cross_p=float("nan")) for test in tests]
     return tests

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimate.feedback import loop_of
 from idloop.validate.residual import ResidualTest, residual_tests
 
 if TYPE_CHECKING:
@@ -95,7 +96,12 @@ def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: in
             errors = model.innovations(longest)[first:]
         # Predictions that run away leave nothing to test.
         if np.all(np.abs(errors) < _OVERFLOW):
-            tests = residual_tests(errors, longest.input[first:, 0], longest.output_names, _LAGS)
+            fed_back = loop_of(longest).possible
+            follows = (longest.reference, longest.feedforward) if fed_back else ()
+            outside = [one[first:] for one in follows if one is not None and np.ptp(one) > 0.0]
+            tests = residual_tests(
+                errors, longest.input[first:, 0], longest.output_names, _LAGS, outside=outside, fed_back=fed_back
+            )
     return Score(
         steps, data[0].output_names, pooled_fit(data, simulated, first), pooled_fit(data, ahead, first), simulated,
         tuple(tests),

@@ -16,7 +16,7 @@ from idloop.validate.variables import TITLES, break_down_all
 from idloop.validate.words import beside, percent, short
 
 if TYPE_CHECKING:
-    from idloop.validate.compare import Comparison
+    from idloop.validate.runs import Runs
 
 Array = NDArray[np.float64]
 
@@ -151,47 +151,45 @@ class Where:
         return {one.name: one.to_dict() for one in self.maps}
 
 
-def where(comparison: Comparison) -> Where:
+def where(runs: Runs) -> Where:
     """Break the error of a model down by all variables.
 
     Parameters
     ----------
-    comparison : Comparison
+    runs : Runs
 
     Returns
     -------
     Where
     """
     maps = []
-    force = _force_map(comparison)
+    force = _force_map(runs)
     if force is not None:
         maps.append(force)
     states: dict[str, Doing] = {}
-    for column, output in enumerate(comparison.model.outputs):
+    for column, output in enumerate(runs.model.outputs):
         if output.body not in states:
-            states[output.body] = doing_of(comparison.model, comparison.data, output.body)
-        basis = choose_basis(comparison, column)
+            states[output.body] = doing_of(runs.model, runs.data, output.body)
+        basis = choose_basis(runs, column)
         known = np.isfinite(basis.error)
         if np.sum(known) < _FEWEST:
             continue
-        measured = comparison.measured[known, column]
-        state = states[output.body] if np.all(known) else states[output.body].at(comparison.time[known])
+        measured = runs.measured[known, column]
+        state = states[output.body] if np.all(known) else states[output.body].at(runs.time[known])
         named = (output.name, output.unit, basis.name, basis.kind, basis.why)
-        maps.append(
-            _map(named, basis.error[known], measured, state, float(np.std(measured)), comparison.record.start_ns)
-        )
-    return Where(comparison.model.name, comparison.record.name, tuple(maps))
+        maps.append(_map(named, basis.error[known], measured, state, float(np.std(measured)), runs.record.start_ns))
+    return Where(runs.model.name, runs.record.name, tuple(maps))
 
 
-def _force_map(comparison: Comparison) -> ErrorMap | None:
-    force = comparison.force
+def _force_map(runs: Runs) -> ErrorMap | None:
+    force = runs.force
     if force is None or len(force.time) < _FEWEST:
         return None
-    model = comparison.model
-    state = doing_of(model, comparison.data, model.bodies[0]).at(force.time, force.command)
+    model = runs.model
+    state = doing_of(model, runs.data, model.bodies[0]).at(force.time, force.command)
     size = float(np.sqrt(np.mean(force.applied**2)))
     named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", "")
-    return _map(named, force.applied - force.required, force.applied, state, size, comparison.record.start_ns)
+    return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
 
 
 def _map(

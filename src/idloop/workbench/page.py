@@ -25,12 +25,35 @@ if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.plotting import figure
 
+    from idloop.diagnose import Ladder
     from idloop.workbench.signals import Signals
     from idloop.workbench.source import Snapshot, Source
 
 PERIOD = 250  # milliseconds between two looks at what is new
 SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
 TEMPLATE = Path(__file__).with_name("assets") / "page.html"
+
+
+def judged_spread(ladder: Ladder, name: str) -> float:
+    """Standard deviation of an output on the data that the last step of a ladder is judged on.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    name : str
+        Of the output.
+
+    Returns
+    -------
+    float
+        0 where its errors do not say.
+    """
+    last = ladder.steps[-1]
+    errors = last.validation or last.train
+    missed, relative = (errors.get(measure, {}).get(name) for measure in ("rmse", "nrmse"))
+    if not missed or not relative or not np.isfinite(missed / relative):
+        return 0.0
+    return float(missed / relative)
 
 
 def make_page(doc: Document, source: Source, key: str, run: str) -> None:
@@ -168,7 +191,9 @@ class Page:
         ladder = snapshot.ladder
         if ladder is None or not ladder.steps:
             return []
-        floor = {name: value for name, value in self._floor().items() if value * REFUTED <= least_error(ladder, name)}
+        floor = {
+            name: value for name, value in self._floor(ladder).items() if value * REFUTED <= least_error(ladder, name)
+        }
         plots: list[figure] = ladder_figures(ladder, floor, self._theme)
         if ladder.unknown is not None:
             plots.append(unknown_figure(ladder.unknown, self._theme))
@@ -177,13 +202,14 @@ class Page:
     def _words(self, text: str) -> Div:
         return Div(text=text, styles={"color": self._theme.muted})
 
-    def _floor(self) -> dict[str, float]:
-        """What the noise of each output alone leaves, relative to the spread of what was measured."""
+    def _floor(self, ladder: Ladder) -> dict[str, float]:
+        """What the noise of each output alone leaves, relative to the spread of what the ladder is judged on."""
         measured = self.signals.view(*self.signals.span, buckets=10**9, streams=["measured"]).points["measured"][1]
         floor = {}
         for index, name in enumerate(self.signals.names):
             known = measured[:, index][np.isfinite(measured[:, index])]
-            spread = float(np.std(known)) if len(known) else 0.0
+            # What is shown may have moved on, and much further, since the ladder's last step.
+            spread = judged_spread(ladder, name) or (float(np.std(known)) if len(known) else 0.0)
             if spread > 0.0 and np.isfinite(self.signals.noise[index]):
                 floor[name] = float(self.signals.noise[index]) / spread
         return floor

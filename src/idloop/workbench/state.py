@@ -7,9 +7,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
-from idloop.report.effect_names import words
+from idloop.diagnose.suggest_words import describe_signal
+from idloop.diagnose.twins import find_twins, one_of_each
+from idloop.report.effect_names import in_words, words
 from idloop.report.estimates import with_interval
 from idloop.report.ladder import p_text
+from idloop.report.tried import only_words
 from idloop.report.use import FITTED, UNSEEN
 from idloop.report.verdicts import basis, conclusion, explained_of, stand_ins
 from idloop.validate.words import percent, short
@@ -138,6 +141,7 @@ def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
 
 def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
     lacking = [words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
+    twins = () if ladder is None else find_twins(ladder.model, found.set)
     return {
         "verdict": found.verdict,
         "conclusion": "" if ladder is None or ladder.verdict != found.verdict else _contradicted(ladder),
@@ -147,6 +151,12 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
         "error": found.error,
         "tied": [words(name) for name in found.set],
         "pair": [words(name) for name in found.pair],
+        # What is one equation no experiment tells apart, a check by hand does.
+        "separable": len(one_of_each(found.set, twins)) > 1,
+        "twins": [
+            {"text": f"{_capital(in_words(one.text))}.", "checks": [f"{_capital(check)}." for check in one.checks]}
+            for one in twins
+        ],
         "candidates": [
             _candidate(one, place, found, pictures.get(one.name)) for place, one in enumerate(found.candidates)
         ],
@@ -160,8 +170,10 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
 
 
 def _contradicted(ladder: Ladder) -> str:
-    """The conclusion where it is another one than the verdict of the last diagnosis; empty otherwise."""
-    return _capital(f"{conclusion(ladder)}.") if stand_ins(ladder) else ""
+    """The conclusion where the plain words of the verdict would say too much; empty otherwise."""
+    only = only_words(ladder)
+    told = ladder.verdict != "missing" and (stand_ins(ladder) or only)
+    return _capital(f"{conclusion(ladder, (), only)}.") if told else ""
 
 
 def _capital(text: str) -> str:
@@ -227,10 +239,12 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
 
 
 def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
+    signal, adds_to = found.get("signal"), found.get("adds_to")
     return {
-        "text": str(found.get("text", "")),
+        "signal": _capital(describe_signal(signal, str(adds_to))) if signal and adds_to else "",
+        "text": _capital(in_words(str(found.get("text", "")))),
         "duration": _finite(found.get("duration")),
-        "outcomes": [str(one.get("text", "")) for one in found.get("outcomes", ())],
+        "outcomes": [_capital(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],
     }
 
 

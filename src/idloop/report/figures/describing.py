@@ -36,8 +36,8 @@ def describing_figures(measured: MeasuredDescribingFunction, theme: Theme = LIGH
     known = bool(measured.input_unit and measured.output_unit)
     unit = f"{measured.output_unit}/{measured.input_unit}" if known else None
     scales: dict[str, Any] = {"x_axis_type": "log" if over_frequency else "linear"}
-    size = new_figure(theme, ("", None), ("size of N", unit), height=200, **scales)
-    phase = new_figure(theme, ("", None), ("phase of N", "°"), height=170, x_range=size.x_range, **scales)
+    size = new_figure(theme, x, ("size of N", unit), height=218, **scales)
+    phase = new_figure(theme, x, ("phase of N", "°"), height=188, x_range=size.x_range, **scales)
     distortion = new_figure(theme, x, ("distortion", "%"), height=170, x_range=size.x_range, **scales)
     entries = []
     for index, (frequency, places) in enumerate(lines):

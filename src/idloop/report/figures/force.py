@@ -38,8 +38,9 @@ def force_figures(
         return []
     first = models[0][1]
     span = padded(float(first.time[0]), float(first.time[-1]), 0.01)
-    top = new_figure(theme, ("", None), ("drive force", unit), x_range=span, height=240)
-    below = new_figure(theme, ("time", "s"), ("difference", unit), x_range=span, height=190)
+    time = ("time", "s")
+    top = new_figure(theme, time, ("drive force", unit), x_range=span, height=258)
+    below = new_figure(theme, time, ("difference", unit), x_range=span, height=190)
     below.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
     x, y = thinned(first.time, first.applied, buckets)
     applied = top.line("x", "y", source=source(x=x, y=y), color=theme.measured, line_width=2.4)

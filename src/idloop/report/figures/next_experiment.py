@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.plotting import figure
 
+from idloop.report.effect_names import in_words
 from idloop.report.experiment_rows import Row, reach, rival_name, rows_of
 from idloop.report.figures.theme import LIGHT, Theme, add_legend, new_figure, padded, source
 from idloop.report.figures.thinning import BUCKETS, thinned
@@ -14,7 +15,7 @@ from idloop.report.figures.thinning import BUCKETS, thinned
 if TYPE_CHECKING:
     from idloop.diagnose.suggest import Suggestion
 
-_HEIGHTS = {"sent": 175, "output": 200, "difference": 190}
+_HEIGHTS = {"sent": 175, "output": 200, "difference": 204}
 
 
 def experiment_figures(suggestion: Suggestion, theme: Theme = LIGHT, *, buckets: int = BUCKETS) -> list[figure]:
@@ -38,7 +39,9 @@ def experiment_figures(suggestion: Suggestion, theme: Theme = LIGHT, *, buckets:
     for row in rows_of(suggestion):
         plot, glyphs = _draw(row, theme, span, buckets, _said(row, suggestion))
         if not named and row.curves[0].rival is not None:
-            add_legend(plot, theme, [(rival_name(suggestion, i), [glyph]) for i, glyph in enumerate(glyphs)])
+            # As short as a phone wants it; what the differences are from stands above them.
+            names = (rival_name(suggestion, index, first=False) for index in range(len(glyphs)))
+            add_legend(plot, theme, [(name, [glyph]) for name, glyph in zip(names, glyphs, strict=True)])
             named = True
         plots.append(plot)
     return plots
@@ -48,7 +51,10 @@ def _said(row: Row, suggestion: Suggestion) -> str:
     """Limits, bands and the difference of a row in words."""
     # With many rivals their differences do not fit a line; the outcomes beside the figure have the numbers.
     several = len(suggestion.rivals) > 2
-    return "; ".join(text for text, which in row.entries if not (several and which.isdigit()))
+    told = "; ".join(text for text, which in row.entries if not (several and which.isdigit()))
+    begin = [f"from {in_words(suggestion.rivals[0][0])}"] if row.kind == "difference" else []
+    # A line each: a phone cuts what is longer.
+    return "\n".join([*begin, *([told] if told else [])])
 
 
 def _draw(row: Row, theme: Theme, span: Any, buckets: int, said: str) -> tuple[figure, list[Any]]:

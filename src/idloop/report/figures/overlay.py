@@ -47,7 +47,7 @@ def overlay(
     span = padded(float(panel.time[0]), float(panel.time[-1]), 0.01)
     plots: list[figure] = []
     for column, (name, unit) in enumerate(zip(output_names, output_units, strict=True)):
-        top = new_figure(theme, ("", None), (name, unit), x_range=span, height=240, **_cut(panel.value_frame(column)))
+        top = new_figure(theme, time, (name, unit), x_range=span, height=258, **_cut(panel.value_frame(column)))
         measured = _line(top, panel.time, panel.output[:, column], buckets, color=theme.measured, line_width=2.4)
         entries = [("measured", [measured])]
         cut = _cut(panel.residual_frame(column))

@@ -28,10 +28,14 @@ def residual_figures(test: ResidualTest, theme: Theme = LIGHT) -> list[figure]:
     return [
         _stems(theme, "autocorrelation", test.lag, test.autocorrelation, test.autocorrelation_band, test.white),
         _stems(
-            theme, "correlation with input", test.cross_lag, test.cross_correlation, test.cross_correlation_band,
+            theme,
+            f"correlation with {test.against}",
+            test.cross_lag,
+            test.cross_correlation,
+            test.cross_correlation_band,
             test.input_free,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _stems(theme: Theme, name: str, lag: Any, value: Any, half: Any, passed: bool) -> figure:

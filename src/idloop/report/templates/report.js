@@ -65,7 +65,9 @@
     }
   }
 
-  addEventListener("beforeprint", picture);
+  // What only a click shows on a screen, paper shows at once.
+  const folded = () => document.querySelectorAll("details.paper");
+  addEventListener("beforeprint", () => { for (const one of folded()) one.open = true; picture(); });
   document.getElementById("theme").addEventListener("click", () => draw(root.dataset.theme === "dark" ? "light" : "dark"));
   draw(matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches ? "dark" : "light");
 })();

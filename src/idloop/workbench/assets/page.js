@@ -9,6 +9,7 @@
   const TITLES = Object.fromEntries([...document.querySelectorAll("#variables button")].map((b) => [b.dataset.variable, b.textContent]));
   const FIT = "100 % is perfect, 0 % no better than a constant";
   const LEVELS = ["ok", "warning", "error", "silent"];
+  const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
   const FAILED = 2; // level of a check from which on the head says so
   const $ = (id) => document.getElementById(id);
   const base = new URL(".", location.href);
@@ -17,6 +18,7 @@
   let have = "";
   let failures = 0;
   let figuresLost = false; // Bokeh's connection is gone, and it does not come back by itself
+  let awaited = false; // the reader has asked for an experiment that is not there yet
   let chosen = false; // the reader has chosen an error or a variable
   let look = null; // the source over which both sides tell what is shown
   let shown = {};
@@ -245,11 +247,11 @@
     else if (m.verdict === "missing") {
       verdict.classList.add("found");
       say("verdict", m.pair.length ? `Missing, and only together: ${m.pair.join(" and ")}.`
-        : m.tied.length > 1 ? "One of these is missing; this data cannot tell which." : `Missing: ${m.tied[0]}.`);
+        : m.tied.length > 1 ? `One of these ${m.tied.length} effects is missing; this data cannot tell which.` : `Missing: ${m.tied[0]}.`);
     } else {
       verdict.classList.add(m.verdict === "unknown_structure" || m.conclusion ? "open" : "good");
       const shape = m.verdict === "unknown_structure" ? m.unknown : "";
-      say("verdict", m.conclusion || [VERDICTS[m.verdict], shape].filter(Boolean).join(" ") || m.line);
+      say("verdict", [m.conclusion || VERDICTS[m.verdict], shape].filter(Boolean).join(" ") || m.line);
     }
     const busy = Boolean(s.activity);
     $("diagnose").disabled = busy;
@@ -271,10 +273,11 @@
     const others = m.candidates.filter((c) => !c.significant && c.fitted).slice(0, 8);
     const rest = m.candidates.filter((c) => !c.significant && !c.fitted && c.testable !== "no");
     const parts = [];
-    const cards = significant.map((c) => card(c, busy, m));
+    const cards = significant.map((c) => card(c, busy, m, significant.length));
     if (cards.length > 1) {
-      parts.push(make("div", { class: "tie" }, make("p", {}, m.pair.length
-        ? "Neither shows alone; both together do" : "A tie: this data cannot tell these apart"), ...cards));
+      parts.push(make("div", { class: `tie${m.pair.length ? "" : " open"}${cards.length >= MANY ? " many" : ""}` }, make("p", {}, m.pair.length
+        ? "Neither shows alone; both together do" : ["A tie: they fit this data equally well", ...same(significant)].join(" · ")), ...cards,
+        ...m.twins.map((one) => make("p", { class: "twins" }, `${one.text} By hand: ${one.checks.join(" ")}`))));
     } else parts.push(...cards);
     if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `What an effect explains is part ${m.explains}.`));
     if (others.length) parts.push(make("details", {}, make("summary", {}, `${others.length} weighed and not significant`), ...others.map((c) => card(c, busy, m))));
@@ -283,20 +286,26 @@
     return parts;
   }
 
-  function add(c, busy, m) {
+  // What is the same of all effects of a tie is said once, above them.
+  const common = (all, part) => (all.every((c) => part(c) === part(all[0])) ? part(all[0]) : "");
+  const same = (all) => [common(all, (c) => c.p), common(all, (c) => `each explains ${c.share}`)].filter(Boolean);
+
+  function add(c, busy, m, tied = 1) {
     const pair = m.pair.length > 0 && c.best;
     return make("button", { type: "button", class: c.best ? "primary" : null, disabled: busy, "data-focus": `add ${c.name}`, "data-effect": c.name,
-      onclick: () => order("add", c.name) }, pair ? "Add both" : c.best ? "Add it" : "Add this one");
+      onclick: () => order("add", c.name) }, pair ? "Add both" : c.best && tied < 2 ? "Add it" : "Add this one");
   }
 
-  function card(c, busy, m) {
+  function card(c, busy, m, tied = 1) {
     const picture = c.picture ? drawing(c.picture) : null;
+    const told = tied > 1 && !m.pair.length ? same(m.candidates.filter((one) => one.significant)).join() : "";
+    const own = [c.p, `explains ${c.share}`].filter((text) => !told.includes(text));
     return make("div", { class: `card ${c.significant ? "significant" : "weak"} ${picture ? "" : "plain"}`, "data-candidate": c.name },
       picture,
       make("div", {}, make("h3", {}, c.words),
-        make("div", { class: "numbers" }, [c.p, `explains ${c.share}`, ...c.parameters].filter(Boolean).join(" · ")),
+        make("div", { class: "numbers" }, [...own, ...c.parameters].filter(Boolean).join(" · ")),
         make("div", { class: "share" }, make("i", { style: `width:${Math.max(0, Math.min(100, 100 * c.explains))}%` }))),
-      add(c, busy, m),
+      add(c, busy, m, tied),
       make("p", {}, c.text, c.replaces ? ` It takes the place of ${c.replaces}.` : ""));
   }
 
@@ -346,12 +355,22 @@
   }
 
   function showExperiment(s) {
-    const open = s.missing && (s.missing.tied.length > 1 || s.missing.verdict === "not_excited");
-    const offline = !s.live;
-    $("experiment-panel").hidden = !s.suggested && !open;
-    say("experiment", offline ? "Work out the next experiment" : "Run the suggested experiment …");
-    $("experiment").disabled = Boolean(s.activity) || s.stopped || !open;
-    say("experiment-text", s.suggested?.text ?? (open ? "This data leaves it open. An experiment that separates these effects can be worked out, within the limits of the axis." : ""));
+    const m = s.missing;
+    const tied = m && m.separable;
+    const open = tied || m?.verdict === "not_excited";
+    $("onward").hidden = !open;
+    const aim = tied ? "that tells them apart" : "that shows more";
+    say("experiment", s.live ? `Run the experiment ${aim} …` : `Work out the experiment ${aim}`);
+    $("experiment").disabled = Boolean(s.activity) || s.stopped;
+    say("onward-words", s.live ? "It moves the motor: you see the limits first." : "It says what to send in, and what each effect would show.");
+    $("experiment-panel").hidden = !s.suggested;
+    if (s.suggested && awaited && !s.activity) {
+      awaited = false;
+      $("experiment-panel").scrollIntoView({ block: "start", behavior: "smooth" });
+    }
+    say("experiment-signal", s.suggested?.signal ?? "");
+    say("experiment-text", s.suggested?.text ?? "");
+    $("experiment-hint").hidden = s.live;
     render("outcomes", s.suggested?.outcomes ?? [], () => (s.suggested?.outcomes ?? []).map((text) => make("li", {}, text)));
     render("limits", s.limits, () => s.limits.map((one) => make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.value))));
   }
@@ -427,7 +446,11 @@
   $("diagnose").addEventListener("click", () => order("diagnose"));
   $("undo").addEventListener("click", () => order("undo"));
   $("assess").addEventListener("click", () => order("assess"));
-  $("experiment").addEventListener("click", () => (state.live ? $("confirm").showModal() : order("experiment")));
+  $("experiment").addEventListener("click", () => {
+    if (state.live) return $("confirm").showModal();
+    awaited = true;
+    order("experiment");
+  });
   $("confirm-no").addEventListener("click", () => $("confirm").close());
   $("confirm-yes").addEventListener("click", () => { $("confirm").close(); order("experiment"); });
   $("note").lastElementChild.addEventListener("click", () => { $("note").hidden = true; });
