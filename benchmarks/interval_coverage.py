@@ -72,7 +72,7 @@ def coloured(kind: str, samples: int, std: Array, rng: np.random.Generator) -> A
 def experiment(case: Case, samples: int, seed: int) -> tuple[Any, Any]:
     """Simulate one experiment; returns the true model and the record."""
     from idloop.physics import Plant, load_model
-    from idloop.records import Record
+    from idloop.records import record_from_model
 
     rng = np.random.default_rng(seed)
     model = load_model("dc_motor").with_effects([f"coulomb_friction@motor(level={COULOMB})"])
@@ -94,21 +94,9 @@ def experiment(case: Case, samples: int, seed: int) -> tuple[Any, Any]:
             wanted = 1.5 * (signal[k] - output[k, 0]) - damping * output[k, 1]
             command[k] = np.clip(wanted, -10.0, 10.0)
         plant.step(command[k], time_[k] + SAMPLE_TIME)
-    closed = case.loop != "open"
-    record = Record(
-        name=f"{case.loop}-{case.noise}-{seed}",
-        input_time=time_,
-        input=command,
-        time=time_,
-        output=output,
-        input_name=model.input.name,
-        input_unit=model.input.unit,
-        output_names=model.output_names,
-        output_units=tuple(o.unit for o in model.outputs),
-        reference_time=time_ if closed else None,
-        reference=np.column_stack([signal, np.full(samples, np.nan)]) if closed else None,
-    )
-    return model, record
+    reference = None if case.loop == "open" else np.column_stack([signal, np.full(samples, np.nan)])
+    name = f"{case.loop}-{case.noise}-{seed}"
+    return model, record_from_model(name, model, time_, command, output, reference)
 
 
 def trial(case: Case, samples: int, seed: int, criterion: str) -> dict[str, Any]:

@@ -106,7 +106,7 @@ def record(case: Case, made: Setting, model: Any, seconds: float, seed: int) -> 
     from idloop.control import build_controller
     from idloop.diagnose.experiment_loop import simulate_closed_loop
     from idloop.physics import Engine
-    from idloop.records import Record
+    from idloop.records import record_from_model
 
     rng = np.random.default_rng(seed)
     count = round(seconds / made.sample_time)
@@ -131,19 +131,8 @@ def record(case: Case, made: Setting, model: Any, seconds: float, seed: int) -> 
         coloured("ar" if case.noise == "coloured" else "white", count, std, rng),
         made.torque * slow(count, made.sample_time, rng),
     )
-    return Record(
-        name=f"{case.name}-{case.noise}-{seed}",
-        input_time=time,
-        input=command,
-        time=time,
-        output=output,
-        input_name=model.input.name,
-        input_unit=model.input.unit,
-        output_names=model.output_names,
-        output_units=tuple(o.unit for o in model.outputs),
-        reference_time=time if closed else None,
-        reference=reference if closed else None,
-    )
+    name = f"{case.name}-{case.noise}-{seed}"
+    return record_from_model(name, model, time, command, output, reference if closed else None)
 
 
 def slow(count: int, sample_time: float, rng: np.random.Generator) -> Array:

@@ -7,12 +7,18 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
+from scipy.signal import lfilter
 
 from idloop.control import build_controller
 from idloop.diagnose import diagnose
+from idloop.estimate.identification import identify
+from idloop.estimate.method import Choices
 from idloop.estimate.recursive import RecursiveEstimator
+from idloop.estimate.sampled import SampledData
 from idloop.physics import Engine, Plant, load_model
 from idloop.records import Record
 
@@ -22,16 +28,32 @@ LIBRARIES = (
     "matplotlib.pyplot", "mcap.reader", "mcap.writer", "rich.progress", "rosbags.highlevel", "scipy.optimize",
     "scipy.signal",
 )  # fmt: skip
+# Black-box methods that between them call everything that theirs have compiled.
+METHODS = ("n4sid", "vodma-direct", "pem", "narx-wavelet", "rarx", "ekf")
 NODES = ("rclpy", "idloop_nodes.nodes.estimator", "idloop_nodes.nodes.recorder")
 
 
 def compile_all() -> None:
-    """Import the libraries and call each compiled function once on a few samples."""
+    """Compile the machines and the methods, which have little in common, side by side."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        methods = pool.submit(identify_once)
+        import_all()
+        simulate_once()
+        diagnose_once()
+        methods.result()
+
+
+def import_all() -> None:
+    """Import what the verbs and nodes import."""
     for name in LIBRARIES:
         importlib.import_module(name)
     for name in NODES:
         with contextlib.suppress(ImportError):  # a library without ROS is a library all the same
             importlib.import_module(name)
+
+
+def simulate_once() -> None:
+    """Call whatever moves, predicts and controls a machine on a few samples."""
     model = load_model("dc_motor").with_effect("coulomb_friction", "motor", level=0.1)
     engine = Engine(model)
     time = np.arange(20, dtype=np.float64) * np.float64(0.01)
@@ -45,7 +67,16 @@ def compile_all() -> None:
     plant.step(1.0, 0.01)
     build_controller(model.controller).step(0.0, 0.0, {"motor.position": 0.0})
     RecursiveEstimator(model, sample_time=0.01).update_block(time, command, output)
-    diagnose_once()
+
+
+def identify_once() -> None:
+    """Identify a few samples of a linear system by one method of each kind that is compiled."""
+    random = np.random.default_rng(0)
+    command = random.normal(size=400)
+    output = lfilter([0.0, 0.1, 0.05], [1.0, -1.5, 0.7], command) + 0.01 * random.normal(size=400)
+    data = SampledData("a few samples", command[:, None], output[:, None], 0.01)
+    for method in METHODS:
+        identify(data, method, Choices(order=2))
 
 
 def diagnose_once() -> None:

@@ -38,6 +38,13 @@ settings.register_profile("search", deadline=None, max_examples=1000)
 settings.load_profile("repeatable")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where only whole graphs are asked for, pass by the files that have none: to import them all takes long."""
+    if config.option.markexpr != "whole_graph" or collection_path.suffix != ".py":
+        return None
+    return "whole_graph" not in collection_path.read_text(encoding="utf-8") or None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put files with slow tests first: one of them begun last would leave the other workers idle."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}

@@ -73,7 +73,7 @@ def record(case: Case, drive: Drive, suite: int, what: str) -> Any:
 
 def record_of(case: Case, truth: Any, signal: Array, speed: Array | None, suite: int, what: str) -> Any:
     """Simulate a recording of given samples of the command (open loop) or the reference (closed loop)."""
-    from idloop.records import Record
+    from idloop.records import record_from_model
 
     count = len(signal)
     usual = sizes(case.machine, case.loop, case.training[0])
@@ -86,21 +86,10 @@ def record_of(case: Case, truth: Any, signal: Array, speed: Array | None, suite:
     behind = law(case.simulator, truth.controller, truth.output_names)
     command, output = run(built, signal, speed, noise, torque, behind)
     time = np.asarray(np.arange(count) / case.rate)
-    closed = case.loop == "closed"
-    rate = np.full(count, np.nan) if speed is None else speed
-    return Record(
-        name=f"{case.id} {what}",
-        input_time=time,
-        input=command,
-        time=time,
-        output=output,
-        input_name=truth.input.name,
-        input_unit=truth.input.unit,
-        output_names=truth.output_names,
-        output_units=tuple(o.unit for o in truth.outputs),
-        reference_time=time if closed else None,
-        reference=np.column_stack([signal, rate]) if closed else None,
-    )
+    reference = None
+    if case.loop == "closed":
+        reference = np.column_stack([signal, np.full(count, np.nan) if speed is None else speed])
+    return record_from_model(f"{case.id} {what}", truth, time, command, output, reference)
 
 
 def experiment(case: Case, suite: int = 1) -> Experiment:

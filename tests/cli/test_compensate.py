@@ -10,7 +10,7 @@ import yaml
 
 from idloop.cli import _tracking_runs, main
 from idloop.physics import load_model
-from idloop.records import Record, write_bag
+from idloop.records import record_from_model, write_bag
 
 FRICTION = "coulomb_friction@axis(level=0.15)"
 DEAD = "dead_zone@input(width=0.3)"
@@ -122,19 +122,7 @@ def test_the_reference_of_a_recording(tmp_path, capsys):
     model = load_model("axis")
     time = np.arange(2000) * 0.002
     path = np.column_stack([0.3 * np.sin(2.0 * time), 0.6 * np.cos(2.0 * time)])
-    record = Record(
-        name="recorded",
-        input_time=time,
-        input=np.sin(time),
-        time=time,
-        output=np.zeros((2000, 2)),
-        input_name=model.input.name,
-        input_unit=model.input.unit,
-        output_names=model.output_names,
-        output_units=tuple(one.unit for one in model.outputs),
-        reference_time=time,
-        reference=path,
-    )
+    record = record_from_model("recorded", model, time, np.sin(time), np.zeros((2000, 2)), path)
     bag = write_bag(tmp_path / "bag", record)
     assert main.run([*BASE[:2], "--controller", LAW, "--reference", str(bag), "--effect", FRICTION, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -27,7 +27,6 @@ def run(words: list[str], environment: dict[str, str], domain: int) -> subproces
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.whole_graph
 @pytest.mark.timeout(1300)
 def test_the_hidden_effect_is_found(tmp_path: Path, ros_environment: dict[str, str], ros_domain_id: int) -> None:
     folder = tmp_path / "demo"
@@ -52,7 +51,6 @@ def test_the_hidden_effect_is_found(tmp_path: Path, ros_environment: dict[str, s
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.whole_graph
 @pytest.mark.timeout(1300)
 def test_the_loop_runs_from_end_to_end(tmp_path: Path, ros_environment: dict[str, str], ros_domain_id: int) -> None:
     words = ["--loop", "--graph", "dc_motor", "--seconds", "15", "--directory", str(tmp_path / "demo"), "--json"]

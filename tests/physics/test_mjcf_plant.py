@@ -15,7 +15,7 @@ from idloop.errors import InputError
 from idloop.physics import load_model
 from idloop.physics.mjcf_plant import MjcfPlant
 from idloop.physics.model_file import from_text
-from idloop.records import Record
+from idloop.records import record_from_model
 from idloop.signals import build_signal
 
 INERTIA, FRICTION = 0.01, 0.05
@@ -162,17 +162,7 @@ def recorded(file, model, amplitude, seed):
     for index, command in enumerate(signal.value.tolist()):
         output.append(plant.measure())
         plant.step(command, (index + 1) * sample_time)
-    return Record(
-        name=f"level{amplitude:g}",
-        input_time=signal.time,
-        input=signal.value,
-        time=signal.time,
-        output=np.array(output),
-        input_name="effort",
-        input_unit=model.input.unit,
-        output_names=tuple(one.name for one in model.outputs),
-        output_units=tuple(one.unit for one in model.outputs),
-    )
+    return record_from_model(f"level{amplitude:g}", model, signal.time, signal.value, np.array(output))
 
 
 def near(model, truth):

@@ -30,13 +30,47 @@ def bridge_parameters():
     return {}
 
 
+class Shared:
+    """One graph for all tests that leave it driving, as they found it; a new one after a test that has failed."""
+
+    def __init__(self, folders):
+        self.folders, self.graph, self.failed = folders, None, 0
+
+    def lend(self, failed):
+        if failed != self.failed:
+            self.end()
+        if self.graph is None:
+            self.graph, self.failed = RobotGraph(self.folders.mktemp("graph"), {}), failed
+        return self.graph
+
+    def end(self):
+        if self.graph is not None:
+            self.graph.stop()
+            self.graph = None
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    one = Shared(tmp_path_factory)
+    yield one
+    one.end()
+
+
 @pytest.fixture
-def graph(tmp_path, ros_environment, bridge_parameters):
+def own_graph(shared, tmp_path, ros_environment, bridge_parameters):
+    """A graph for a test that ends a node of it, sets its clock or wants a bridge of its own."""
+    shared.end()  # one robot in a domain
     one = RobotGraph(tmp_path, bridge_parameters)
     try:
         yield one
     finally:
         one.stop()
+
+
+@pytest.fixture
+def graph(shared, ros_environment, request):
+    """The shared graph, driving."""
+    return shared.lend(request.session.testsfailed)
 
 
 @contextmanager
@@ -71,17 +105,28 @@ def call(service):
 
 
 @pytest.mark.parametrize("bridge_parameters", [{"soft_start": 1.0}])
-def test_the_start_is_soft(graph):
-    graph.until_driven()
-    commands = [command for _, command, _ in graph.told()]
+def test_the_start_is_soft(own_graph):
+    own_graph.until_driven()
+    commands = [command for _, command, _ in own_graph.told()]
     rise = list(takewhile(bool, reversed(commands[: commands.index(1.5)])))[::-1]
     assert rise == sorted(rise)
     assert len(rise) > 3, "a second, at one command in 5 ms"
 
 
-def test_a_killed_controller_is_zero(graph):
-    graph.until_driven()
-    graph.until_zero_after(graph.signal("controller", signal.SIGKILL))
+def test_a_killed_controller_is_zero(own_graph):
+    own_graph.until_driven()
+    own_graph.until_zero_after(own_graph.signal("controller", signal.SIGKILL))
+
+
+def test_a_clock_that_is_set_forth_and_back_is_told_zero(own_graph):
+    own_graph.until_driven()
+    own_graph.until_zero_after(own_graph.order("jump", 3600))
+    # The excitation lives in the present: an hour ahead there is none to pass on.
+    own_graph.order("jump", -3600)
+    own_graph.until_driven()
+    # What was measured then is taken for the beginning of a new run, and that is soft.
+    own_graph.until_zero_after(own_graph.order("jump", -3600), count=1)
+    own_graph.until_driven()
 
 
 @pytest.mark.parametrize("name", ["controller", "excitation"])
@@ -104,17 +149,6 @@ def test_a_robot_that_measures_nonsense_is_told_zero(graph):
     graph.until_zero_after(graph.order("nan"))
     graph.order("good")
     assert call("/controller/reset").success
-    graph.until_driven()
-
-
-def test_a_clock_that_is_set_forth_and_back_is_told_zero(graph):
-    graph.until_driven()
-    graph.until_zero_after(graph.order("jump", 3600))
-    # The excitation lives in the present: an hour ahead there is none to pass on.
-    graph.order("jump", -3600)
-    graph.until_driven()
-    # What was measured then is taken for the beginning of a new run, and that is soft.
-    graph.until_zero_after(graph.order("jump", -3600), count=1)
     graph.until_driven()
 
 
@@ -149,28 +183,28 @@ def test_the_emergency_stop_holds_whatever_the_controller_says(graph):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_last_word_of_a_bridge_is_zero(graph, number):
-    graph.until_driven()
-    graph.signal("bridge", number)
-    assert graph.processes["bridge"].wait(timeout=PATIENCE) == 0
-    graph.until(lambda: graph.newest()[1] == 0.0)
+def test_the_last_word_of_a_bridge_is_zero(own_graph, number):
+    own_graph.until_driven()
+    own_graph.signal("bridge", number)
+    assert own_graph.processes["bridge"].wait(timeout=PATIENCE) == 0
+    own_graph.until(lambda: own_graph.newest()[1] == 0.0)
 
 
 @pytest.mark.parametrize(
     "bridge_parameters", [{"limit.position_max": 20.0, "limit.position_min": -20.0, "limit.coast_time": 0.5}]
 )
-def test_nobody_drives_the_motor_past_its_position_limit(graph):
+def test_nobody_drives_the_motor_past_its_position_limit(own_graph):
     """The preset coasts for inertia / friction = 0.5 s: it is stopped so early that it comes to rest inside."""
-    driven = graph.until_driven()
-    graph.until_zero_after(driven)
-    assert "coasting to position" in graph.said("bridge")
+    driven = own_graph.until_driven()
+    own_graph.until_zero_after(driven)
+    assert "coasting to position" in own_graph.said("bridge")
     stopped = time.monotonic_ns()
     with stranger("/joint_command") as publisher:
-        graph.until(publisher.get_subscription_count)
-        graph.until(lambda: publish(publisher, 2.0) and len(graph.told(stopped)) > 400)
-    assert graph.still(stopped), "nobody pushes it on"
-    assert max(position for _, _, position in graph.told()) > 19.0
+        own_graph.until(publisher.get_subscription_count)
+        own_graph.until(lambda: publish(publisher, 2.0) and len(own_graph.told(stopped)) > 400)
+    assert own_graph.still(stopped), "nobody pushes it on"
+    assert max(position for _, _, position in own_graph.told()) > 19.0
     call("/bridge/reset")
-    graph.until(lambda: len(graph.told(stopped)) > 1000)
-    graph.until_zero_after(graph.told(stopped)[-1][0])
-    graph.until(lambda: abs(graph.told()[-1][2] - graph.told()[-100][2]) < 1e-2)
+    own_graph.until(lambda: len(own_graph.told(stopped)) > 1000)
+    own_graph.until_zero_after(own_graph.told(stopped)[-1][0])
+    own_graph.until(lambda: abs(own_graph.told()[-1][2] - own_graph.told()[-100][2]) < 1e-2)

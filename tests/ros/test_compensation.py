@@ -87,7 +87,6 @@ def test_what_cannot_be_cancelled_is_one_line(bench, parameters, said):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.whole_graph
 @pytest.mark.slow
 def test_a_mujoco_machine_is_recorded_identified_and_then_follows_twice_as_well(tmp_path, ros_domain_id, capsys):
     pytest.importorskip("mujoco", reason="no mujoco: pip install mujoco")

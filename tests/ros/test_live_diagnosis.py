@@ -27,7 +27,6 @@ from idloop_nodes.codec import (
 
 pytestmark = [
     pytest.mark.ros,
-    pytest.mark.whole_graph,
     pytest.mark.slow,
     pytest.mark.timeout(1800),
     pytest.mark.usefixtures("ros_environment"),
@@ -154,6 +153,7 @@ def test_a_user_has_the_next_experiment_run_and_climbs(operate):
     operator.until(lambda: len(operator.ladder().steps) == 1)
 
 
+@pytest.mark.whole_graph
 def test_a_suggestion_beyond_the_limits_is_refused_and_an_experiment_can_be_stopped(operate):
     operator = operate(mode="realtime")
     operator.until(lambda: operator.got["estimator/prediction"] and operator.got["excitation"])

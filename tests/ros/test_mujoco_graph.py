@@ -20,7 +20,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 TRUTH = {"axis.inertia": 0.01, "axis.viscous_friction": 0.05, "coulomb_friction@axis.level": 0.15}
 
 
-@pytest.mark.whole_graph
 @pytest.mark.slow
 def test_a_mujoco_machine_is_recorded_and_identified(tmp_path):
     lines: list[str] = []

@@ -166,7 +166,6 @@ def test_without_the_parameter_nothing_is_followed(bench):
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.whole_graph
 @pytest.mark.timeout(600)
 @pytest.mark.usefixtures("ros_environment")
 def test_a_replayed_bag_gives_what_was_seen_live_and_what_the_record_gives(tmp_path):

@@ -13,7 +13,6 @@ from idloop_nodes.codec import decode_diagnostics, wear_from_statuses
 
 pytestmark = [
     pytest.mark.ros,
-    pytest.mark.whole_graph,
     pytest.mark.slow,
     pytest.mark.usefixtures("ros_environment"),
 ]

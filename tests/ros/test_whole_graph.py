@@ -19,7 +19,7 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 from idloop.graph import GraphRun, load_graph, read_results, run_graph
 from idloop.physics import load_model
 
-pytestmark = [pytest.mark.ros, pytest.mark.whole_graph, pytest.mark.usefixtures("ros_environment")]
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 SHORT = {"duration": "4.0", "window": "2.0", "validation": "1.0", "fit_period": "1.0"}
 SAMPLES = 400
 
@@ -129,6 +129,7 @@ def test_a_recording_without_its_last_commands_is_played_to_the_end(recorded, tm
     assert len(stamps) == SAMPLES
 
 
+@pytest.mark.whole_graph
 def test_real_time_keeps_the_clock(tmp_path):
     started = time.time_ns()
     run(tmp_path / "bag", mode="realtime", duration="1.0")

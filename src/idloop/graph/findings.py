@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from idloop.errors import IdloopError
-
-_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+from idloop.graph.diagnostics import read_diagnostics, unreadable
 
 
 @dataclass(frozen=True)
@@ -40,32 +38,20 @@ def read_findings(bag: Path) -> Findings:
     IdloopError
         When the bag cannot be read.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.typesys import Stores, get_typestore
-
     diagnoses: list[dict[str, Any]] = []
     experiments: list[dict[str, Any]] = []
     ladder: dict[str, Any] | None = None
     try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
-            wanted = [
-                one
-                for one in reader.connections
-                if one.msgtype == _TYPE and one.topic.endswith(("estimator/missing_effects", "estimator/ladder"))
-            ]
-            # without connections the reader would go through everything
-            for connection, _, data in reader.messages(wanted) if wanted else ():
-                message: Any = reader.deserialize(data, connection.msgtype)
-                values = {one.key: one.value for one in message.status[0].values}
-                if connection.topic.endswith("missing_effects"):
-                    diagnoses.append(_diagnosis(values))
-                elif values["document"]:
-                    ladder = json.loads(values["document"])
-                    suggested = ladder["suggested_experiment"] if ladder else None
-                    if suggested is not None and suggested not in experiments[-1:]:
-                        experiments.append(suggested)
-    except (AnyReaderError, OSError, KeyError, IndexError, ValueError) as error:
-        raise IdloopError(f"{bag}: cannot be read: {error}") from error
+        for name, (values, *_) in read_diagnostics(bag, ("missing_effects", "ladder")):
+            if name == "missing_effects":
+                diagnoses.append(_diagnosis(values))
+            elif values["document"]:
+                ladder = json.loads(values["document"])
+                suggested = ladder["suggested_experiment"] if ladder else None
+                if suggested is not None and suggested not in experiments[-1:]:
+                    experiments.append(suggested)
+    except (KeyError, ValueError) as error:
+        raise unreadable(bag, error) from error
     return Findings(tuple(diagnoses), tuple(experiments), ladder)
 
 

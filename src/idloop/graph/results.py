@@ -6,9 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from idloop.errors import IdloopError
-
-_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+from idloop.graph.diagnostics import Statuses, read_diagnostics, unreadable
 
 
 @dataclass(frozen=True)
@@ -44,44 +42,28 @@ def read_results(bag: Path) -> LiveResult:
     IdloopError
         When the bag cannot be read.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.typesys import Stores, get_typestore
-
-    newest: dict[str, Any] = {}
+    newest: dict[str, Statuses] = {}
     fits = 0
-    try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
-            wanted = [
-                one
-                for one in reader.connections
-                if one.msgtype == _TYPE and one.topic.endswith(("estimator/fit", "estimator/parameters"))
-            ]
-            # without connections the reader would go through everything
-            for connection, _, data in reader.messages(wanted) if wanted else ():
-                name = connection.topic.rsplit("/", 1)[-1]
-                newest[name] = reader.deserialize(data, connection.msgtype)
-                fits += name == "fit"
-    except (AnyReaderError, OSError) as error:
-        raise IdloopError(f"{bag}: cannot be read: {error}") from error
+    for name, statuses in read_diagnostics(bag, ("fit", "parameters")):
+        newest[name] = statuses
+        fits += name == "fit"
     if "fit" not in newest:
         return LiveResult()
-    values = _values(newest["fit"].status[0])
     parameters: dict[str, dict[str, Any]] = {}
-    for status in newest["parameters"].status if "parameters" in newest else ():
-        one = _values(status)
-        stderr = float(one["stderr"]) if one["stderr"] else None
-        parameters[one["parameter"]] = {"value": float(one["value"]), "stderr": stderr, "unit": one["unit"]}
-    return LiveResult(
-        fit=_numbers(values, "fit/"),
-        fit_train=_numbers(values, "train/"),
-        parameters=parameters,
-        fits=fits,
-        error=values["error"],
-    )
-
-
-def _values(status: Any) -> dict[str, str]:
-    return {one.key: one.value for one in status.values}
+    try:
+        values, *_ = newest["fit"]
+        for one in newest.get("parameters", ()):
+            stderr = float(one["stderr"]) if one["stderr"] else None
+            parameters[one["parameter"]] = {"value": float(one["value"]), "stderr": stderr, "unit": one["unit"]}
+        return LiveResult(
+            fit=_numbers(values, "fit/"),
+            fit_train=_numbers(values, "train/"),
+            parameters=parameters,
+            fits=fits,
+            error=values["error"],
+        )
+    except (KeyError, ValueError) as error:
+        raise unreadable(bag, error) from error
 
 
 def _numbers(values: dict[str, str], prefix: str) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from idloop.control import check_controller
+from idloop.control.check import check_controller
 from idloop.errors import InputError
 from idloop.physics.model import InputSignal, Model, OutputSignal
 from idloop.physics.parameter import Parameter

@@ -5,6 +5,7 @@ from __future__ import annotations
 from idloop.records.align import read_record, read_records
 from idloop.records.checks import check_identifiable, check_record
 from idloop.records.finding import Finding
+from idloop.records.from_model import record_from_model
 from idloop.records.inspection import Inspection, inspect_bag
 from idloop.records.read import read_streams
 from idloop.records.record import Record
@@ -23,6 +24,7 @@ __all__ = [
     "read_record",
     "read_records",
     "read_streams",
+    "record_from_model",
     "record_streams",
     "write_bag",
 ]

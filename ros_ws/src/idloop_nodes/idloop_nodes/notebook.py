@@ -12,7 +12,7 @@ from idloop.diagnose.errors import model_errors
 from idloop.errors import InputError
 from idloop.physics import parse_effect
 from idloop.validate import compare
-from idloop_nodes.diagnosis_jobs import DiagnosisAnswer, DiagnosisJob
+from idloop_nodes.diagnosis_orders import DiagnosisAnswer, DiagnosisOrder
 from idloop_nodes.summaries import summarise_diagnosis, summarise_ladder
 from idloop_nodes.worker import Report
 
@@ -39,7 +39,7 @@ class Notebook:
     diagnosis: Diagnosis | None = None
     suggested: dict[str, Any] | None = None
 
-    def diagnose(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def diagnose(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Find out what is missing."""
         found = diagnose(
             job.model,
@@ -68,7 +68,7 @@ class Notebook:
         where = compare(self.ladder.model, job.validation[-1]).where.lines() if job.validation else []
         return self._answer(job, missing=summarise_diagnosis(found, where, job.windows))
 
-    def add_best_effect(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def add_best_effect(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Add what the newest diagnosis names first: an effect, or both of a pair."""
         best = None if self.diagnosis is None else self.diagnosis.best
         if self.ladder is None or self.diagnosis is None or best is None:
@@ -107,13 +107,13 @@ class Notebook:
             last = replace(last, added=added, set=self.diagnosis.set, p_value=best.p_value)
         return self._climb(job, replace(ladder, steps=(*ladder.steps[:-1], last)))
 
-    def undo(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def undo(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Take the last step back."""
         if self.ladder is None:
             raise InputError("there is no step to take back")
         return self._climb(job, self.ladder.undo())
 
-    def effects(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def effects(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Climb to exactly the effects of the order, from the highest step that has none but these."""
         names = ["@".join(parse_effect(text)[:2]) for text in job.effects]
         ladder = self.ladder
@@ -141,7 +141,7 @@ class Notebook:
                 ladder = add_effect(ladder, text, job.records, job.validation, seed=job.seed, progress=report)
         return self._climb(job, ladder)
 
-    def suggest(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def suggest(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Work out the experiment that settles what the newest diagnosis has left open."""
         from idloop.diagnose.suggest import Limits
         from idloop.diagnose.suggest_next import suggest_next
@@ -170,25 +170,25 @@ class Notebook:
 
     # answers
 
-    def _climb(self, job: DiagnosisJob, ladder: Ladder) -> DiagnosisAnswer:
+    def _climb(self, job: DiagnosisOrder, ladder: Ladder) -> DiagnosisAnswer:
         self.ladder = replace(ladder, candidates=(), suggested_experiment=None)
         self.diagnosis = self.suggested = None
         return self._answer(job, model=ladder.model)
 
-    def _answer(self, job: DiagnosisJob, **more: Any) -> DiagnosisAnswer:
+    def _answer(self, job: DiagnosisOrder, **more: Any) -> DiagnosisAnswer:
         ladder = None
         if self.ladder is not None:
             ladder = summarise_ladder(self.ladder, self.suggested, job.experiments)
         return DiagnosisAnswer(job.number, job.verb, job.stamp, pickle.dumps(self), ladder=ladder, **more)
 
 
-def _step(model: Model, job: DiagnosisJob, added: Candidate | None = None) -> Step:
+def _step(model: Model, job: DiagnosisOrder, added: Candidate | None = None) -> Step:
     return Step(
         added=added, model=model, train=model_errors(model, job.records), validation=model_errors(model, job.validation)
     )
 
 
-def _measured_anew(ladder: Ladder, job: DiagnosisJob) -> Ladder:
+def _measured_anew(ladder: Ladder, job: DiagnosisOrder) -> Ladder:
     """New data may have come in: every step is judged on the same."""
     if len(ladder.steps[-1].train.get("records", {})) == len(job.records):
         return ladder
@@ -199,7 +199,7 @@ def _measured_anew(ladder: Ladder, job: DiagnosisJob) -> Ladder:
     return replace(ladder, steps=tuple(steps))
 
 
-def _newest_position(job: DiagnosisJob) -> float | None:
+def _newest_position(job: DiagnosisOrder) -> float | None:
     """Position at which the axis is, as far as the data tell."""
     import numpy as np
 

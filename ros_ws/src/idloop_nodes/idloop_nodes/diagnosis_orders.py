@@ -1,0 +1,128 @@
+"""What the estimator orders where something is missing, and what comes back: the words, not the work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from idloop_nodes.codec import LadderSummary, MissingSummary
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+DIAGNOSE, ADD_BEST, UNDO, EFFECTS, SUGGEST = "diagnose", "add_best_effect", "undo", "effects", "suggest"
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """What a suggested experiment may do, as the excitation node declares it.
+
+    Attributes
+    ----------
+    amplitude, position_min, position_max, velocity : float or None
+        None where nothing is declared.
+    adds_to : {"command", "reference"}
+        Where the node's samples go.
+    absolute : bool
+        Whether they are the reference itself, not added to it.
+    """
+
+    amplitude: float | None = None
+    position_min: float | None = None
+    position_max: float | None = None
+    velocity: float | None = None
+    adds_to: str = "command"
+    absolute: bool = False
+
+    @property
+    def position(self) -> tuple[float, float] | None:
+        """Range of positions; a reference stays within its own amplitude too. None where an end is open."""
+        low, high = self.position_min, self.position_max
+        if self.adds_to == "reference" and self.amplitude is not None:
+            low = -self.amplitude if low is None else max(low, -self.amplitude)
+            high = self.amplitude if high is None else min(high, self.amplitude)
+        return None if low is None or high is None else (low, high)
+
+
+@dataclass(frozen=True)
+class DiagnosisAnswer:
+    """What came of an order.
+
+    Attributes
+    ----------
+    number : int
+        Of the job.
+    verb : str
+        What was ordered.
+    stamp : int
+        Of the newest sample that it rests on [ns].
+    notebook : bytes
+        Pickle of the ladder and the newest diagnosis, for the next order; empty when the order failed.
+    model : Model or None
+        Model to go on with where the order changed it.
+    missing : MissingSummary or None
+        New contents of ``estimator/missing_effects``.
+    ladder : LadderSummary or None
+        New contents of ``estimator/ladder``.
+    error : str
+        Why the order could not be carried out, one line.
+    """
+
+    number: int
+    verb: str
+    stamp: int
+    notebook: bytes = b""
+    model: Model | None = None
+    missing: MissingSummary | None = None
+    ladder: LadderSummary | None = None
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class DiagnosisOrder:
+    """One order.
+
+    Attributes
+    ----------
+    number : int
+    verb : str
+    stamp : int
+        Of the newest sample [ns].
+    model : Model
+        As it is now; where there is no ladder yet, its start.
+    notebook : bytes
+        What the last order left; empty at the start.
+    records, validation : tuple of Record
+    windows : tuple of (int, int)
+        First and last stamp of each stretch of data [ns].
+    effects : tuple of str
+        For EFFECTS: what the model shall have beyond its file, as text.
+    catalogue : tuple of str
+        Effects that are looked for; all when empty.
+    level : float
+        Family-wise error rate.
+    criterion : str
+    seed : int
+    experiments : int
+        Experiments among the records.
+    limits : MotionLimits
+        For SUGGEST.
+    """
+
+    number: int
+    verb: str
+    stamp: int
+    model: Model
+    notebook: bytes = b""
+    records: tuple[Record, ...] = ()
+    validation: tuple[Record, ...] = ()
+    windows: tuple[tuple[int, int], ...] = ()
+    effects: tuple[str, ...] = ()
+    catalogue: tuple[str, ...] = ()
+    level: float = 0.01
+    criterion: str = "auto"
+    seed: int = 0
+    experiments: int = 0
+    limits: MotionLimits = MotionLimits()
+    replaceable: bool = False

@@ -1,0 +1,54 @@
+"""A record of an experiment on a model's machine, everything sampled on one clock: what a simulation leaves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.record import Record
+
+if TYPE_CHECKING:
+    from idloop.physics.model import Model
+
+Floats = NDArray[np.float64]
+
+
+def record_from_model(
+    name: str, model: Model, time: Floats, command: Floats, output: Floats, reference: Floats | None = None
+) -> Record:
+    """Put samples under the names and units that a model gives its signals.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the record.
+    model : Model
+        Whose command and outputs these are.
+    time : ndarray, shape (n,)
+        Stamps of everything [s].
+    command : ndarray, shape (n,)
+        In the unit of the model's input; held until the next stamp.
+    output : ndarray, shape (n, p)
+        In the order and units of the model's outputs.
+    reference : ndarray, shape (n, 2), optional
+        Position and velocity that a controller followed; NaN = not given. None in open loop.
+
+    Returns
+    -------
+    Record
+    """
+    return Record(
+        name=name,
+        input_time=time,
+        input=command,
+        time=time,
+        output=output,
+        input_name=model.input.name,
+        input_unit=model.input.unit,
+        output_names=model.output_names,
+        output_units=tuple(signal.unit for signal in model.outputs),
+        reference_time=None if reference is None else time,
+        reference=reference,
+    )
