@@ -12,13 +12,14 @@ import pytest
 from scipy.signal import lfilter
 
 from idloop.cli import main
-from idloop.cli._identification import Outcome
+from idloop.cli._identification import Outcome, excitation_measure
 from idloop.cli._identification_arguments import NumbersArgument, parse_structure, parse_sweep, parse_values
 from idloop.cli._identification_tables import pole_row
 from idloop.errors import InputError
 from idloop.estimate.linear import load
 from idloop.estimate.method import Identified
 from idloop.estimate.methods import METHODS
+from idloop.estimate.sampled import SampledData
 from idloop.physics import load_model, simulate
 from idloop.records import Record, write_bag
 from idloop.validate.score import Score
@@ -27,12 +28,12 @@ from idloop.validate.score import Score
 POLE = -2.306
 
 
-def write_recording(path: Path, seed: int) -> Path:
+def write_recording(path: Path, seed: int, gain: float = 1.0, hold: int = 10) -> Path:
     """Record of the preset, 12 s at 50 Hz with a little noise."""
     model = load_model("dc_motor")
     random = np.random.default_rng(seed)
     time = np.arange(600) * 0.02
-    command = np.repeat(random.uniform(-3.0, 3.0, 60), 10)
+    command = gain * np.repeat(random.uniform(-3.0, 3.0, 600 // hold), hold)
     output = simulate(model, time, command, time).output + random.normal(size=(600, 2)) * [1e-2, 2e-2]
     units = tuple(o.unit for o in model.outputs)
     record = Record(path.name, time, command, time, output, model.input.name, "V", model.output_names, units)
@@ -250,6 +251,51 @@ def test_a_network_that_only_predicts_says_what_to_try():
     assert not outcome("oe", -30.0, 90.0).hint
 
 
+def test_a_sweep_over_bags_gives_each_a_model_of_its_own(bags, tmp_path, capsys):
+    loud, quiet, other = (write_recording(tmp_path / f"{name}", 5, gain) for name, gain in
+                          (("loud", 1.0), ("quiet", 0.1), ("other", 0.5)))  # fmt: skip
+    figure = tmp_path / "amplitudes.svg"
+    words = ("--method", "oe", "--method", "n4sid", "--order", 1, *VELOCITY, "--model", "dc_motor")
+    swept = (loud, quiet, other, *words, "--sweep", "amplitude")
+    code, out, err = run(capsys, *swept, "--validate", bags[1], "--plot", figure, "--json")
+    assert (code, err) == (0, f"written: {figure}\n")
+    sweep = json.loads(out)["sweep"]
+    assert (sweep["over"], sweep["unit"]) == ("amplitude", "V")
+    assert [row["record"] for row in sweep["rows"][::2]] == ["quiet", "other", "loud"]
+    values = [row["value"] for row in sweep["rows"][::2]]
+    # Levels between -3 and 3 V have a deviation of root 3.
+    assert values[2] == pytest.approx(np.sqrt(3.0), rel=0.2)
+    assert values == pytest.approx([0.1 * values[2], 0.5 * values[2], values[2]])
+    # All are judged on the same unseen data, and the louder one knows more.
+    fits = [row["free_run"]["mean_fit"] for row in sweep["rows"] if row["method"] == "oe"]
+    assert fits[2] > 98
+    assert fits[2] > fits[0]
+    assert "amplitude [V]" in figure.read_text(encoding="utf-8")
+    out = run(capsys, *swept)[1]
+    assert "record  amplitude [V]  method" in out
+    assert re.search(r"oe: best free run at amplitude 1\.\d+ V: mean FIT", out)
+
+
+def test_the_bandwidth_of_a_bag_is_that_of_its_command(tmp_path, capsys):
+    slow, quick = write_recording(tmp_path / "slow", 5, hold=20), write_recording(tmp_path / "quick", 6, hold=4)
+    words = ("--method", "oe", "--order", 1, *VELOCITY, "--sweep", "bandwidth")
+    code, out, _ = run(capsys, quick, slow, *words, "--json")
+    assert code == 0
+    sweep = json.loads(out)["sweep"]
+    assert (sweep["unit"], [row["record"] for row in sweep["rows"]]) == ("Hz", ["slow", "quick"])
+    assert sweep["rows"][0]["value"] < 0.5 * sweep["rows"][1]["value"]
+
+
+@pytest.mark.parametrize("hold", [4, 25])
+def test_amplitude_and_bandwidth_of_random_levels(hold):
+    command = 0.5 + 2.0 * np.repeat(np.random.default_rng(hold).choice([-1.0, 1.0], 100_000 // hold), hold)[:, None]
+    data = SampledData("levels", command, command, 0.01)
+    parts = [data.part(0, 40_000), data.part(40_000, 100_000)]
+    assert excitation_measure("amplitude", parts) == pytest.approx(2.0, rel=0.01)
+    # The spectrum of what is held for T is a squared sinc: three quarters lie below 0.47 / T.
+    assert excitation_measure("bandwidth", parts) == pytest.approx(0.47 / (0.01 * hold), rel=0.07)
+
+
 def test_sweeps_of_horizon_and_sample_time_leave_out_what_fails(bags, capsys):
     words = (bags[0], "--method", "n4sid", "--method", "arx", "--order", 2)
     code, out, _ = run(capsys, *words, "--sweep", "horizon=2,10", "--json")
@@ -333,6 +379,9 @@ def test_the_methods_are_listed_without_a_bag(capsys):
         (["--method", "oe", "--sweep", "ordre=1:3"], "did you mean 'order'"),
         (["--method", "oe", "--sweep", "sample-time=0.01:0.05"], "0.01:0.05:0.01"),
         (["--method", "spa", "--sweep", "order=1:3"], "responses"),
+        (["--method", "oe", "--sweep", "amplitude"], "two or more"),
+        (["--method", "oe", "--sweep", "bandwidth=1:3"], "its own bandwidth"),
+        (["--method", "oe", "--sweep", "amplitud"], "did you mean 'amplitude'"),
         (["--method", "oe", "--structure", "nx=2"], "nb"),
         (["--method", "oe", "--structure", "na=2"], "oe has nb, nf; leave na out"),
         (["--method", "arx", "--structure", "nb=0"], "the command has no effect"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
@@ -266,3 +268,12 @@ def test_every_method_says_what_it_is():
         assert method.source
         unknown = set(method.needs) - set(Choices.__dataclass_fields__)
         assert not unknown
+
+
+def test_numbers_that_overflow_on_the_way_to_a_model_are_one_line(monkeypatch):
+    def overflow(*_):
+        np.linalg.svd([[np.nan]])
+
+    monkeypatch.setitem(METHODS, "oe", replace(METHODS["oe"], run=overflow))
+    with pytest.raises(InputError, match="record: oe of order 150 overflows on the way to a model; lower the order"):
+        identify(open_loop(), "oe", Choices(order=150))

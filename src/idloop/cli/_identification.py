@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _APART = 20.0  # FIT that a free run may lie below the prediction before that is said [%]
 _SAME = 0.01  # a change of a free run's error by less than this part is worth no state
+_BAND = 0.75  # of a command's power, what lies within its bandwidth: of levels held for T, that below 1/(2T)
 _SIGMAS = 2.0  # standard errors within which two models do equally well
 
 
@@ -33,6 +34,8 @@ class Outcome:
         None for responses and failures.
     information : Information or None
     error : str
+    record : str
+        The one that it was identified from, where each has a model of its own.
     """
 
     label: str
@@ -40,6 +43,7 @@ class Outcome:
     score: Score | None = None
     information: Information | None = None
     error: str = ""
+    record: str = ""
 
     @property
     def states(self) -> int | None:
@@ -103,6 +107,37 @@ class Outcome:
             "aic": None if known is None else known.aic,
             "bic": None if known is None else known.bic,
         }
+
+
+def excitation_measure(name: Literal["amplitude", "bandwidth"], data: Sequence[SampledData]) -> float:
+    """Amplitude or bandwidth of the commands of a record.
+
+    Parameters
+    ----------
+    name : "amplitude" or "bandwidth"
+        Standard deviation [of the command], or frequency below which three quarters of its power lie [Hz].
+    data : sequence of SampledData
+        Stretches of the record.
+
+    Returns
+    -------
+    float
+    """
+    import numpy as np
+
+    around = np.mean(np.concatenate([one.input[:, 0] for one in data]))
+    commands = [one.input[:, 0] - around for one in data]
+    if name == "amplitude":
+        return float(np.sqrt(np.mean(np.concatenate(commands) ** 2)))
+    lines = [np.fft.rfftfreq(len(one), one.sample_time) for one in data]
+    frequency = np.concatenate(lines)
+    # Half of the power of every line but the first is at its negative frequency.
+    power = np.concatenate(
+        [np.abs(np.fft.rfft(u)) ** 2 / u.size * np.where(f > 0, 2.0, 1.0) for u, f in zip(commands, lines, strict=True)]
+    )
+    order = np.argsort(frequency, kind="stable")
+    below = np.cumsum(power[order])
+    return float(frequency[order][np.searchsorted(below, _BAND * below[-1])])
 
 
 def best_values(rows: Sequence[tuple[float, Outcome]]) -> dict[str, float]:

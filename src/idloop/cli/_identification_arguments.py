@@ -22,6 +22,7 @@ _MOST_VALUES = 200  # of a range: more are a slip of the pen
 _FINEST = 0.95  # of a record's own sample time: less is no rounding of it
 # Settings that a sweep may go over, and their units.
 SWEPT: dict[str, str | None] = {"order": None, "delay": "samples", "horizon": "samples", "sample-time": "s"}
+MEASURED = ("amplitude", "bandwidth")  # what it may go over in the bags themselves
 
 
 @dataclass(frozen=True)
@@ -31,13 +32,23 @@ class Sweep:
     Attributes
     ----------
     name : str
-        One of `SWEPT`.
+        One of `SWEPT` or `MEASURED`.
     values : tuple of float
-        Whole numbers but for the sample time.
+        Whole numbers but for the sample time; none of what each bag has of itself.
     """
 
     name: str
-    values: tuple[float, ...]
+    values: tuple[float, ...] = ()
+
+    def unit(self, command: str) -> str | None:
+        """Unit of the values; None of a number of states.
+
+        Parameters
+        ----------
+        command : str
+            Unit of the command.
+        """
+        return {"amplitude": command, "bandwidth": "Hz", **SWEPT}[self.name]
 
 
 class NumbersArgument(click.ParamType[Any]):
@@ -95,18 +106,28 @@ def _spread(limits: list[float], *, whole: bool) -> list[float]:
 
 
 def parse_sweep(text: str) -> Sweep:
-    """Setting and values of "order=1:10".
+    """Setting and values of "order=1:10"; of "amplitude" the setting alone.
 
     Raises
     ------
     InputError
-        Another setting, or no values.
+        Another setting, or no values where there must be some.
     """
     name, equals, values = text.partition("=")
     name = name.strip().replace("_", "-")
+    if name in MEASURED:
+        if equals:
+            raise InputError(
+                f"--sweep {text}: every bag has its own {name}; write --sweep {name} and give several bags"
+            )
+        return Sweep(name)
     if not equals or name not in SWEPT:
-        near = did_you_mean(name, SWEPT)
-        raise InputError(f"--sweep {text}: write NAME=VALUES{near}, NAME one of {listed(SWEPT)}")
+        known = [*SWEPT, *MEASURED]
+        near = did_you_mean(name, known)
+        raise InputError(
+            f"--sweep {text}: write NAME=VALUES{near}, NAME one of {listed(SWEPT)}; or {' or '.join(MEASURED)} alone,"
+            " for a row of each bag"
+        )
     whole = name != "sample-time"
     least = {"order": 1, "delay": 0, "horizon": 2, "sample-time": 1e-9}[name]
     return Sweep(name, parse_values(values.strip(), f"--sweep {name}", whole=whole, least=least))

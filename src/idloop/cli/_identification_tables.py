@@ -206,10 +206,10 @@ def print_verdicts(outcomes: Sequence[Outcome]) -> None:
                 click.echo(f"{one.label}: {note}")
         for test in one.score.tests if one.score is not None else ():
             white = "white" if test.white else "not white"
-            free = "free of the input" if test.input_free else "still follows the input"
+            free = f" (p {test.cross_p:.2g})" if test.told else ""
             click.echo(
                 f"{one.label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g})"
-                f" and {free} (p {test.cross_p:.2g})"
+                f" and {test.freedom}{free}"
             )
 
 
@@ -231,13 +231,16 @@ def loop_text(loop: Loop, biased: Sequence[str]) -> str:
     )
 
 
-def print_sweep(sweep: Sweep, rows: Sequence[tuple[float, Outcome]], steps: int, smallest: Mapping[str, float]) -> None:
+def print_sweep(
+    sweep: Sweep, unit: str | None, rows: Sequence[tuple[float, Outcome]], steps: int, smallest: Mapping[str, float]
+) -> None:
     """Print one line for each value and method, then the best value of each method, and a lower order as good."""
     table = []
+    of_records = any(one.record for _, one in rows)
     for value, one in rows:
         table.append(
             (
-                number(value, 6),
+                *((one.record, number(value, 4)) if of_records else (number(value, 6),)),
                 one.label,
                 _text(one.states),
                 fit_text(mean(one, "free_run")),
@@ -247,14 +250,16 @@ def print_sweep(sweep: Sweep, rows: Sequence[tuple[float, Outcome]], steps: int,
                 one.error,
             )
         )
-    header = (sweep.name, "method", "states", "mean FIT % free run", f"mean FIT % {steps} ahead")
+    swept = ("record", f"{sweep.name} [{unit}]") if of_records else (sweep.name,)
+    header = (*swept, "method", "states", "mean FIT % free run", f"mean FIT % {steps} ahead")
     failed = any(row[-1] for row in table)
     every = [*header, "loss", "FPE", "AIC", "BIC", "stable", *(["failed"] if failed else [])]
     print_table(every, table if failed else [row[:-1] for row in table])
     click.echo()
     for label, value in best_values(rows).items():
         fit = next(mean(one, "free_run") for at, one in rows if one.label == label and at == value)
-        click.echo(f"{label}: best free run at {sweep.name} {value:g}: mean FIT {percent(fit)} %")
+        at_best = f"{value:.4g} {unit}" if of_records else f"{value:g}"
+        click.echo(f"{label}: best free run at {sweep.name} {at_best}: mean FIT {percent(fit)} %")
         least = smallest.get(label, value)
         if least != value:
             close = next(mean(one, "free_run") for at, one in rows if one.label == label and at == least)

@@ -24,11 +24,13 @@ from idloop.cli._identification import (
     Outcome,
     best_values,
     drawn,
+    excitation_measure,
     save_model,
     smallest_orders,
     sweep_lines,
 )
 from idloop.cli._identification_arguments import (
+    MEASURED,
     SWEPT,
     NumbersArgument,
     Sweep,
@@ -68,6 +70,7 @@ Examples:
   idloop identify --list
   idloop identify bags/train --method n4sid --method oe --validate bags/unseen --plot compare.png
   idloop identify bags/train --method n4sid --sweep order=1:10 --validate bags/unseen --plot orders.png
+  idloop identify bags/low bags/middle bags/high --method oe --sweep amplitude --validate bags/unseen
   idloop identify bags/train --method oe --order 1:4 --delay auto --output motor.velocity --save motor.json
 
 \b
@@ -168,7 +171,11 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
     metavar="K",
     help="Samples that the second score predicts ahead.",
 )
-@click.option("--sweep", metavar="NAME=VALUES", help=f"Table and figure over one of {', '.join(SWEPT)}.")
+@click.option(
+    "--sweep",
+    metavar="NAME=VALUES",
+    help=f"Table and figure over one of {', '.join(SWEPT)}; {' or '.join(MEASURED)} alone: each BAG by itself.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of networks.")
 @click.option("--save", type=OUTPUT_FILE, metavar="FILE", help="Write the model (.json; linear ones also .npz).")
 @force_option("Overwrite the file of --save.")
@@ -229,6 +236,8 @@ def command(
     over = None if sweep is None else parse_sweep(sweep)
     if over is not None and any(method.kind == "response" for method in chosen.values()):
         raise InputError(f"--sweep {sweep}: responses predict nothing that could be judged; sweep over models")
+    if over is not None and over.name in MEASURED and len(bags) < 2:
+        raise InputError(f"--sweep {over.name}: it compares bags, each with a model of its own; give two or more")
     if save is not None:
         check_save(save, [method.kind for method in chosen.values()], swept=over is not None)
     law = controller if controller is not None or model is None else model.controller
@@ -288,10 +297,14 @@ def command(
         document["loop"] = loop_document(data[0])
         if over is None:
             outcomes = run_all(list(chosen), data, choices, steps, update)
+        elif over.name in MEASURED:
+            each = [even_grids([record], own, detrend, drop) for record in train]
+            rows = run_records(list(chosen), over, each, data[1] if unseen else None, choices, steps, update)
         else:
             rows = run_sweep(list(chosen), over, grids, data, choices, steps, update)
     if over is not None:
-        return finish_sweep(over, rows, data[1], document, steps, plot, title, as_json=as_json)
+        unit = over.unit(data[0][0].input_units[0])
+        return finish_sweep(over, unit, rows, data[1], document, steps, plot, title, as_json=as_json)
     return finish(outcomes, data[1], document, steps, plot, save, title, as_json=as_json)
 
 
@@ -428,6 +441,42 @@ def run_sweep(
     return rows
 
 
+def run_records(
+    names: Sequence[str],
+    sweep: Sweep,
+    records: Sequence[list[SampledData]],
+    unseen: list[SampledData] | None,
+    choices: Choices,
+    steps: int,
+    update: Callable[..., None],
+) -> list[tuple[float, Outcome]]:
+    """Identify every record by itself by every method, in the order of what it has of the swept quantity.
+
+    Each model is judged on `unseen`, or on its own record where there is none; a failure is its row's outcome.
+
+    Raises
+    ------
+    IdloopError
+        Every row failed.
+    """
+    measure: Any = sweep.name
+    rows: list[tuple[float, Outcome]] = []
+    failure: IdloopError | None = None
+    for index, data in enumerate(records):
+        value = excitation_measure(measure, data)
+        for number, name in enumerate(names):
+            update((index + number / len(names)) / len(records), f"{name}, {data[0].name}")
+            try:
+                one = run_one(name, (data, unseen or data), choices, steps, lambda *_: None)
+            except IdloopError as error:
+                failure = failure or error
+                one = Outcome(name, error=str(error))
+            rows.append((value, replace(one, record=data[0].name)))
+    if failure is not None and all(one.error for _, one in rows):
+        raise failure
+    return sorted(rows, key=lambda row: row[0])
+
+
 def finish(
     outcomes: list[Outcome],
     judged: list[SampledData],
@@ -469,6 +518,7 @@ def finish(
 
 def finish_sweep(
     sweep: Sweep,
+    unit: str | None,
     rows: list[tuple[float, Outcome]],
     judged: list[SampledData],
     document: dict[str, Any],
@@ -485,11 +535,12 @@ def finish_sweep(
         from idloop.drawing import save as save_figure
         from idloop.report.identification import plot_sweep
 
-        save_figure(plot_sweep(sweep.name, SWEPT[sweep.name], sweep_lines(rows), steps, title), plot)
+        save_figure(plot_sweep(sweep.name, unit, sweep_lines(rows), steps, title), plot)
     if as_json:
         table = [
             {
                 "value": value,
+                "record": one.record or None,
                 "method": one.label,
                 "error": one.error or None,
                 **({} if one.score is None else one.score.to_dict()),
@@ -498,11 +549,20 @@ def finish_sweep(
             for value, one in rows
         ]
         print_json(
-            {**document, "sweep": {"over": sweep.name, "rows": table, "best": best_values(rows), "smallest": smallest}}
+            {
+                **document,
+                "sweep": {
+                    "over": sweep.name,
+                    "unit": unit,
+                    "rows": table,
+                    "best": best_values(rows),
+                    "smallest": smallest,
+                },
+            }
         )
     else:
         click.echo(f"{title}\n")
-        print_sweep(sweep, rows, steps, smallest)
+        print_sweep(sweep, unit, rows, steps, smallest)
         if document["loop"]["note"]:
             click.echo(document["loop"]["note"])
     if plot is not None:

@@ -149,7 +149,17 @@ def _criteria(models: Sequence[Identified], data: Sequence[SampledData]) -> list
 def _tried(
     method: Method, data: list[SampledData], choices: Choices, order: int | Literal["auto"], delay: int
 ) -> Identified:
-    found = method.run(data, choices, order, delay)
+    from numpy.linalg import LinAlgError
+
+    try:
+        found = method.run(data, choices, order, delay)
+    except LinAlgError as error:
+        # Filters of an order far above the plant's overflow on the way to a model.
+        size = f" of order {order}" if "order" in method.needs and isinstance(order, int) else ""
+        raise InputError(
+            f"{data[0].name}: {method.name}{size} overflows on the way to a model; lower the order or excite more"
+            " frequencies"
+        ) from error
     model, history = found if isinstance(found, tuple) else (found, ())
     if method.kind in ("linear", "recursive"):
         model = replace(model, method=method.name, notes=(*model.notes, *_offset_notes(data)))

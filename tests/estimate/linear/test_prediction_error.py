@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import control
 from idloop.errors import InputError
-from idloop.estimate.linear import LinearModel, fit_structure, prediction_error, sensitivity
+from idloop.estimate.linear import LinearModel, d2c, fit_structure, prediction_error, sensitivity
 from idloop.estimate.linear.propagate import respond
 from idloop.estimate.linear.sensitivity import Matrices, compressed_errors, error_moments
 from idloop.estimate.sampled import SampledData
@@ -124,6 +124,31 @@ def test_the_minimum_does_not_depend_on_the_start_or_the_units():
     )
     np.testing.assert_allclose(np.sort_complex(second.poles), np.sort_complex(first.poles), atol=1e-3)
     np.testing.assert_allclose(second.covariance, 1e-10 * first.covariance, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["ss", "tf", "continuous"])
+def test_the_search_starts_from_any_system_of_python_control(kind):
+    data = made_by(model())
+    held = control.ss(0.95 * A, B, C, 0.0, STEP)
+    start = {"ss": held, "tf": control.tf(held), "continuous": d2c(held)}[kind]
+    found, wanted = prediction_error(data, start), prediction_error(data, model())
+    assert (found.method, found.start, found.input_names) == ("pem", "given", ("u",))
+    assert found.loss == pytest.approx(wanted.loss, rel=1e-6)
+    np.testing.assert_allclose(found.response([0.5, 2.0]), wanted.response([0.5, 2.0]), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (np.eye(2), "start model of type ndarray"),
+        (control.ss(A, np.eye(2), C, 0.0, STEP), "the start model has 2 and 1"),
+        (control.ss(A, B, C, 0.0, 2 * STEP), "sample time"),
+    ],
+)
+def test_another_start_is_one_line(start, message):
+    with pytest.raises(InputError, match=message) as caught:
+        prediction_error(made_by(model(), 100), start)
+    assert "\n" not in str(caught.value)
 
 
 def test_without_noise_the_search_ends_at_the_plant():

@@ -5,6 +5,7 @@ import pytest
 
 from idloop.cli._common import to_json
 from idloop.errors import InputError
+from idloop.estimate.methods import METHODS
 from idloop.estimate.networks import TrainingRules, load, narx_neural, narx_wavelet, save
 
 
@@ -99,6 +100,8 @@ def test_a_saved_network_goes_on_as_it_was(model, data, tmp_path):
     np.testing.assert_array_equal(again.simulate(data), model.simulate(data))
     np.testing.assert_array_equal(again.predict(data, 3), model.predict(data, 3))
     assert to_json(again.to_dict()) == to_json(model.to_dict())
+    # By the name that identifies another one.
+    assert METHODS[again.method].kind == "network"
 
 
 @pytest.mark.parametrize(

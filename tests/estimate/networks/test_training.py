@@ -97,6 +97,21 @@ def test_validation_stops_and_the_best_network_is_kept(plant):
     )
 
 
+@pytest.mark.parametrize("parallel", [False, True])
+def test_without_validation_data_training_ends_where_only_noise_is_left_to_gain(plant, parallel):
+    data = training_data(plant.narx(0, 1000))
+    start = narx_neural(plant.narx(0, 1000), rules=TrainingRules(epochs=1)).network
+    _, history = train(start, data, TrainingRules(max_fail=4), parallel=parallel)
+    assert history.stop == "gain"
+    share = -np.diff(history.train) / history.train[:-1]
+    assert np.all(share[-4:] < TrainingRules().min_gain)
+    assert share[-5] >= TrainingRules().min_gain
+    assert history.best == len(share)
+    # What more would come is little.
+    _, longer = train(start, data, TrainingRules(epochs=len(share) + 50, min_gain=0.0), parallel=parallel)
+    assert longer.train[-1] > 0.97 * history.train[-1]
+
+
 @pytest.mark.parametrize(
     ("rules", "stop"),
     [
@@ -124,6 +139,7 @@ def test_a_free_run_that_overflows_at_the_start_is_told(plant):
     [
         (lambda: TrainingRules(epochs=-1), "epochs"),
         (lambda: TrainingRules(max_fail=0), "validation checks"),
+        (lambda: TrainingRules(min_gain=1.0), "gain of 1 "),
         (lambda: TrainingRules(mu=0.0), "mu = 0"),
         (lambda: TrainingRules(mu_decrease=2.0), "factors"),
         (lambda: Division(0.7, 0.7, 0.15), "add up"),

@@ -51,3 +51,19 @@ def test_a_period_fits_and_so_do_its_multiples(noise: float):
     for wrong in (50, 99, 101, 150, 250):
         assert misfit(signal, wrong)[1] == 100
     assert misfit(signal, 500) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_period_one_sample_off_is_told_under_heavy_noise(seed: int):
+    # A quarter of the power is noise: the right period misses nearly as much as its neighbours do.
+    signal = periodic(200, 6.0, seed, noise=0.6, top=40)
+    for wrong in (199, 201):
+        assert misfit(signal, wrong)[1] == 200
+    for right in (200, 400):
+        assert misfit(signal, right) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_makes_no_period_of_its_own(seed: int):
+    slow = periodic(100, 4.0, seed, noise=0.6, top=5)
+    assert misfit(slow, 100) is None

@@ -16,10 +16,12 @@ from idloop.estimate.linear.model import Coefficient, LinearModel
 from idloop.estimate.linear.propagate import respond
 from idloop.estimate.linear.search import Found, Parametrisation, mirrored, predictor_radius, search, stability_limit
 from idloop.estimate.linear.sensitivity import Matrices
+from idloop.estimate.linear.start_model import start_model
 from idloop.estimate.observer import riccati
 from idloop.estimate.sampled import SampledData, check_fits, together
 
 if TYPE_CHECKING:
+    import control
     from idloop.estimate.prefilter import Filter
 
 Array = NDArray[np.float64]
@@ -30,7 +32,7 @@ _LOOKED_AT = 20_000  # samples from which the size of the states is taken
 
 def prediction_error(
     data: SampledData | Sequence[SampledData],
-    start: LinearModel,
+    start: LinearModel | control.StateSpace | control.TransferFunction,
     *,
     free: Mapping[str, ArrayLike] | None = None,
     focus: Focus = "prediction",
@@ -50,8 +52,8 @@ def prediction_error(
     ----------
     data : SampledData or sequence of SampledData
         Experiments of one system; offsets removed.
-    start : LinearModel
-        Of the order wanted.
+    start : LinearModel or python-control StateSpace or TransferFunction
+        Of the order wanted; a continuous-time system is sampled, its commands held.
     free : mapping of "a", "b", "c", "d", "gain" to bool arrays, optional
         Entries that are estimated; all others keep the start model's values. Their values and standard errors are
         the coefficients of the result.
@@ -79,6 +81,7 @@ def prediction_error(
         that overflow.
     """
     experiments = filtered(data, prefilter)
+    start = start_model(start, experiments[0])
     check_fits(experiments[0], start.method, start.b.shape[1], start.c.shape[0], start.sample_time)
     gain = start.gain if focus == "prediction" else np.zeros_like(start.gain)
     matrices = Matrices(*(np.array(part, dtype=float) for part in (start.a, start.b, start.c, start.d, gain)))

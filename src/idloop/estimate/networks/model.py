@@ -29,7 +29,7 @@ class NarxModel:
     Attributes
     ----------
     method : str
-        ``"narx wavelet"`` or ``"narx neural"``.
+        ``"narx-wavelet"`` or ``"narx-neural"``.
     form : {"series-parallel", "parallel"}
         Trained to predict one step ahead from measurements, or in free run from its own past outputs.
     delays : TappedDelays

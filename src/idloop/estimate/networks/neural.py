@@ -80,7 +80,7 @@ def narx_neural(
         if found is None or score < found[0]:
             found = score, network, history
     assert found is not None  # noqa: S101 - at least one start
-    return prepared.model("narx neural", found[1], found[2], form, ())
+    return prepared.model("narx-neural", found[1], found[2], form, ())
 
 
 def nguyen_widrow(hidden: int, inputs: int, random: np.random.Generator) -> tuple[Array, Array]:

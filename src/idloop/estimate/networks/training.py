@@ -38,7 +38,10 @@ class TrainingRules:
     min_gradient : float
         Norm of the gradient of that mean square at which nothing is left to gain.
     max_fail : int
-        Epochs in a row without a better validation error.
+        Epochs in a row without a better validation error; without validation data, without a gain in training.
+    min_gain : float
+        Share of the training error by which a step without validation data must lower it: what is left to gain
+        then is noise.
     mu, mu_decrease, mu_increase, mu_max : float
         Damping at the start, its factors after good and bad steps, and where to give up.
 
@@ -52,6 +55,7 @@ class TrainingRules:
     goal: float = 0.0
     min_gradient: float = 1e-7
     max_fail: int = 6
+    min_gain: float = 5e-4
     mu: float = 1e-3
     mu_decrease: float = 0.1
     mu_increase: float = 10.0
@@ -60,6 +64,8 @@ class TrainingRules:
     def __post_init__(self) -> None:
         if self.epochs < 0 or self.max_fail < 1:
             raise InputError(f"{self.epochs} epochs, {self.max_fail} validation checks; give 0 or more and 1 or more")
+        if not 0 <= self.min_gain < 1:
+            raise InputError(f"gain of {self.min_gain:g} of the training error; give a share, 0 or more and below 1")
         if not (0 < self.mu <= self.mu_max and 0 < self.mu_decrease < 1 < self.mu_increase):
             raise InputError(
                 f"mu = {self.mu:g} with factors {self.mu_decrease:g} and {self.mu_increase:g}; take mu above 0,"
@@ -183,11 +189,16 @@ def train(
         else:
             stop = "damping"
             break
+        gained = now[0] - then[0] >= rules.min_gain * now[0]
         point, now = trial, then
         mu = max(mu * rules.mu_decrease, _SMALLEST_DAMPING)
         rows.append([*now, np.nan, mu])
         if np.isnan(now[1]):
             best, best_point = epoch, point
+            fails = 0 if gained else fails + 1
+            if fails >= rules.max_fail:
+                stop = "gain"
+                break
         elif not np.isfinite(best_error) or now[1] < best_error:
             best, best_point, best_error, fails = epoch, point, now[1], 0
         else:

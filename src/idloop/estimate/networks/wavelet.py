@@ -93,7 +93,7 @@ def narx_wavelet(
         network, history = train(network, prepared.data, refine, with_linear=True)
         if form == "parallel":
             network, history = train(network, prepared.data, refine, parallel=True, with_linear=True)
-    return prepared.model("narx wavelet", network, history, form, notes)
+    return prepared.model("narx-wavelet", network, history, form, notes)
 
 
 def dyadic_grid(z: Array, levels: int, cells: int) -> tuple[Indices, Array, Array]:

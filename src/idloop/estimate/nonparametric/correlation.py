@@ -15,6 +15,7 @@ from idloop.estimate.sampled import SampledData, together
 
 Array = NDArray[np.float64]
 
+_FAR = 4  # times the lags: as far as a command that is held carries a response back to negative lags
 _COLOURED = 0.1  # correlation that prewhitening may leave in the input before the weights smear into each other
 
 
@@ -82,17 +83,18 @@ def cra(
     variance = np.maximum(alone + mirrored, 0.01 * alone) / total
     null = np.sqrt(output / total)
     before = response[lag < 0]
+    feedback = np.array([_pooled(before[:, i], covariance[zero : zero + lags, i, i] / power / total) for i in range(p)])
+    follows = bool(np.any(feedback < 1e-3))
     notes = []
-    left = np.abs(covariance[zero + 1 : zero + lags + 1, p, p] / power)
-    smeared = bool(np.max(left) > max(_COLOURED, 5.0 / np.sqrt(total)))
-    if smeared:
+    # What is left at a lag beyond those of the response matters only where it has reached the negative lags.
+    left = _left(white, min(_FAR * lags if follows else lags, shortest - prewhitening - 1))
+    if left > max(_COLOURED, 5.0 / np.sqrt(total)):
         notes.append(
-            f"the whitened input still has a correlation of {np.max(left):.2g} with its past, which smears the"
+            f"the whitened input still has a correlation of {left:.2g} with its past, which smears the"
             " weights, to negative lags as well: whether the loop is closed they do not tell; excite with a signal"
             " that is not held, or take spa"
         )
-    feedback = np.array([_pooled(before[:, i], covariance[zero : zero + lags, i, i] / power / total) for i in range(p)])
-    if np.any(feedback < 1e-3) and not smeared:
+    elif follows:
         notes.append("the input follows the output (weights at negative lags): the loop is closed")
     return ImpulseResponse(
         method="correlation analysis",
@@ -130,6 +132,12 @@ def _whitener(inputs: Sequence[Array], order: int, first: SampledData) -> Array:
             " few frequencies for an impulse response"
         )
     return whitener
+
+
+def _left(white: Sequence[Array], lags: int) -> float:
+    """Largest correlation of the whitened input, the last column, with its past."""
+    covariance = np.sum([covariances(values[:, -1:], lags)[lags:, 0, 0] for values in white], axis=0)
+    return float(np.max(np.abs(covariance[1:] / covariance[0])))
 
 
 def _pooled(weights: Array, covariance: Array) -> float:

@@ -13,6 +13,8 @@ _NEAR, _ALIKE = 1.3, 1e-4  # times the least mismatch, and more than that, one t
 _MISSED = 1e-3  # mismatch that a period may have beside one that fits better
 _BETTER = 0.5  # of a period's mismatch, that of one that fits better
 _UNLIKE = 0.5  # mismatch of a signal that does not repeat at all
+_BESIDE, _LEAST_BESIDE = 100, 2  # neighbours of a period that are looked at: its hundredth part, and at least so many
+_CLOSER = 0.7  # of a period's mismatch, that of a neighbour which is the period: noise makes less of a difference
 
 
 def mismatches(signal: Array) -> Array:
@@ -56,7 +58,24 @@ def misfit(signal: Array, period: int) -> tuple[float, int | None] | None:
     if period >= len(miss):
         return None
     here, found = float(miss[period]), repetition(signal)
-    if found is None:
-        return (here, None) if here > _UNLIKE else None
-    fits = period % found == 0 or here <= _MISSED or float(miss[found]) > _BETTER * here
-    return None if fits else (here, found)
+    if here <= _MISSED or (found is not None and period % found == 0):
+        return None
+    # Noise hides what one sample changes in one period; over several periods the samples add up.
+    closer = _closest(miss, period)
+    if found is not None and float(miss[found]) <= _BETTER * here:
+        as_good = closer != period and float(miss[closer]) <= _NEAR * float(miss[found]) + _ALIKE
+        return here, closer if as_good else found
+    if closer != period:
+        return here, closer
+    return (here, None) if found is None and here > _UNLIKE else None
+
+
+def _closest(miss: Array, period: int) -> int:
+    """The neighbour of a claimed period whose multiples fit clearly better, else the period."""
+    width = min(max(period // _BESIDE, _LEAST_BESIDE), period - 1)
+    near = np.arange(period - width, period + width + 1)
+    times = np.arange(1, max((len(miss) - 1) // near[-1], 1) + 1)
+    lags = np.minimum(near[:, None] * times, len(miss) - 1)
+    mismatch = np.mean(miss[lags], axis=1)
+    best = int(np.argmin(mismatch))
+    return int(near[best]) if mismatch[best] < _CLOSER * mismatch[width] else period

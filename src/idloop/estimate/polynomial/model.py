@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from idloop.estimate.collinear import together_notes
 from idloop.estimate.linear import Coefficient, LinearModel
 from idloop.estimate.linear.instability import instability_notes
+from idloop.estimate.polynomial.excitation import excitation_notes
 from idloop.estimate.polynomial.polynomials import Polynomials
 from idloop.estimate.polynomial.realization import Realization, stack
 from idloop.estimate.sampled import SampledData
@@ -88,6 +89,9 @@ def assemble(
         samples=len(innovations), free=len(coefficients), coefficients=coefficients,
         # Between outputs the errors may correlate, which leaves each output's own block as it is.
         coefficient_covariance=block_diag(*known) if len(known) == len(polynomials) else None,
-        notes=(*dict.fromkeys(notes), *together_notes(data), *instability_notes(form.a)),
+        notes=(
+            *dict.fromkeys(notes), *excitation_notes(data, polynomials, method == "iv4"), *together_notes(data),
+            *instability_notes(form.a),
+        ),
         polynomials=tuple(polynomials),
     )  # fmt: skip
