@@ -353,13 +353,14 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
 
 def print_parameters(ladder: Ladder) -> None:
     """Print the last model's parameters: those of a step are biased by what was still missing then."""
+    from idloop.estimate.interval_text import interval_text
     from idloop.report.estimates import parameter_estimates
 
     rows = [
         (
             name,
             number(one["value"], 6),
-            "not determined" if None in one["interval"] else "{:.5g} .. {:.5g}".format(*one["interval"]),
+            "not determined" if None in one["interval"] else interval_text(*one["interval"]),
             f"{one['unit']}{'  at its bound' if one['at_bound'] else ''}",
         )
         for name, one in parameter_estimates(ladder.model).items()

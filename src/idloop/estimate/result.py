@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimate.interval_text import interval_text
+
 if TYPE_CHECKING:
     import control
     from idloop.physics import Model
@@ -165,12 +167,12 @@ class FitResult:
         ]
         for name, value, stderr in zip(self.names, self.values, self.stderr, strict=True):
             low, high = self.interval(name)
-            span = f"{low:.5g} .. {high:.5g}" if np.isfinite(stderr) else "not determined"
+            span = interval_text(low, high)
             mark = "  at bound" if name in self.at_bound else ""
             error = f"{stderr:.2g}" if np.isfinite(stderr) else "-"
             lines.append(f"{name:<{width}}  {value:>12.6g}  {error:>10}  {span:>25}  {units[name]}{mark}")
         for ratio in self.ratios:
-            span = "{:.5g} .. {:.5g}".format(*ratio.interval)
+            span = interval_text(*ratio.interval)
             lines.append(
                 f"{ratio.name:<{width}}  {ratio.value:>12.6g}  {ratio.stderr:>10.2g}  {span:>25}  {ratio.unit}"
             )

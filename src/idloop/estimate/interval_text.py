@@ -1,0 +1,28 @@
+"""An interval as one reads it: as many digits as tell its ends apart."""
+
+from __future__ import annotations
+
+import math
+
+# Significant digits of the ends, at least and at most, and how many of them show the width.
+_FEWEST, _MOST, _OF_WIDTH = 5, 15, 2
+
+
+def interval_text(low: float, high: float) -> str:
+    """Both ends of an interval.
+
+    Parameters
+    ----------
+    low, high : float
+
+    Returns
+    -------
+    str
+        ``"0.00019998 .. 0.00020002"``; "not determined" where an end is not finite.
+    """
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "not determined"
+    width, size = high - low, max(abs(low), abs(high))
+    needed = math.floor(math.log10(size)) - math.floor(math.log10(width)) + _OF_WIDTH if width > 0.0 else _FEWEST
+    digits = min(max(needed, _FEWEST), _MOST)
+    return f"{low:.{digits}g} .. {high:.{digits}g}"
