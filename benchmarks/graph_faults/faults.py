@@ -113,10 +113,12 @@ def _recorder_refused(graph: LiveGraph, found: Outcome, code: int, words: tuple[
 def _disk_full(graph: LiveGraph, chance: random.Random) -> Outcome:
     found = Outcome()
     graph.end_recorder(found)
-    with places.full(graph.folder / f"full_{graph.number}") as (place, words, _):
-        graph.prefixes["recorder"] = words
+    with places.soon_full(graph.folder / f"full_{graph.number}") as (place, fill):
         graph.start("recorder", place / "bag")
-        graph.prefixes["recorder"] = ()
+        # What is lost can be told only of a recording that has something in it.
+        graph.until(lambda: graph.recorded() > 4 * CHUNK_SIZE and graph.measured())
+        at_random(graph, chance)
+        fill(graph.processes["recorder"].pid, graph.recorded())
         _recorder_refused(graph, found, 1, ("No space left", "File too large"))
         kept = graph.kept(time.monotonic_ns(), place / "bag")
         found.tail = kept.tail

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import resource
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-FULL = 1_000_000  # bytes until a full disk is full
+ROOM = 64 * 2**20  # of the small file system [bytes]: nothing fills it by itself in time
 
 
 def _done(*words: str) -> bool:
@@ -18,19 +19,31 @@ def _done(*words: str) -> bool:
 
 
 @contextlib.contextmanager
-def full(folder: Path) -> Iterator[tuple[Path, Sequence[str], str]]:
-    """A place that is soon full: (place, words before the command, how it is done).
+def soon_full(folder: Path) -> Iterator[tuple[Path, Callable[[int, int], None]]]:
+    """A place, and what fills it up for a process whose file there has so many bytes.
 
-    A file system of its own where that is permitted, otherwise a limit on the size of a file.
+    A file system of its own where that is permitted, otherwise a limit on the size of the files of the process.
     """
     folder.mkdir()
-    if _done("mount", "-t", "tmpfs", "-o", f"size={FULL}", "tmpfs", str(folder)):
+    if _done("mount", "-t", "tmpfs", "-o", f"size={ROOM}", "tmpfs", str(folder)):
         try:
-            yield folder, (), "a small file system"
+            yield folder, lambda _process, _size: _fill(folder / "filler")
         finally:
             _done("umount", "-l", str(folder))
     else:
-        yield folder, ("prlimit", f"--fsize={FULL}"), "a limit on the size of a file"
+        yield folder, _limit
+
+
+def _limit(process: int, size: int) -> None:
+    resource.prlimit(process, resource.RLIMIT_FSIZE, (size, size))
+
+
+def _fill(file: Path) -> None:
+    with contextlib.suppress(OSError), file.open("wb", buffering=0) as filler:
+        for size in (2**20, 2**12):
+            with contextlib.suppress(OSError):
+                while filler.write(bytes(size)):
+                    pass
 
 
 @contextlib.contextmanager
