@@ -169,3 +169,24 @@ def test_a_plant_that_has_fallen_behind_keeps_every_command_that_is_still_to_com
         abreast.advance(1e-3 * (k + 1))
     behind.advance(10.0)
     assert np.allclose(behind.measure(), abreast.measure(), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "stribeck_friction@axis(coulomb=0.2,static=0.3,velocity=0.1)",
+        "presliding_friction@axis(level=0.2,stiffness=50,static=0.3,velocity=0.1,damping=0.1)",
+    ],
+)
+def test_a_search_finds_no_motion_where_static_friction_is_below_the_kinetic_one(effect: str) -> None:
+    model = load_model("axis").with_effects([effect])
+    engine, place = Engine(model), [name.rpartition(".")[2] for name in model.free].index("static")
+    measured, motion = np.zeros((len(TIME), 2)), np.zeros((len(TIME), 1))
+    for static, moves in ((0.3, True), (0.2, True), (0.1, False)):
+        theta = model.theta
+        theta[place] = static
+        assert np.all(np.isfinite(engine.simulate(theta, TIME, COMMAND, TIME))) == moves
+        predicted = engine.predict(theta, TIME, COMMAND, TIME, measured, np.zeros((3, 2)))
+        assert np.all(np.isfinite(predicted)) == moves
+        left = engine.equation_error(theta, motion, motion, motion, TIME, COMMAND, TIME)
+        assert np.all(np.isfinite(left)) == moves

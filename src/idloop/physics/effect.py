@@ -132,6 +132,9 @@ class Effect:
         The equations, see the module's table.
     settle : Hook, optional
         Update of the effect's memory.
+    edge : Hook, optional
+        Of a coupling, the twist at plus and minus which its equation jumps, from the same arguments: the simulator
+        finds the instant and keeps the side in the effect's first state.
     states : int
         How many numbers the effect remembers.
     order : int
@@ -187,6 +190,7 @@ class Effect:
     coupling: Hook | None = None
     reading: Hook | None = None
     settle: Hook | None = None
+    edge: Hook | None = None
     states: int = 0
     order: int = 50
     final: bool = False

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from idloop.physics import kernel
 from idloop.physics.effect import BODY
 from idloop.physics.layout import Layout, lay_out
-from idloop.physics.model import Model
+from idloop.physics.model import Model, values_of
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,8 @@ class Engine:
     -----
     All times are in seconds on one clock, and need not be evenly spaced. A command is held from
     its time on; before the first one it is 0. A measurement comes before a command of the same
-    time.
+    time. Values of ``theta`` that do not go together, such as a static friction below the kinetic
+    one, have no motion: the results are not numbers.
     """
 
     def __init__(self, model: Model) -> None:
@@ -59,10 +60,21 @@ class Engine:
 
     def layout(self, theta: Array | None = None) -> Layout:
         """Arrays for one set of values."""
+        return lay_out(self.model, self._all(theta))
+
+    def _all(self, theta: Array | None) -> dict[str, float]:
+        """Value of every parameter."""
         values = dict(self._values)
         if theta is not None:
             values.update(zip(self.free, (float(v) for v in theta), strict=True))
-        return lay_out(self.model, values)
+        return values
+
+    def _go_together(self, theta: Array | None) -> bool:
+        """Whether a search has come to values that make every effect what it is; others give no motion."""
+        if theta is None:
+            return True
+        values = self._all(theta)
+        return all(active.effect.valid(values_of(active, values)) for active in self.model.effects)
 
     def initial_state(
         self, position: Array | None = None, velocity: Array | None = None, theta: Array | None = None
@@ -115,6 +127,8 @@ class Engine:
         state = self._start(layout, initial_state, input_time, time)
         shape = (len(time), len(self.model.outputs))
         output = np.empty(shape)
+        if not self._go_together(theta):
+            return np.full(shape, np.nan)
         disturbed = np.zeros(shape) if noise is None else np.ascontiguousarray(noise, dtype=float)
         kernel.simulate(
             layout.axis,
@@ -166,6 +180,8 @@ class Engine:
             place = np.arange(len(gain) // (2 * layout.bodies + 1))
         state = self._start(layout, initial_state, input_time, time)
         innovation = np.empty((len(time), len(self.model.outputs)))
+        if not self._go_together(theta):
+            return np.full_like(innovation, np.nan)
         kernel.predict(
             layout.axis,
             np.ascontiguousarray(input_time, dtype=float),
@@ -244,6 +260,8 @@ class Engine:
         layout = self.layout(theta)
         residual = np.empty((len(time), layout.bodies))
         required = np.empty(len(time))
+        if not self._go_together(theta):
+            return np.full_like(residual, np.nan), np.full_like(required, np.nan)
         kernel.balance(
             layout.axis,
             np.ascontiguousarray(time, dtype=float),
@@ -264,9 +282,7 @@ class Engine:
         layout = self.layout(theta)
         axis, n = layout.axis, layout.bodies
         a = axis.chain.copy()
-        values = dict(self._values)
-        if theta is not None:
-            values.update(zip(self.free, (float(v) for v in theta), strict=True))
+        values = self._all(theta)
         body_of = dict(zip(self.model.bodies, layout.body_of, strict=True))
         for active in self.model.effects:
             effect = active.effect

@@ -5,8 +5,9 @@ only in the file of the function that it cached.
 
 The motion between two events is integrated by the classical Runge-Kutta method of fourth
 order. Events are handled where they happen and not at the next step: a new command, the end
-of a delay, a body whose velocity reaches zero under dry friction. Dry friction is set valued:
-a body at rest stays at rest as long as the other forces are within the breakaway level.
+of a delay, a body whose velocity reaches zero under dry friction, however shortly, or that
+breaks away from it, the two sides of a gap that touch or part. Dry friction is set valued: a body
+at rest stays at rest as long as the other forces are within the breakaway level.
 
 A chain of bodies and springs may vibrate far faster than it is sampled. Over the even steps of
 a record its motion is taken exactly, by matrix exponentials, and only the other forces are
@@ -27,7 +28,7 @@ from numba.extending import intrinsic
 # positions, velocities, accelerations, effect states]
 TIME, COMMAND, HEAD, COUNT, DISTURBANCE, FIRST = 0, 1, 2, 3, 4, 5
 # Columns of a hook table.
-SITE, VALUE, SETTLE, PARAMETER, STATE, FINAL = 0, 1, 2, 3, 4, 5
+SITE, VALUE, SETTLE, PARAMETER, STATE, FINAL, EDGE = 0, 1, 2, 3, 4, 5, 6
 # Columns of the output table.
 BODY, KIND = 0, 1
 POSITION, VELOCITY = 0, 1
@@ -43,13 +44,21 @@ LEVELS = 4
 LEAST_SAMPLES = 64
 # Part of the forces by which their second difference over an exact step may stand out: beyond lies a corner.
 CORNER = 0.005
+# Steps of the chain's own that make up an exact step over which a body's speed is as good as a parabola.
+FEW = 10.0
+# Part of the change of a body's speed by which it must stay away from zero in such a step.
+DOUBT = 0.1
+# Part of a gap's edge to which it is known that its sides touch.
+SAME_TWIST = 1e-11
+# A twist that is held inside a gap stays within this part of it.
+INSIDE = 1.0 - 1e-9
 
 
 class Axis(NamedTuple):
     """A model as the compiled simulator reads it (SI units).
 
     Hook tables have a row per active equation: site, address of the value, address of the
-    state's update (0: none), first parameter, first state, flag.
+    state's update (0: none), first parameter, first state, flag, address of the edge (0: none).
     """
 
     inertia: Any  # (n,)
@@ -60,7 +69,7 @@ class Axis(NamedTuple):
     constants: Any  # gain, input delay [s], steps per second that the model needs, at most, and without its chain
     spatial_rate: Any  # (n,) fastest change along the position [1/position unit]
     parameters: Any  # (k,) of all active equations
-    input_hooks: Any  # (i, 6)
+    input_hooks: Any  # (i, 7)
     body_hooks: Any
     friction_hooks: Any
     coupling_hooks: Any
@@ -89,6 +98,8 @@ class Flow(NamedTuple):
 
 # Inner functions allocate nothing, so they need no reference counts: twenty times faster.
 inner = njit(_nrt=False, error_model="numpy", forceinline=True)
+# Called seldom and from several places: inlined each time, it would only be more to compile.
+seldom = njit(_nrt=False, error_model="numpy")
 entry = njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -153,6 +164,61 @@ def coupling_torque(axis: Axis, joint: int, position: Any, velocity: Any, elapse
 
 
 @inner
+def edge_of(axis: Axis, row: int, state: Any) -> float:
+    """Twist at which the two sides of a coupling touch; 0 or less where they always do."""
+    hooks, joint = axis.coupling_hooks, axis.coupling_hooks[row, SITE]
+    return call(
+        hooks[row, EDGE], 0.0, 0.0, axis.stiffness[joint], 0.0,
+        state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+    )  # fmt: skip
+
+
+@inner
+def held_twist(axis: Axis, row: int, twist: float, state: Any) -> float:
+    """The twist, on the side of the edge on which the step began: within a step no force jumps."""
+    edge, side = edge_of(axis, row, state), state[axis.coupling_hooks[row, STATE]]
+    if edge <= 0.0:
+        return twist
+    if side > 0.0:
+        return max(twist, edge)
+    if side < 0.0:
+        return min(twist, -edge)
+    return min(max(twist, -INSIDE * edge), INSIDE * edge)
+
+
+@inner
+def choose_sides(axis: Axis, state: Any) -> bool:
+    """Note on which side of its edges each gap begins the step; whether there is any gap."""
+    hooks = axis.coupling_hooks
+    gaps = False
+    for row in range(hooks.shape[0]):
+        if hooks[row, EDGE] == 0:
+            continue
+        joint, edge = hooks[row, SITE], edge_of(axis, row, state)
+        twist = state[FIRST + joint] - state[FIRST + joint + 1]
+        state[hooks[row, STATE]] = np.sign(twist) if abs(twist) > edge else 0.0
+        gaps = gaps or edge > 0.0
+    return gaps
+
+
+@inner
+def change_side(axis: Axis, row: int, state: Any) -> None:
+    """Begin the next step inside a gap after contact, in contact after the gap."""
+    joint, place = axis.coupling_hooks[row, SITE], axis.coupling_hooks[row, STATE]
+    state[place] = 0.0 if state[place] != 0.0 else np.sign(state[FIRST + joint] - state[FIRST + joint + 1])
+
+
+@inner
+def side_left(axis: Axis, row: int, position: Any, state: Any) -> float:
+    """How far a gap's twist is from leaving the side on which the step began; negative when it has."""
+    joint, edge = axis.coupling_hooks[row, SITE], edge_of(axis, row, state)
+    if edge <= 0.0:
+        return 1.0
+    twist, side = position[joint] - position[joint + 1], state[axis.coupling_hooks[row, STATE]]
+    return side * twist - edge if side != 0.0 else edge - abs(twist)
+
+
+@inner
 def torque_after(axis: Axis, joint: int, rows: int, position: Any, velocity: Any, elapsed: float, state: Any) -> float:
     """Torque of a coupling's spring and damper, and what the effects of the first rows make of it."""
     twist = position[joint] - position[joint + 1]
@@ -161,8 +227,11 @@ def torque_after(axis: Axis, joint: int, rows: int, position: Any, velocity: Any
     hooks = axis.coupling_hooks
     for row in range(rows):
         if hooks[row, SITE] == joint:
+            held = twist
+            if hooks[row, EDGE] != 0:
+                held = held_twist(axis, row, twist, state)
             torque = call(
-                hooks[row, VALUE], torque, twist, axis.stiffness[joint], elapsed,
+                hooks[row, VALUE], torque, held, axis.stiffness[joint], elapsed,
                 state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
             )  # fmt: skip
     return torque
@@ -255,7 +324,7 @@ def single_acceleration(
 
 @inner
 def single_step(axis: Axis, command: float, step: float, state: Any, mode: float, a1: float) -> Any:
-    """As `runge_kutta` for a body without others: position and velocity at the end."""
+    """As `runge_kutta` for a body without others: position and velocity at the end, acceleration just before."""
     x, v1 = state[FIRST], state[FIRST + 1]
     half, inverse = 0.5 * step, 1.0 / axis.inertia[0]
     v2 = v1 + half * a1
@@ -265,7 +334,7 @@ def single_step(axis: Axis, command: float, step: float, state: Any, mode: float
     v4 = v1 + step * a3
     a4 = single_acceleration(axis, command, x + step * v3, v4, step, state, mode, inverse)
     sixth = step / 6.0
-    return x + sixth * (v1 + 2.0 * v2 + 2.0 * v3 + v4), v1 + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    return x + sixth * (v1 + 2.0 * v2 + 2.0 * v3 + v4), v1 + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4), a4
 
 
 @inner
@@ -273,11 +342,15 @@ def runge_kutta(axis: Axis, command: float, step: float, state: Any, work: Any) 
     """One step from the state; the end goes to rows 0 (position) and 1 (velocity) of ``work``.
 
     Row 2 holds the friction directions, row 3 the accelerations at the start, which are
-    computed by the caller once for all trial steps.
+    computed by the caller once for all trial steps. Of the last stage, close to the end, row 8
+    keeps the accelerations, and rows 4 and 5 of several bodies what `smooth_forces` finds.
     """
     n = axis.inertia.shape[0]
     if n == 1:
-        work[0, 0], work[1, 0] = single_step(axis, command, step, state, work[2, 0], work[3, 0])
+        if axis.has_friction[0] and work[2, 0] == 0.0:
+            work[0, 0], work[1, 0], work[8, 0] = state[FIRST], 0.0, 0.0
+        else:
+            work[0, 0], work[1, 0], work[8, 0] = single_step(axis, command, step, state, work[2, 0], work[3, 0])
         return
     position, velocity, mode, first = work[0], work[1], work[2], work[3]
     net, transmitted = work[4], work[5]
@@ -333,15 +406,65 @@ def choose_modes(axis: Axis, command: float, state: Any, work: Any) -> None:
 
 
 @inner
-def zero_crossing(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
-    """Time at which a body's velocity reaches zero within a step that reverses it (Illinois method)."""
-    n = axis.inertia.shape[0]
-    low, low_value = 0.0, state[FIRST + n + body] * work[2, body]
-    high, high_value = step, work[1, body] * work[2, body]
+def dips(start: float, falls: float, end: float, rises: float, step: float) -> float:
+    """Time at which a speed that falls at first and rises at last is below zero within a step; 0 where it is not."""
+    if not falls < 0.0 < rises:
+        return 0.0
+    x = falls / (falls - rises)
+    back = 1.0 - x
+    lowest = back * back * ((1.0 + 2.0 * x) * start + x * step * falls)
+    lowest += x * x * ((1.0 + 2.0 * back) * end - back * step * rises)
+    return x * step if lowest < 0.0 else 0.0
+
+
+@inner
+def held_back(axis: Axis, body: int, state: Any, work: Any) -> float:
+    """Force left to hold a body at rest under the forces in ``work``."""
+    net = work[4, body]
+    return friction_level(axis, body, 1.0 if net > 0.0 else -1.0, 0.0, work[5, body], state) - abs(net)
+
+
+@inner
+def overdue(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+    """Time by which, in a trial step, a body has stopped or has broken away; 0 where it goes on as it began."""
+    mode = work[2, body]
+    if mode == 0.0:
+        if axis.inertia.shape[0] == 1:
+            smooth_forces(axis, command, work[0], work[1], step, state, work[4], work[5])
+        return step if held_back(axis, body, state, work) < 0.0 else 0.0
+    end = work[1, body] * mode
+    if end < 0.0:
+        return step
+    start = state[FIRST + axis.inertia.shape[0] + body] * mode
+    return dips(start, work[3, body] * mode, end, work[8, body] * mode, step)
+
+
+@seldom
+def try_again(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
+    """Another trial step."""
+    runge_kutta(axis, command, step, state, work)
+
+
+@seldom
+def left_until_event(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+    """Speed left to a moving body, or force left to hold one at rest, after a trial step; below 0 it is too late."""
+    try_again(axis, command, step, state, work)
+    if work[2, body] != 0.0:
+        return work[1, body] * work[2, body]
+    smooth_forces(axis, command, work[0], work[1], step, state, work[4], work[5])
+    return held_back(axis, body, state, work)
+
+
+@seldom
+def event_time(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+    """Time at which a body stops or breaks away within a step (Illinois method); 0 where it does neither."""
+    low, low_value = 0.0, left_until_event(axis, command, body, 0.0, state, work)
+    high, high_value = step, left_until_event(axis, command, body, step, state, work)
+    if high_value > 0.0:
+        return 0.0
     if low_value <= 0.0:  # broke away and came back within the step
         low = 1e-6 * step
-        runge_kutta(axis, command, low, state, work)
-        low_value = work[1, body] * work[2, body]
+        low_value = left_until_event(axis, command, body, low, state, work)
         if low_value <= 0.0:
             return low
     side = 0
@@ -349,8 +472,7 @@ def zero_crossing(axis: Axis, command: float, body: int, step: float, state: Any
         middle = (low * high_value - high * low_value) / (high_value - low_value)
         if not low < middle < high:
             middle = 0.5 * (low + high)
-        runge_kutta(axis, command, middle, state, work)
-        value = work[1, body] * work[2, body]
+        value = left_until_event(axis, command, body, middle, state, work)
         if value > 0.0:
             low, low_value = middle, value
             if side == 1:
@@ -364,6 +486,41 @@ def zero_crossing(axis: Axis, command: float, body: int, step: float, state: Any
         if value == 0.0 or high - low <= 1e-10 * step or abs(value) < 1e-14:
             break
     return high
+
+
+@inner
+def touching(axis: Axis, command: float, row: int, step: float, state: Any, work: Any) -> float:
+    """Time at which the two sides of a gap touch or part within a step; its motion goes to ``work``."""
+    n = axis.inertia.shape[0]
+    near = SAME_TWIST * edge_of(axis, row, state)
+    low, low_value = 0.0, side_left(axis, row, state[FIRST : FIRST + n], state)
+    high, high_value = step, side_left(axis, row, work[0], state)
+    middle, side = step, 0
+    if low_value <= 0.0:  # just come here: the shortest step that is one
+        middle = 1e-6 * step
+        runge_kutta(axis, command, middle, state, work)
+        low, low_value = middle, side_left(axis, row, work[0], state)
+        if low_value <= 0.0:
+            return middle
+    for _ in range(40):
+        middle = (low * high_value - high * low_value) / (high_value - low_value)
+        if not low < middle < high:
+            middle = 0.5 * (low + high)
+        runge_kutta(axis, command, middle, state, work)
+        value = side_left(axis, row, work[0], state)
+        if abs(value) <= near or high - low <= 1e-10 * step:
+            break
+        if value > 0.0:
+            low, low_value = middle, value
+            if side == 1:
+                high_value *= 0.5
+            side = 1
+        else:
+            high, high_value = middle, value
+            if side == -1:
+                low_value *= 0.5
+            side = -1
+    return middle
 
 
 @inner
@@ -514,8 +671,6 @@ def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, f
         held = True
         for i in range(n):
             held = held and f1[i] == f0[i] and f3[i] == f0[i]
-            if axis.has_friction[i] and first[n + i] * work[2, i] < 0.0:
-                return False
         if not held:
             for i in range(2 * n):
                 second[i] = half[i]
@@ -544,13 +699,66 @@ def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, f
 
 
 @inner
-def advance_exactly(axis: Axis, command: float, duration: float, state: Any, work: Any, flow: Flow) -> float:
+def vibration(axis: Axis, state: Any, force: Any) -> float:
+    """Energy with which a chain vibrates about the middle that forces bend it to."""
+    n = axis.inertia.shape[0]
+    mass = momentum = pull = 0.0
+    for i in range(n):
+        mass += axis.inertia[i]
+        momentum += axis.inertia[i] * state[FIRST + n + i]
+        pull += force[i]
+    mean, bent, energy = momentum / mass, 0.0, 0.0
+    for i in range(n):
+        speed = state[FIRST + n + i] - mean
+        energy += 0.5 * axis.inertia[i] * speed * speed
+        bent += force[i] - axis.inertia[i] / mass * pull
+        if i + 1 < n and axis.stiffness[i] > 0.0:
+            torque = axis.stiffness[i] * (state[FIRST + i] - state[FIRST + i + 1]) - bent
+            energy += 0.5 * torque * torque / axis.stiffness[i]
+    return energy
+
+
+@inner
+def goes_on(axis: Axis, step: float, state: Any, work: Any, flow: Flow) -> bool:
+    """Whether in the exact step just tried each body with dry friction surely keeps its direction."""
+    n = axis.inertia.shape[0]
+    slow = axis.constants[RATE] * step <= FEW
+    energy = mass = change = start = end = 0.0
+    if not slow:
+        energy = vibration(axis, state, flow.force[0])
+        for i in range(n):
+            mass += axis.inertia[i]
+            change += abs(flow.force[3, i] - flow.force[0, i])
+            start += axis.inertia[i] * state[FIRST + n + i]
+            end += axis.inertia[i] * work[1, i]
+    for i in range(n):
+        if not axis.has_friction[i]:
+            continue
+        mode, inertia = work[2, i], axis.inertia[i]
+        if slow:  # a parabola through three points shows it
+            a, b, c = mode * state[FIRST + n + i], mode * flow.stage[2, n + i], mode * work[1, i]
+            least, bend = min(a, b, c), a - 2.0 * b + c
+            if abs(a - c) < 2.0 * bend:
+                least = b - 0.125 * (a - c) ** 2 / bend
+            if least < DOUBT * (abs(a - b) + abs(b - c)):
+                return False
+        else:  # the speed of all together less what the whole vibration could give this one
+            swing = np.sqrt(2.0 * energy * (1.0 / inertia - 1.0 / mass)) + 0.5 * step * change / inertia
+            if min(mode * start, mode * end) / mass < swing:
+                return False
+    return True
+
+
+@inner
+def advance_exactly(
+    axis: Axis, command: float, duration: float, state: Any, work: Any, flow: Flow, gaps: bool
+) -> float:  # fmt: skip
     """Take as many exact steps as the stretch allows; returns the time that they cover."""
     slot = -1
     for i in range(2):
         if abs(duration - flow.duration[i]) < SAME_STEP * flow.duration[i]:
             slot = i
-    if slot < 0:
+    if slot < 0 or gaps:  # the sides may touch or part at any instant
         return 0.0
     n = axis.inertia.shape[0]
     rate = axis.constants[BEYOND]
@@ -564,7 +772,7 @@ def advance_exactly(axis: Axis, command: float, duration: float, state: Any, wor
         return 0.0
     dry = axis.friction_hooks.shape[0] > 0
     step, covered = duration / pieces, 0.0
-    for _ in range(pieces):
+    while covered < (1.0 - SAME_STEP) * duration:
         if dry:
             choose_modes(axis, command, state, work)
             for i in range(n):
@@ -572,9 +780,13 @@ def advance_exactly(axis: Axis, command: float, duration: float, state: Any, wor
                     return covered
         if not exact_step(axis, command, step, state, work, flow, flow.matrices[slot, level]):
             return covered
-        for i in range(n):
-            if axis.has_friction[i] and work[1, i] * work[2, i] < 0.0:
+        if dry and not goes_on(axis, step, state, work, flow):
+            level += 1
+            pieces *= 2
+            if level == LEVELS or not 2.0 * pieces <= axis.constants[RATE] * duration:
                 return covered
+            step *= 0.5
+            continue
         accept(axis, command, step, -1, state, work)
         covered += step
     return duration
@@ -594,9 +806,10 @@ def advance_single(axis: Axis, command: float, duration: float, state: Any) -> b
     start = single_acceleration(
         axis, command, state[FIRST], velocity, 0.0, state, mode, 1.0 / axis.inertia[0]
     )  # fmt: skip
-    position, velocity = single_step(axis, command, duration, state, mode, start)
-    if velocity * mode < 0.0:
+    position, end, last = single_step(axis, command, duration, state, mode, start)
+    if end * mode < 0.0 or dips(velocity * mode, start * mode, end * mode, last * mode, duration) > 0.0:
         return False
+    velocity = end
     state[FIRST], state[FIRST + 1], state[FIRST + 2] = position, velocity, start
     state[TIME] += duration
     settle_effects(axis, command, duration, state)
@@ -611,8 +824,9 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
     if n == 1 and not followed and advance_single(axis, command, duration, state):
         return
     end = state[TIME] + duration
-    remaining = duration - advance_exactly(axis, command, duration, state, work, flow)
-    events = 0
+    gaps = choose_sides(axis, state)
+    remaining = duration - advance_exactly(axis, command, duration, state, work, flow, gaps)
+    events = touches = 0
     dry = False
     for i in range(n):
         dry = dry or axis.has_friction[i] != 0
@@ -644,20 +858,29 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
         runge_kutta(axis, command, step, state, work)
         stopped = -1
         if dry:
-            earliest = step
-            for i in range(n):
-                if work[2, i] != 0.0 and work[1, i] * work[2, i] < 0.0:
-                    start = state[FIRST + n + i]
-                    guess = step * start / (start - work[1, i])
-                    if stopped < 0 or guess < earliest:
-                        stopped, earliest = i, guess
-            events += 1
-            if stopped >= 0 and events < EVENTS_PER_STEP + pieces:
-                step = zero_crossing(axis, command, stopped, step, state, work)
-                runge_kutta(axis, command, step, state, work)
+            for i in range(n):  # a body that stops or breaks away cuts the step short; another may do so before it
+                if axis.has_friction[i] and events < EVENTS_PER_STEP + pieces:
+                    late = overdue(axis, command, i, step, state, work)
+                    if late > 0.0:
+                        events += 1
+                        late = event_time(axis, command, i, late, state, work)
+                        if late > 0.0:
+                            stopped, step = i, late
+                        try_again(axis, command, step, state, work)
+        touched = -1
+        if gaps:
+            for row in range(axis.coupling_hooks.shape[0]):
+                if axis.coupling_hooks[row, EDGE] != 0 and side_left(axis, row, work[0], state) < 0.0:
+                    touches += 1
+                    if touches < EVENTS_PER_STEP + pieces:
+                        step = touching(axis, command, row, step, state, work)
+                        stopped = -1
+                    touched = row
         accept(axis, command, step, stopped, state, work)
         remaining -= step
-        if pieces == 1.0 and stopped < 0:
+        if touched >= 0:
+            change_side(axis, touched, state)
+        elif pieces == 1.0 and stopped < 0:
             break
         if remaining < 1e-12 * duration:
             break
@@ -957,6 +1180,7 @@ def balance(
         for i in range(n):
             state[FIRST + i] = position[k, i]
             state[FIRST + n + i] = velocity[k, i]
+        choose_sides(axis, state)
         settle_effects(axis, held, step, state)
         state[TIME] = time[k]
         smooth_forces(axis, held, position[k], velocity[k], 0.0, state, net, transmitted)

@@ -121,7 +121,7 @@ def _fastest(matrix: NDArray[np.float64]) -> float:
 
 
 def _table(rows: list[list[int]]) -> NDArray[np.int64]:
-    return np.array(rows, dtype=np.int64).reshape(len(rows), 6)
+    return np.array(rows, dtype=np.int64).reshape(len(rows), 7)
 
 
 def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
@@ -178,8 +178,9 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
         if effect.site == BODY:
             spatial[site] = max(spatial[site], effect.spatial_rate(own, inertia, stiffness))
         settle = effect.settle.address if effect.settle is not None else 0
+        edge = effect.edge.address if effect.edge is not None else 0
         for kind, equation in _equations(active):
-            row = [site, equation.address, settle, len(numbers), next_state, int(effect.final)]
+            row = [site, equation.address, settle, len(numbers), next_state, int(effect.final), edge]
             tables[kind].append(row)
             if kind == "friction":
                 has_friction[site] = 1

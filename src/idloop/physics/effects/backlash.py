@@ -11,11 +11,17 @@ from idloop.physics.trial import Scales, Trial, alternatives
 def coupling(torque: float, twist: float, stiffness: float, elapsed: float, state: Any, parameters: Any) -> float:
     """No torque inside the gap, K (twist -+ gap/2) outside."""
     half = 0.5 * parameters[0]
-    if twist > half:
+    if twist >= half:
         return torque - stiffness * half
-    if twist < -half:
+    if twist <= -half:
         return torque + stiffness * half
     return 0.0
+
+
+@hook
+def edge(torque: float, twist: float, stiffness: float, elapsed: float, state: Any, parameters: Any) -> float:
+    """Where the sides touch: there the damping acts at once."""
+    return 0.5 * parameters[0]
 
 
 @hook
@@ -63,8 +69,8 @@ EFFECT = (
         parameters=(GAP,),
         lost_motion="gap",
         coupling=coupling,
-        # The damping acts as suddenly as the sides touch, at no step's end: short steps.
-        rate=lambda values, inertia, stiffness: 3.0 * (stiffness / inertia) ** 0.5 if values["gap"] > 0.0 else 0.0,
+        edge=edge,
+        states=1,
         order=20,
         looks_like=("compliance", "stribeck_friction"),
         trials=gaps,

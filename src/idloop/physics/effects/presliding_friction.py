@@ -76,4 +76,5 @@ EFFECT = Effect(
         for level in ([s.dry] if s.dry else [0.05 * s.force, 0.2 * s.force])
     ],
     contains={"coulomb_friction": {"level": "level"}},
+    valid=lambda values: values.get("static", values["level"]) >= values["level"],
 )
