@@ -18,6 +18,7 @@ from idloop.estimate.levenberg import difference_jacobian
 from idloop.estimate.prediction import PredictionCriterion
 from idloop.estimate.problem import Problem
 from idloop.estimate.result import FitResult, RecordResidual
+from idloop.estimate.rough import is_rough
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.solve import Solution, instrument, solve, typical_size
 from idloop.estimate.spread import problem_covariance
@@ -294,6 +295,12 @@ def _conclude(
     limits = bounded(theta, lower, upper, typical_size(theta, lower, upper))
     at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
     warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
+    strikes = any(active.effect.edge is not None for active in model.effects)
+    if strikes and is_rough(problem.residual, point, solution.lower, solution.upper, solution.scale, k):
+        warnings.append(
+            "the two sides of a gap strike so often that a thousandth more or less of a parameter is another motion: "
+            "values depend on where the fit starts and the intervals are too small; record a slower motion"
+        )
     if not solution.converged:
         warnings.append("the search stopped before it settled; try other starting values")
     count = problem.count(point)
