@@ -10,6 +10,9 @@ import pytest
 from idloop.cli import main
 from idloop.cli._diagnosis import p_text, parameter_text
 from idloop.cli.diagnose import print_diagnosis
+from idloop.cli.refine import print_ladder
+from idloop.diagnose import Candidate, Ladder, Step
+from idloop.diagnose.proposals import proposals
 
 
 def words(*arguments: object) -> list[str]:
@@ -108,7 +111,20 @@ def test_what_was_passed_over_is_told_with_the_reason(missing_pair, capsys):
         replace(missing_pair, set=(), pair=None, verdict="adequate", passed_over={"imbalance@axis": "too slight"})
     )
     out = capsys.readouterr().out
-    assert "nothing significant is left\nsignificant, yet passed over: imbalance@axis: too slight\n" in out
+    assert "not the whole catalogue\nsignificant, yet passed over: imbalance@axis: too slight\n" in out
+
+
+def test_of_few_effects_it_says_that_only_these_were_looked_for(missing_pair, capsys):
+    found = replace(missing_pair, set=(), pair=None, verdict="adequate")
+    end = "nothing significant is left of what was looked for: only gain asymmetry and load torque were looked for, not"
+    print_diagnosis(found)
+    assert f"{end} the whole catalogue\n" in capsys.readouterr().out
+    ladder = Ladder((Step(None, found.model),), verdict="adequate", candidates=found.candidates)
+    print_ladder(ladder)
+    assert f"verdict: {end} the whole catalogue\n" in capsys.readouterr().out
+    everything = tuple(Candidate(one.effect.name, one.at, "yes", "", "") for one in proposals(found.model))
+    print_diagnosis(replace(found, candidates=everything))
+    assert "nothing significant is left\n" in capsys.readouterr().out
 
 
 def test_a_tie_that_no_motion_resolves_gets_a_check_by_hand(missing_pair, capsys):

@@ -10,7 +10,7 @@ import click
 
 from idloop.cli._common import BAG, MODEL, apply_options, json_option, model_options, print_json, progress, read_records
 from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, print_candidates, tie_text
-from idloop.report.verdicts import MISSING, VERDICTS, basis, explained_of
+from idloop.report.verdicts import MISSING, basis, ending, explained_of
 
 if TYPE_CHECKING:
     from idloop.diagnose import Diagnosis
@@ -94,6 +94,7 @@ def print_diagnosis(
 ) -> None:
     """Print gate, ranked table, tie, verdict with its physics and what speaks against it, what the data cannot show."""
     from idloop.report.remains import remainder_lines
+    from idloop.report.tried import only_words
 
     for line in found.gate.findings:
         click.echo(line)
@@ -120,7 +121,7 @@ def print_diagnosis(
             click.echo(f"it takes the place of {best.replaces}, which it contains")
         _print_tie(tie_text(found.set), found.model, found.set, best.replaces)
     else:
-        click.echo(VERDICTS.get(found.verdict, found.verdict))
+        click.echo(ending(found.verdict, only_words(found)))
         if found.unknown is not None:
             click.echo(found.unknown.text)
         for line in remainder_lines(found.verdict, left):

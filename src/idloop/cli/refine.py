@@ -113,6 +113,7 @@ def command(
     from idloop.diagnose.twins import ladder_twins
     from idloop.report.estimates import parameter_estimates
     from idloop.report.remains import compared, remainders
+    from idloop.report.tried import only_words
     from idloop.report.unshown import unshown
     from idloop.report.use import FITTED
 
@@ -168,7 +169,7 @@ def command(
             **ladder.to_dict(),
             "parameters": parameter_estimates(ladder.model),
             "residual": [one.to_dict() for one in left],
-            "conclusion": conclusion(ladder, left),
+            "conclusion": conclusion(ladder, left, only_words(ladder)),
             "one_equation": [group.to_dict() for group in ladder_twins(ladder)],
             "output": target,
             "taken_back": taken_back[-1]["steps"] if undo else [],
@@ -293,6 +294,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
     """
     from idloop.diagnose.twins import ladder_twins
     from idloop.report.remains import also_significant, remainder_lines
+    from idloop.report.tried import only_words
     from idloop.report.unshown import unshown
     from idloop.report.use import SAID
 
@@ -328,7 +330,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
             click.echo(f"  this data cannot tell it from {', '.join(others)}")
     for group in ladder_twins(ladder):
         click.echo("\n".join(group.lines))
-    click.echo(f"verdict: {conclusion(ladder, left)}")
+    click.echo(f"verdict: {conclusion(ladder, left, only_words(ladder))}")
     for one in ladder.worsened:
         click.echo(f"beware: {one.text}")
     if ladder.unknown is not None:

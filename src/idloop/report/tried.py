@@ -1,26 +1,27 @@
-"""Which effects a ladder was chosen from, where that was not the whole catalogue."""
+"""Which effects a ladder or a diagnosis chose from, where that was not the whole catalogue."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from idloop.diagnose.ladder import Ladder
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.suggest_words import listed
 from idloop.report.effect_names import words
 
 if TYPE_CHECKING:
-    from idloop.diagnose import Ladder
+    from idloop.diagnose import Diagnosis
 
 # So many names are read; of more the number says enough.
 _NAMED = 6
 
 
-def only_tried(ladder: Ladder) -> tuple[str, ...]:
+def only_tried(result: Ladder | Diagnosis) -> tuple[str, ...]:
     """Effects that were looked for in the end, where the catalogue has more for this machine.
 
     Parameters
     ----------
-    ladder : Ladder
+    result : Ladder or Diagnosis
 
     Returns
     -------
@@ -28,30 +29,31 @@ def only_tried(ladder: Ladder) -> tuple[str, ...]:
         As words, without their sites where every site was looked at; empty for the whole catalogue, and where the
         ladder does not say what was weighed.
     """
-    weighed = list(dict.fromkeys(one.name for one in ladder.candidates))
+    weighed = list(dict.fromkeys(one.name for one in result.candidates))
     # Of an effect that was looked for and is in the model now, nothing further is weighed.
-    found = [step.added.name for step in ladder.steps if step.added is not None and step.chosen_by == "diagnosis"]
-    left = {one.name for one in proposals(ladder.model)} - set(weighed)
+    steps, findings = (result.steps, result.findings) if isinstance(result, Ladder) else ((), ())
+    found = [step.added.name for step in steps if step.added is not None and step.chosen_by == "diagnosis"]
+    left = {one.name for one in proposals(result.model)} - set(weighed)
     # A ladder that has not been looked at to its end names neither candidates nor what the data can show.
-    if not left or not (weighed or ladder.findings):
+    if not left or not (weighed or findings):
         return ()
     partly = {name.partition("@")[0] for name in left}
     named = (name if (kind := name.partition("@")[0]) in partly else kind for name in (*found, *weighed))
     return tuple(dict.fromkeys(words(name) for name in named))
 
 
-def only_words(ladder: Ladder) -> str:
+def only_words(result: Ladder | Diagnosis) -> str:
     """Say what was looked for, to go on a sentence: "only backlash and dead zone were looked for"; else empty.
 
     Parameters
     ----------
-    ladder : Ladder
+    result : Ladder or Diagnosis
 
     Returns
     -------
     str
     """
-    names = only_tried(ladder)
+    names = only_tried(result)
     if not names:
         return ""
     what = listed(list(names)) if len(names) <= _NAMED else f"{len(names)} effects"

@@ -59,21 +59,38 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -
     -------
     str
     """
-    plain = (_OF_THESE if only else VERDICTS).get(ladder.verdict, ladder.verdict)
-    tail = f": {only}" if only else ""
+    end = ending(ladder.verdict, only)
     if ladder.verdict not in SAY_NOISE:
-        return plain + tail
+        return end
     something, of_these = unexplained(only), "" if only else "of the catalogue "
     names = stand_ins(ladder)
     if names:
         return (
             f"{something} is missing: {listed(names)} {'stand' if len(names) > 1 else 'stands'} in for it one step"
-            f" ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{plain}{tail}"
+            f" ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
         )
     follows = [one for one in left if not one.test.input_free]
     if follows:
-        return f"{something} is left, for the errors still follow the {follows[0].drive}; {of_these}{plain}{tail}"
-    return plain + tail
+        return f"{something} is left, for the errors still follow the {follows[0].drive}; {of_these}{end}"
+    return end
+
+
+def ending(verdict: str, only: str = "") -> str:
+    """What a verdict says by itself.
+
+    Parameters
+    ----------
+    verdict : str
+        Of a ladder, or of a diagnosis that has found nothing missing.
+    only : str
+        As for `conclusion`.
+
+    Returns
+    -------
+    str
+    """
+    plain = (_OF_THESE if only else VERDICTS).get(verdict, verdict)
+    return f"{plain}: {only}" if only else plain
 
 
 def unexplained(only: str) -> str:
