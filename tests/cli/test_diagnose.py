@@ -114,6 +114,16 @@ def test_what_was_passed_over_is_told_with_the_reason(missing_pair, capsys):
     assert "not the whole catalogue\nsignificant, yet passed over: imbalance@axis: too slight\n" in out
 
 
+def test_what_was_passed_over_is_not_what_the_data_cannot_show(missing_pair, capsys):
+    names = ("speed_limit_voltage@input", "sensor_offset@position[axis]")
+    gate = replace(missing_pair.gate, testable=dict.fromkeys(names, "weak"), from_a_level=names)
+    found = replace(missing_pair, gate=gate, set=(), pair=None, verdict="adequate", passed_over={names[0]: "a lag"})
+    assert found.untestable == names[1:]
+    assert found.to_dict()["untestable"] == [names[1]]
+    print_diagnosis(found)
+    assert capsys.readouterr().out.count(names[0]) == 1
+
+
 def test_of_few_effects_it_says_that_only_these_were_looked_for(missing_pair, capsys):
     found = replace(missing_pair, set=(), pair=None, verdict="adequate")
     end = "nothing significant is left of what was looked for: only gain asymmetry and load torque were looked for, not"

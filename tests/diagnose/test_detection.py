@@ -83,13 +83,15 @@ class _Ladder:
     untestable: tuple[str, ...] = ()
     added: tuple[str, ...] = ()
     steps: tuple[object, ...] = field(default=())
+    passed_over: dict[str, str] = field(default_factory=dict)
+    verdict: str = "adequate"
 
 
 def test_a_report_states_no_size_for_what_was_found_or_cannot_be_shown() -> None:
     limit = DetectionLimit("level", "N·m", 0.01, 0.01)
-    names = ("coulomb_friction@axis", "quadratic_drag@axis", "imbalance@axis")
+    names = ("coulomb_friction@axis", "quadratic_drag@axis", "imbalance@axis", "cogging@axis")
     model = load_model("axis").with_effect("stribeck_friction", "axis", coulomb=0.1, static=0.2, velocity=0.1)
-    ladder = _Ladder(model, dict.fromkeys(names, limit), untestable=(names[2],))
+    ladder = _Ladder(model, dict.fromkeys(names, limit), untestable=(names[2],), passed_over={names[3]: "too slight"})
     assert absent(ladder) == {"quadratic_drag@axis": "level ≥ 0.01 N·m"}  # type: ignore[arg-type]
 
 

@@ -10,6 +10,7 @@ from idloop.diagnose import Candidate, Ladder
 from idloop.diagnose.ladder import Step
 from idloop.diagnose.twins import find_twins, ladder_twins, one_of_each, rival_twins
 from idloop.physics import load_model
+from idloop.report.remains import also_significant
 from idloop.report.unshown import unshown
 
 OFFSET, LOAD, ASYMMETRIC = "input_offset@input", "load_torque@motor", "asymmetric_friction@motor"
@@ -98,3 +99,14 @@ def test_what_was_found_or_ties_with_it_is_not_what_the_data_cannot_show(ladder)
     assert unshown(ladder) == {"saturation@input": "a limit beyond the data cannot show"}
     richer = ladder.steps[0].model.with_effects(["stribeck_friction@motor(coulomb=0.5)"])
     assert unshown(Ladder((Step(None, richer),), untestable=(FRICTION, DEAD))) == {DEAD: ""}
+
+
+def test_what_was_significant_and_not_added_is_told_once(ladder):
+    """A limit that begins beyond the data may have left its trace all the same."""
+    passed = replace(ladder, passed_over={"saturation@input": "it stands in for something else"})
+    assert unshown(passed) == {}
+    assert also_significant(passed) == []
+    surely = replace(ladder.candidates[0], gain=30.0, p_value=1e-6)
+    stopped = replace(ladder, verdict="missing", candidates=(surely,))
+    assert [one.name for one in also_significant(stopped)] == ["saturation@input"]
+    assert unshown(stopped) == {}

@@ -66,6 +66,15 @@ def test_a_fit_is_explained_where_it_is_first_listed(html):
     assert "100&nbsp;% is perfect, 0&nbsp;% no better than a constant" in ladder
 
 
+def test_what_was_passed_over_is_listed_once_with_its_reason(contents):
+    ladder = replace(contents.ladder, passed_over={"saturation@input": "beside imbalance@motor nothing is left of it"})
+    page = render_page(replace(contents, ladder=ladder))
+    said = page.partition('<section id="open">')[2].partition("</section>")[0]
+    assert "Significant on the fitted data, yet not added" in said
+    assert said.count("saturation @ input") == 1
+    assert "<strong>saturation @ input</strong>: beside imbalance @ motor nothing" in said
+
+
 def test_the_answer_comes_first(html, contents):
     said = "Missing from the model: Coulomb friction and something that no effect of the catalogue explains."
     assert headline(contents.ladder) == said

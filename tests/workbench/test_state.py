@@ -94,6 +94,14 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
     assert state._missing(Missing("adequate"), {}, replace(ladder, steps=steps[:1]))["conclusion"] == ""
 
 
+def test_what_was_passed_over_has_its_reason_on_its_card():
+    lag = Candidate("actuator_lag", "input", "yes", "", "It comes late.", gain=9.0, p_value=1e-5)
+    found = Missing("adequate", candidates=(lag,), passed_over={lag.name: "it does harm on the unseen data"})
+    (card,) = state._missing(found, {}, None)["candidates"]
+    assert not card["significant"]
+    assert card["passed_over"] == "it does harm on the unseen data"
+
+
 @pytest.mark.parametrize(("shown", "said"), ((0, "unseen data"), (1, "fitted data"), (2, ""), (3, "")))
 def test_a_fit_says_which_data_it_is_of(shown, said):
     snapshot = Snapshot(recordings=("b (unseen)", "a (fitted)", "c"), shown=shown)

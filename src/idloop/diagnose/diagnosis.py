@@ -151,8 +151,12 @@ class Diagnosis:
 
     @property
     def untestable(self) -> tuple[str, ...]:
-        """Effects that this data cannot show; one that it has shown is none of them, however far it reaches."""
-        return tuple(name for name in self.gate.untestable if name not in {*self.set, *(self.pair or ())})
+        """Effects that this data cannot show; one that it has shown is none of them, however far it reaches.
+
+        What was significant and passed over has left its trace too: the reason is told, not that it cannot show.
+        """
+        shown = {*self.set, *(self.pair or ()), *self.passed_over}
+        return tuple(name for name in self.gate.untestable if name not in shown)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, schema ``idloop/diagnose/1``."""

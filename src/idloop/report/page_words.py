@@ -88,6 +88,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
             for row in ladder_rows(ladder)
             if row.standing != UNTESTABLE
         ],
+        "passed_over": [{"name": words(name), "why": in_words(why)} for name, why in ladder.passed_over.items()],
         "untestable": _untestable(ladder),
         "absent": [{"name": words(name), "size": size} for name, size in absent(ladder).items()],
         "findings": list(ladder.findings),

@@ -143,7 +143,7 @@ def _p_text(value: float) -> str:
 
 
 def also_significant(ladder: Ladder) -> list[Candidate]:
-    """Effects that are significant on the fitted data and that the ladder did not add.
+    """Effects that are significant on the fitted data and that the ladder did not add, without having passed them over.
 
     Parameters
     ----------
@@ -155,6 +155,7 @@ def also_significant(ladder: Ladder) -> list[Candidate]:
         Of those that were refitted last, the surest first.
     """
     named = {*ladder.model.effect_names, *ladder.added, *(name for step in ladder.steps for name in step.set)}
+    named |= set(ladder.passed_over)
     found = [
         one
         for one in ladder.candidates

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from idloop.diagnose.verdict import MISSING
+from idloop.report.remains import also_significant
+
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
 
@@ -12,7 +15,8 @@ def unshown(ladder: Ladder) -> dict[str, str]:
     """Effects that the data cannot show, and why.
 
     An effect that the model has, that one of the model contains, or that ties with one of it, is not among them: what
-    is left of it beside the other says nothing about what the data could show.
+    is left of it beside the other says nothing about what the data could show. Nor is one that was significant and was
+    not added: that is told of it, with the reason.
 
     Parameters
     ----------
@@ -24,8 +28,8 @@ def unshown(ladder: Ladder) -> dict[str, str]:
         Why, by ``effect@site``; empty words where that is not known any more.
     """
     why = {candidate.name: candidate.why for candidate in ladder.candidates}
-    found = _found(ladder)
-    return {name: why.get(name, "") for name in ladder.untestable if name not in found}
+    shown = {*_found(ladder), *_significant(ladder)}
+    return {name: why.get(name, "") for name in ladder.untestable if name not in shown}
 
 
 def absent(ladder: Ladder) -> dict[str, str]:
@@ -40,8 +44,15 @@ def absent(ladder: Ladder) -> dict[str, str]:
     dict
         Size by ``effect@site``, such as "width ≥ 0.012 V"; without what the data cannot show at any size.
     """
-    hidden = {*_found(ladder), *ladder.untestable}
+    hidden = {*_found(ladder), *_significant(ladder), *ladder.untestable}
     return {name: limit.short for name, limit in ladder.limits.items() if limit.short and name not in hidden}
+
+
+def _significant(ladder: Ladder) -> set[str]:
+    """Effects that were significant in the end and were not added."""
+    # Where the ladder has come to its end, whatever is significant still was passed over.
+    open_ = also_significant(ladder) if ladder.verdict == MISSING else []
+    return {*ladder.passed_over, *(one.name for one in open_)}
 
 
 def _found(ladder: Ladder) -> set[str]:

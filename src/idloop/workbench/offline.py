@@ -119,6 +119,7 @@ class OfflineSource:
                 diagnosis.untestable,
                 diagnosis.gate.findings,
                 diagnosis.unknown,
+                passed_over=diagnosis.passed_over,
             ),
             looks=self.board.snapshot.looks + 1,
             pictures=found.pictures,

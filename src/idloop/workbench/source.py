@@ -81,6 +81,8 @@ class Missing:
     untestable, findings : tuple of str
         What this data cannot show, and what it can.
     unknown : UnknownStructure or None
+    passed_over : mapping of str to str
+        Effects that are significant and were not taken for what is missing, and why.
     error : str
         Why there is no diagnosis; empty when there is one.
     """
@@ -94,6 +96,7 @@ class Missing:
     findings: tuple[str, ...] = ()
     unknown: UnknownStructure | None = None
     error: str = ""
+    passed_over: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -195,6 +195,7 @@ def _candidate(one: Candidate, place: int, found: Missing, picture: Characterist
         "why": one.why,
         "text": one.text,
         "replaces": words(one.replaces) if one.replaces else "",
+        "passed_over": in_words(found.passed_over.get(one.name, "")),
         "parameters": parameter_words(one.parameters),
         "picture": None if picture is None else _picture(picture),
     }

@@ -82,6 +82,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         untestable=found.untestable,
         findings=found.gate.findings,
         unknown=found.unknown,
+        passed_over=found.passed_over,
     )
     # The fits are large and not needed any more; the models of the candidates are.
     return Found(replace(found, fit=None, best_fit=None), ladder, pictures)  # type: ignore[arg-type]
@@ -103,7 +104,7 @@ def add(
     for number, rung in enumerate(rungs):
         report(number / len(rungs), f"errors with {rung.added.name}")
         ladder = _with(study, ladder, rung, "diagnosis" if found is not None and name in found.set else "user")
-    return replace(ladder, verdict="missing", candidates=(), unknown=None)
+    return replace(ladder, verdict="missing", candidates=(), unknown=None, passed_over={})
 
 
 def suggest(study: Study, found: Diagnosis, report: Report) -> Suggestion | None:

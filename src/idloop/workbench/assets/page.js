@@ -280,7 +280,7 @@
         ...m.twins.map((one) => make("p", { class: "twins" }, `${one.text} By hand: ${one.checks.join(" ")}`))));
     } else parts.push(...cards);
     if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `What an effect explains is part ${m.explains}.`));
-    if (others.length) parts.push(make("details", {}, make("summary", {}, `${others.length} weighed and not significant`), ...others.map((c) => card(c, busy, m))));
+    if (others.length) parts.push(make("details", {}, make("summary", {}, `${others.length} weighed and not ${others.some((c) => c.passed_over) ? "taken" : "significant"}`), ...others.map((c) => card(c, busy, m))));
     if (rest.length) parts.push(make("details", {}, make("summary", {}, `${rest.length} screened, nothing seen`),
       make("ul", {}, ...rest.map((c) => make("li", {}, make("b", {}, c.words), ` ${c.text} `, add(c, busy, m))))));
     return parts;
@@ -306,7 +306,8 @@
         make("div", { class: "numbers" }, [...own, ...c.parameters].filter(Boolean).join(" · ")),
         make("div", { class: "share" }, make("i", { style: `width:${Math.max(0, Math.min(100, 100 * c.explains))}%` }))),
       add(c, busy, m, tied),
-      make("p", {}, c.text, c.replaces ? ` It takes the place of ${c.replaces}.` : ""));
+      make("p", {}, c.text, c.replaces ? ` It takes the place of ${c.replaces}.` : "",
+        c.passed_over ? ` Significant, yet passed over: ${c.passed_over}.` : ""));
   }
 
   function drawing(picture) {
