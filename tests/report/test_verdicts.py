@@ -140,6 +140,23 @@ def test_a_tie_ends_when_the_rival_has_come_in() -> None:
     assert both.undo().rivals(tied) == alone.rivals(tied)
 
 
+def test_what_an_effect_contains_is_said_to_be_where_it_was() -> None:
+    stribeck = "stribeck_friction@axis(coulomb=0.1,static=0.2,velocity=0.1)"
+    rich = step(stribeck, error=0.1)
+    assert rich.added is not None
+    rich = replace(rich, added=replace(rich.added, replaces="coulomb_friction@axis"))
+    grown = ladder(step(error=0.3), rich)
+    assert grown.replaced(grown.steps[0]) == ""
+    assert grown.replaced(rich) == (
+        "it contains coulomb_friction@axis, which was added before it and is no step of its own any more"
+    )
+    assert grown.replaced(rich) in grown.summary()
+    given = ladder(replace(step(FRICTION, error=0.3), added=None), rich)
+    assert given.replaced(rich) == "in place of coulomb_friction@axis of the start model, which it contains"
+    chosen = ladder(step(error=0.3), replace(step(FRICTION, error=0.2), chosen_by="user"), rich)
+    assert chosen.replaced(rich) == "in place of coulomb_friction@axis, which it contains"
+
+
 def test_a_coefficient_that_is_not_constant_is_what_is_missing() -> None:
     at = np.linspace(0.0, 2.0 * np.pi, 13)
     curve = UnknownStructure(

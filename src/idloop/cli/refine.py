@@ -324,8 +324,8 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
         others = ladder.rivals(step)
         if step.added is not None:
             click.echo(f"{step.added.name}: {step.added.text}")
-            if step.added.replaces:
-                click.echo(f"  in place of {step.added.replaces}, which it contains")
+            if replaced := ladder.replaced(step):
+                click.echo(f"  {replaced}")
         if others:
             click.echo(f"  this data cannot tell it from {', '.join(others)}")
     for group in ladder_twins(ladder):

@@ -142,6 +142,20 @@ class Ladder:
             return ()
         return tuple(name for name in step.set if name != step.added.name and name not in self.model.effect_names)
 
+    def replaced(self, step: Step) -> str:
+        """What the effect of a step took the place of, in words; empty where it came in beside the others.
+
+        A plain effect that the ladder itself had added is no step any more once a richer one contains it.
+        """
+        name = None if step.added is None else step.added.replaces
+        if not name:
+            return ""
+        if name in self.steps[0].model.effect_names:
+            return f"in place of {name} of the start model, which it contains"
+        if name in self.added:
+            return f"in place of {name}, which it contains"
+        return f"it contains {name}, which was added before it and is no step of its own any more"
+
     def undo(self) -> Ladder:
         """The ladder without its last step.
 
@@ -229,8 +243,8 @@ class Ladder:
         lines = []
         for step in self.steps:
             what = "start" if step.added is None else f"+ {step.added.name}"
-            if step.added is not None and step.added.replaces:
-                what += f" (in place of {step.added.replaces})"
+            if replaced := self.replaced(step):
+                what += f" ({replaced})"
             measured = step.validation or step.train
             label = "validation" if step.validation else "train"
             fits = ", ".join(f"{name} {value:.1f} %" for name, value in measured.get("fit", {}).items())

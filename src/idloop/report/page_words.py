@@ -277,7 +277,7 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
         "explains": figure_text(100.0 * added.explains, 2),
         "ties": others,
-        "replaces": "" if not added.replaces else words(added.replaces),
+        "replaces": _capital(in_words(ladder.replaced(step))),
         "place": effect_place(added.name),
         "no_picture": _no_picture(added.name, step.model),
         "parameters": [

@@ -64,6 +64,7 @@ class Notebook:
             untestable=found.untestable,
             findings=found.gate.findings,
             unknown=found.unknown,
+            passed_over=found.passed_over,
         )
         where = compare(self.ladder.model, job.validation[-1]).where.lines() if job.validation else []
         return self._answer(job, missing=summarise_diagnosis(found, where, job.windows))
