@@ -9,7 +9,7 @@ from idloop.diagnose import diagnose, refine
 from idloop.estimate import fit
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.undetermined import common_scale
+from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
@@ -126,3 +126,27 @@ def test_a_diagnosis_says_that_only_ratios_are_told(unknown: Model, record: Reco
     assert any("only the ratios" in line for line in ladder.to_dict()["findings"])
     assert ladder.model.values["axis.inertia"] == unknown.values["axis.inertia"]
     assert found.verdict == ladder.verdict != "missing"
+
+
+LIMIT = "speed_limit_voltage@input"
+
+
+def test_of_a_supply_without_its_resistance_only_ratios_are_told() -> None:
+    cut = load_model("axis").with_effect("speed_limit_voltage", "input", supply=1.0, back_emf=0.1)
+    cut = cut.with_free(name for name in cut.free if name != f"{LIMIT}.resistance")
+    record = moved(cut)
+    (told,) = effect_scales(cut, [record])
+    assert told.names == (f"{LIMIT}.supply", f"{LIMIT}.back_emf", f"{LIMIT}.resistance")
+    assert f"only the ratios of {LIMIT}.supply" in told.text
+    assert f"{LIMIT}.resistance from the data sheet; here it is held at 1 Ω" in told.text
+    assert told.text.count("\n") == 0
+    # A resistance from the data sheet, and one that nothing depends on.
+    assert effect_scales(cut.with_values({f"{LIMIT}.resistance": 1.2}), [record]) == []
+    assert effect_scales(cut.with_values({f"{LIMIT}.supply": 1e6}), [record]) == []
+
+
+def test_what_is_held_and_no_ratio_is_not_said_to_be_one() -> None:
+    name = "presliding_friction@axis"
+    model = load_model("axis").with_effect("presliding_friction", "axis", level=0.05, stiffness=50.0)
+    model = model.with_free(free for free in model.free if free != f"{name}.velocity")
+    assert effect_scales(model, [moved(model, 2.0)]) == []

@@ -42,7 +42,7 @@ from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
-from idloop.estimate.undetermined import common_scale
+from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.estimate.whitening import choose_order
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -253,10 +253,11 @@ def diagnose(
     reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
     if criterion == "auto" and balance_disagrees(reached, records, FIRST_DISAGREEMENT):
         diagnosis = _diagnose(model, records, "force", level, effects, seed, progress)
-    if together is not None:
-        findings = (*diagnosis.gate.findings, together.text)
-        diagnosis = replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
-    return diagnosis
+    told = [] if together is None else [together]
+    if diagnosis.best is not None and diagnosis.best.model is not None:
+        told += effect_scales(diagnosis.best.model, records)
+    findings = (*diagnosis.gate.findings, *(one.text for one in told))
+    return replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
 
 
 def _diagnose(

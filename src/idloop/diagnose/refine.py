@@ -25,7 +25,7 @@ from idloop.diagnose.verdict import MISSING, UNKNOWN
 from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.undetermined import common_scale
+from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -93,7 +93,8 @@ def refine(
     found = climb(start, ladder, kind)
     if criterion == "auto" and (balance_disagrees(found.model, records) or _balance_disagreed(found, records)):
         found = climb(start, ladder, "force")
-    return found if together is None else replace(found, findings=(*found.findings, together.text))
+    told = ([] if together is None else [together]) + effect_scales(found.model, records)
+    return replace(found, findings=(*found.findings, *(one.text for one in told)))
 
 
 def _balance_disagreed(ladder: Ladder, records: Sequence[Record]) -> bool:

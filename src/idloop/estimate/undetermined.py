@@ -7,19 +7,23 @@ balance is even perfect where all forces are 0; so it is found before a search, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimate.dataset import prepare
 from idloop.estimate.result import FitResult, Ratio
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.uncertainty import ties
+from idloop.physics import Engine
 
 if TYPE_CHECKING:
     from idloop.estimate.dataset import Data
-    from idloop.physics import Engine, Model
+    from idloop.physics import Model
+    from idloop.records import Record
 
 Array = NDArray[np.float64]
 
@@ -131,10 +135,51 @@ def common_scale(engine: Engine, data: list[Data]) -> Undetermined | None:
     forces = _forces(model)
     names = tuple(name for name in model.free if name in forces)
     inertias = [f"{body}.inertia" for body in model.bodies]
-    if not {"drive.gain", *inertias} <= set(names):
+    if not {"drive.gain", *inertias} <= set(names) or not _same_motion(engine, data, names):
         return None
-    theta = model.theta
-    scaled = np.array([_FACTOR if name in names else 1.0 for name in model.free]) * theta
+    held = model.parameter(inertias[0])
+    return Undetermined(names, held.name, held.value, held.unit, ratios=True)
+
+
+def effect_scales(model: Model, records: Sequence[Record]) -> list[Undetermined]:
+    """Find the effects of which only ratios can be told, one of their parameters being held at its default.
+
+    A supply voltage is one: in what units it and the back-EMF are, only the winding's resistance says.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted to the records.
+    records : sequence of Record
+
+    Returns
+    -------
+    list of Undetermined
+    """
+    values, free = model.values, model.free
+    found = []
+    for active in model.effects:
+        specs = {f"{active.name}.{p.name}": p for p in active.effect.parameters if not p.integer}
+        names = tuple(name for name in free if name in specs)
+        held = [
+            name for name, p in specs.items()
+            if p.held and name in values and name not in free and values[name] == p.start != 0.0
+        ]  # fmt: skip
+        if not names or len(held) != 1:
+            continue
+        engine = Engine(model.with_free([*free, *held]))
+        data = prepare(engine.model, records)
+        # What does nothing by itself is no part of a ratio.
+        if _same_motion(engine, data, (*names, *held)) and not _same_motion(engine, data, held):
+            known = model.parameter(held[0])
+            found.append(Undetermined((*names, known.name), known.name, known.value, known.unit, ratios=True))
+    return found
+
+
+def _same_motion(engine: Engine, data: list[Data], names: Sequence[str]) -> bool:
+    """Whether one factor for all these free parameters leaves the motion as it is."""
+    theta = engine.model.theta
+    scaled = np.array([_FACTOR if name in names else 1.0 for name in engine.model.free]) * theta
     rule = SimulationCriterion(engine, data)
     start = rule.nuisance()[0]
     for record in range(len(data)):
@@ -142,9 +187,8 @@ def common_scale(engine: Engine, data: list[Data]) -> Undetermined | None:
         # A start that does not stay finite is judged by what there is before.
         told = np.isfinite(one) & np.isfinite(two)
         if not np.any(told) or np.max(np.abs(one - two)[told]) > _SAME * np.ptp(one[told]):
-            return None
-    held = model.parameter(inertias[0])
-    return Undetermined(names, held.name, held.value, held.unit, ratios=True)
+            return False
+    return True
 
 
 def exactly_tied(model: Model, jacobian: Array) -> Undetermined | None:
