@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.report.estimates import figure_text, fit_text, with_interval
+from idloop.cli.refine import print_ladder, print_parameters
+from idloop.diagnose import Candidate, Ladder, Step
+from idloop.diagnose.candidate import effect_parameters
+from idloop.diagnose.proposals import proposals
+from idloop.physics import load_model
+from idloop.report.estimates import figure_text, fit_text, held_parameters, with_interval
+from idloop.report.page_words import page_words
 
 
 @pytest.mark.parametrize(
@@ -55,3 +62,26 @@ def test_what_is_no_number_is_said():
     assert figure_text(None) == figure_text(math.nan) == "–"
     assert figure_text(math.inf) == "∞"
     assert figure_text(-1.5e-9, 2) == "−1.5 · 10⁻⁹"
+
+
+def test_what_was_held_is_no_estimate_and_what_was_chosen_is_none_of_it(contents, capsys):
+    start = load_model("dc_motor")
+    (sliding,) = proposals(start, ["presliding_friction@motor"])
+    (waves,) = proposals(start, ["cogging@motor"])
+    model = sliding.model({"level": 0.2, "stiffness": 500.0})
+    entries = waves.model({"amplitude": 0.1, "harmonic": 7.0, "phase": 0.3})
+    assert not effect_parameters(entries, waves.name)["harmonic"]["held"]
+    given = effect_parameters(model, sliding.name)
+    assert [name for name, entry in given.items() if entry["held"]] == ["velocity", "damping"]
+    added = Candidate("presliding_friction", "motor", "yes", "", "It gives.", model=model, parameters=given)
+    ladder = Ladder((Step(None, start), Step(added, model, set=(sliding.name,))), verdict="adequate")
+    assert list(held_parameters(ladder)) == [f"{sliding.name}.velocity", f"{sliding.name}.damping"]
+    print_ladder(ladder)
+    print_parameters(ladder)
+    said = capsys.readouterr().out
+    assert "velocity 0.1 rad/s (held), damping 0 N·m·s/rad (held)" in said
+    assert f"held, not estimated: {sliding.name}.velocity 0.1 rad/s, {sliding.name}.damping 0 N·m·s/rad\n" in said
+    told = page_words(replace(contents, ladder=ladder))
+    kinds = {row["key"]: row["kind"] for row in told["parameters"]}
+    assert kinds[f"{sliding.name}.velocity"] == "held"
+    assert [row["held"] for row in told["steps"][0]["parameters"]] == [False, False, True, True]

@@ -65,8 +65,14 @@ def test_a_parameter_has_as_many_digits_as_its_interval_lets_stand():
         "width": {"value": 0.29812, "stderr": 0.00139, "unit": "V"},
         "rest_position": {"value": -1.22e4, "stderr": None, "unit": "rad"},
         "ratio": {"value": 2.0, "stderr": 0.1, "unit": "-"},
+        "resistance": {"value": 1.0, "stderr": None, "unit": "Ω", "held": True},
     })  # fmt: skip
-    assert found == ["width 0.2981 ± 0.0027 V", "rest position −1.22 · 10⁴ rad", "ratio 2.00 ± 0.20"]
+    assert found == [
+        "width 0.2981 ± 0.0027 V",
+        "rest position −1.22 · 10⁴ rad",
+        "ratio 2.00 ± 0.20",
+        "resistance 1 Ω (held)",
+    ]
 
 
 def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_to_be_so():

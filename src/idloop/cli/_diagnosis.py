@@ -97,12 +97,12 @@ def read_limits(
 
 
 def parameter_text(name: str, entry: Mapping[str, Any]) -> str:
-    """Text of a parameter with its 95 % interval: "width 0.121 ± 0.002 V"."""
+    """Text of a parameter with its 95 % interval: "width 0.121 ± 0.002 V"; one that is held is said to be."""
     value, stderr, unit = entry.get("value"), entry.get("stderr"), entry.get("unit") or ""
     if value is None:
         return f"{name} -"
     if stderr is None or not math.isfinite(stderr):
-        return f"{name} {number(value)} {unit}".rstrip()
+        return f"{name} {number(value)} {unit}".rstrip() + (" (held)" if entry.get("held") else "")
     reach = _NORMAL_95 * stderr
     # As many digits as the interval bears.
     digits = 2 if value == 0.0 or reach == 0.0 else max(2, 2 + math.ceil(math.log10(max(abs(value) / reach, 1.0))))

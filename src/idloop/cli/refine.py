@@ -356,7 +356,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
 def print_parameters(ladder: Ladder) -> None:
     """Print the last model's parameters: those of a step are biased by what was still missing then."""
     from idloop.estimate.interval_text import interval_text
-    from idloop.report.estimates import parameter_estimates
+    from idloop.report.estimates import held_parameters, parameter_estimates
 
     rows = [
         (
@@ -370,3 +370,6 @@ def print_parameters(ladder: Ladder) -> None:
     if rows:
         click.echo("\nparameters of the last model, all refitted:")
         click.echo(format_table(("parameter", "value", "95 % interval", "unit"), rows))
+    held = [f"{name} {number(one.value)} {one.unit}".rstrip(" -") for name, one in held_parameters(ladder).items()]
+    if held:
+        click.echo(f"held, not estimated: {', '.join(held)}")

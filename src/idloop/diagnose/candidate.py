@@ -31,7 +31,7 @@ class Candidate:
     explains : float
         Share of the unexplained error's power that it takes away, 0 to 1.
     parameters : dict
-        ``{name: {"value": ..., "stderr": ..., "unit": ...}}``.
+        ``{name: {"value": ..., "stderr": ..., "unit": ..., "held": ...}}``; held at its value, not estimated.
     model : Model or None
         The model with the effect fitted; None when it was only screened.
     replaces : str or None
@@ -104,10 +104,18 @@ class Rung:
 
 
 def effect_parameters(model: Model, name: str) -> dict[str, dict[str, Any]]:
-    """Value, standard error and unit of every parameter of one effect of a model."""
+    """Value, standard error and unit of every parameter of one effect of a model, and whether it is held.
+
+    A whole number that a search has chosen is not held, nor is a resolution that is read off the data.
+    """
     prefix = f"{name}."
+    chosen = {
+        p.name for active in model.effects if active.name == name for p in active.effect.parameters
+        if p.integer or active.effect.final
+    }  # fmt: skip
     return {
-        p.name[len(prefix) :]: {"value": p.value, "stderr": p.stderr, "unit": p.unit}
+        own: {"value": p.value, "stderr": p.stderr, "unit": p.unit, "held": not (p.free or own in chosen)}
         for p in model.parameters
         if p.name.startswith(prefix)
+        for own in [p.name[len(prefix) :]]
     }

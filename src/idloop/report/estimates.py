@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from idloop.diagnose.candidate import effect_parameters
+
 if TYPE_CHECKING:
+    from idloop.diagnose import Ladder
     from idloop.physics import Model
+    from idloop.physics.parameter import Parameter
 
 NORMAL_95 = 1.959963984540054
 _MOST_DIGITS = 8
@@ -40,6 +44,27 @@ def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
             "at_bound": parameter.value in (parameter.min, parameter.max),
         }
     return found
+
+
+def held_parameters(ladder: Ladder) -> dict[str, Parameter]:
+    """Parameters of the effects of a ladder that were held when these were added: no estimates.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    dict
+        By name; without those that a search has chosen.
+    """
+    known = {p.name: p for p in ladder.model.parameters}
+    return {
+        f"{name}.{own}": known[f"{name}.{own}"]
+        for name in ladder.added
+        for own, entry in effect_parameters(ladder.model, name).items()
+        if entry["held"]
+    }
 
 
 def figure_text(value: float | None, digits: int = 4) -> str:

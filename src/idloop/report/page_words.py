@@ -13,7 +13,7 @@ from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
 from idloop.report.contents import driven_step, step_force
 from idloop.report.effect_names import in_words, words
-from idloop.report.estimates import NORMAL_95, figure_text, fit_text, with_interval
+from idloop.report.estimates import NORMAL_95, figure_text, fit_text, held_parameters, with_interval
 from idloop.report.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.report.ladder import p_text
 from idloop.report.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
@@ -27,6 +27,7 @@ from idloop.validate.variables import TITLES
 if TYPE_CHECKING:
     from idloop.diagnose import Candidate, Ladder, Step
     from idloop.physics import Model
+    from idloop.physics.parameter import Parameter
     from idloop.report.contents import Contents, Judged
 
 
@@ -94,7 +95,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "findings": list(ladder.findings),
         "suggestion": _suggestion(ladder),
         "experiment": _experiment(ladder),
-        "parameters": _parameters(ladder.model),
+        "parameters": _parameters(ladder),
         "describing": [
             {"name": one.name, "place": f"describing-{i}"} for i, one in enumerate(contents.describing)
         ],
@@ -260,6 +261,12 @@ def _fitted_remainders(contents: Contents) -> list[Remainder]:
     return remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
 
 
+def _kind(parameter: Parameter, *, at_bound: bool, held: bool) -> str:
+    if at_bound:
+        return "at its bound"
+    return "estimated" if parameter.free else "held" if held else "known"
+
+
 def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     added, last = step.added, ladder.model
     if added is None:
@@ -285,6 +292,7 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
                 "name": name.replace("_", " "),
                 "value": with_interval(float(entry["value"]), entry.get("stderr")),
                 "unit": entry.get("unit", ""),
+                "held": bool(entry.get("held")),
             }
             for name, entry in now.items()
         ],
@@ -444,7 +452,9 @@ def _suggestion(ladder: Ladder) -> dict[str, Any] | None:
     return {"text": f"{_capital(in_words(suggested['text']))}.", "outcomes": outcomes}
 
 
-def _parameters(model: Model) -> list[dict[str, Any]]:
+def _parameters(ladder: Ladder) -> list[dict[str, Any]]:
+    model = ladder.model
+    held = set(held_parameters(ladder))
     rows = []
     for parameter in model.parameters:
         bounds: Sequence[float] = (parameter.min, parameter.max)
@@ -455,7 +465,7 @@ def _parameters(model: Model) -> list[dict[str, Any]]:
                 "name": words(parameter.name.replace(".", " ")),
                 "value": with_interval(parameter.value, parameter.stderr if parameter.free else None),
                 "unit": parameter.unit,
-                "kind": "at its bound" if at_bound else "estimated" if parameter.free else "known",
+                "kind": _kind(parameter, at_bound=at_bound, held=parameter.name in held),
             }
         )
     return rows

@@ -107,14 +107,13 @@ def p_words(value: float | None) -> str:
 
 
 def parameter_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Say every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"."""
+    """Say every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"; one that is held is said to be."""
     said = []
     for name, entry in parameters.items():
         value, unit = entry.get("value"), entry.get("unit") or ""
         if value is not None:
-            said.append(
-                f"{name.replace('_', ' ')} {with_interval(value, entry.get('stderr'))} {unit.strip('-')}".rstrip()
-            )
+            text = f"{name.replace('_', ' ')} {with_interval(value, entry.get('stderr'))} {unit.strip('-')}".rstrip()
+            said.append(f"{text} (held)" if entry.get("held") else text)
     return said
 
 
