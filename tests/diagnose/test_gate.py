@@ -1,14 +1,23 @@
 """What the gate says of the data is what a comparison says of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from idloop.diagnose.gate import _reversals
+from idloop.diagnose.detection import DetectionLimit
+from idloop.diagnose.gate import _reversals, gate
+from idloop.diagnose.proposals import proposals
+from idloop.diagnose.reach import Reach
+from idloop.diagnose.screen import Screened, Trace
+from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.estimate.dataset import prepare
 from idloop.physics import load_model
 from idloop.records import Record
 from idloop.validate.doing import doing_of
 from idloop.validate.regions import since_reversal
+
+from .conftest import record_of
 
 TIME = np.arange(0.0, 10.0, 1e-3)
 
@@ -35,3 +44,39 @@ def test_reversals_are_counted_as_a_comparison_counts_them(hidden: int | None, s
     counted = len(since_reversal(data.time, direction)[1])
     assert _reversals(model, data) == counted
     assert (counted == 3) == (small == 0.0)
+
+
+@pytest.fixture(scope="module")
+def setting() -> Setting:
+    model = load_model("axis")
+    return prepare_setting(model, [record_of(model, 0, seconds=3.0)], "prediction")
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "power", "said"),
+    (
+        ("sensor_offset@position[axis]", {"offset": 1.0}, 1e-3, "larger than the whole travel of "),
+        ("dead_zone@input", {"width": 1.0}, 1e-3, "larger than the largest command of "),
+        ("gain_asymmetry@input", {"ratio": 0.1}, 1e-3, "larger than it can be, 0.95, so"),
+        ("coulomb_friction@axis", {"level": 1.0}, 1e-3, "it would show with level ≥ "),
+        ("dead_zone@input", {"width": 1e-3}, 1.0, "it would show with width ≥ "),
+    ),
+)
+def test_no_size_is_named_that_the_machine_cannot_have(
+    setting: Setting, name: str, size: dict[str, float], power: float, said: str
+) -> None:
+    model = load_model("axis")
+    (proposal,) = proposals(model, [name])
+    trace = Trace([size], 0.0, np.zeros(1), power, 1.0, True, np.zeros((1, 0)), np.zeros(0), power)
+    found = gate(model, setting, [Screened(proposal, [trace])], 9.0)
+    assert found.testable[name] == "no"
+    assert said in found.why[name]
+    assert ("this experiment cannot show it" in found.why[name]) == ("≥" not in found.why[name])
+
+
+def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None:
+    limit = DetectionLimit("offset", "m", 0.1, 5.3)
+    assert Reach(0.128, "the whole travel of 0.128 m").within(limit).short == "offset ≥ 0.1 m"
+    assert Reach().within(limit) == limit
+    soft = replace(limit, at_most=True)
+    assert Reach(0.01).within(soft) == soft

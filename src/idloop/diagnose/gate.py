@@ -10,6 +10,8 @@ import numpy as np
 
 from idloop.diagnose.detection import DetectionLimit, detection_limit
 from idloop.diagnose.lattice import resolution_limits
+from idloop.diagnose.reach import Reach, reach_of
+from idloop.diagnose.scales import Sizes
 from idloop.diagnose.screen import Screened
 from idloop.diagnose.setting import Setting
 from idloop.estimate.dataset import Data
@@ -85,7 +87,8 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
     -------
     Gate
     """
-    facts = _facts(model, setting)
+    sizes = Sizes(model, setting)
+    facts = _facts(model, setting, sizes)
     findings = [facts.sentence]
     if facts.command_levels <= 1:
         findings.append("the command has one size only: what depends on its size cannot be told from the gain")
@@ -93,8 +96,11 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
         findings.append(f"the axis reverses {facts.reversals} times: friction and play hardly show")
     testable, why, limits = {}, {}, {}
     for s in screened:
-        name, limit = s.proposal.name, detection_limit(s, chance)
-        testable[name], why[name] = _judge(s, facts, chance, limit)
+        name, limit, reach = s.proposal.name, detection_limit(s, chance), Reach()
+        if limit is not None:
+            reach = reach_of(s.proposal, limit, model, sizes.at(s.proposal.effect.site, s.proposal.at))
+            limit = reach.within(limit)
+        testable[name], why[name] = _judge(s, facts, chance, limit, reach)
         if limit is not None and testable[name] != "no":
             limits[name] = limit
     levels = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
@@ -111,10 +117,7 @@ class _Facts:
     sentence: str
 
 
-def _facts(model: Model, setting: Setting) -> _Facts:
-    from idloop.diagnose.scales import Sizes
-
-    sizes = Sizes(model, setting)
+def _facts(model: Model, setting: Setting, sizes: Sizes) -> _Facts:
     seconds = sizes.duration
     command = np.abs(np.concatenate([d.input for d in setting.data]))
     moving = command[command > 1e-3 * sizes.command_most]
@@ -142,7 +145,7 @@ def _reversals(model: Model, data: Data) -> int:
     return 0 if direction is None else len(since_reversal(data.time, direction)[1])
 
 
-def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | None) -> tuple[str, str]:
+def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | None, reach: Reach) -> tuple[str, str]:
     """``yes``, ``weak`` or ``no``, and why."""
     name = s.proposal.effect.name
     if not s.traces:
@@ -154,6 +157,8 @@ def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | No
     worth = max((t.worth for t in s.traces), default=0.0)
     from_where = "" if limit is None else limit.text
     if worth < chance:
+        if limit is not None and reach.text and not from_where:
+            from_where = f"to show it would have to be larger than {reach.text}, so this experiment cannot show it"
         return "no", "at its usual size it does no more than chance" + (f"; {from_where}" if from_where else "")
     if worth < _SURE * chance:
         return "weak", from_where or "only a strong effect would show"
