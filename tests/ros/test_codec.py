@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
+from idloop.report.estimates import with_interval
 from idloop_nodes.codec import (
     CdrError,
     EffectSummary,
@@ -45,6 +46,7 @@ from idloop_nodes.codec import (
     parameters_to_statuses,
     peek_stamp,
 )
+from idloop_nodes.codec.numbers import plus_minus
 
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 texts = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=12)
@@ -275,13 +277,19 @@ DEAD_ZONE = EffectSummary(
 )
 
 
+def test_what_stands_behind_a_plus_minus_is_the_same_interval_everywhere():
+    one = Estimate(0.1213, 0.0011, "V")
+    assert one.text == f"{with_interval(one.value, one.stderr)} V" == "0.1213 ± 0.0022 V"
+    assert (plus_minus(None), plus_minus(float("nan"))) == ("", "")
+
+
 def test_missing_effects_are_for_people():
     summary = MissingSummary("m", verdict="missing", candidates=(DEAD_ZONE,), set=("dead_zone@input", "slip@motor"))
     head, one = missing_to_statuses("estimator", summary)
     assert head.name == "estimator: missing effects"
     assert head.level == one.level == Level.WARN
     assert head.message == (
-        "dead_zone@input is missing (p 0.001, explains 97 %, width 0.1213 ± 0.0011 V); "
+        "dead_zone@input is missing (p 0.001, explains 97 %, width 0.1213 ± 0.0022 V); "
         "this data cannot tell it from slip@motor"
     )
     assert (one.name, one.hardware_id) == ("estimator: dead_zone@input", "dead_zone@input")
@@ -290,7 +298,7 @@ def test_missing_effects_are_for_people():
     together = MissingSummary("m", verdict="missing", candidates=(DEAD_ZONE,), set=pair[:1], pair=pair)
     assert missing_to_statuses("estimator", together)[0].message == (
         "only together: dead_zone@input and saturation@input are missing "
-        "(p 0.001, explains 97 %, width 0.1213 ± 0.0011 V)"
+        "(p 0.001, explains 97 %, width 0.1213 ± 0.0022 V)"
     )
 
 

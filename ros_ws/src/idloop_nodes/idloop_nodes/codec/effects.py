@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from idloop_nodes.codec.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
-from idloop_nodes.codec.numbers import number_or_none, text_or_empty
+from idloop_nodes.codec.numbers import number_or_none, plus_minus, text_or_empty
 
 LEVELS = {"adequate": Level.OK, "missing": Level.WARN}
 
@@ -23,9 +23,8 @@ class Estimate:
 
     @property
     def text(self) -> str:
-        """For a person: ``0.121 ± 0.001 V``."""
-        error = "" if self.stderr is None else f" ± {self.stderr:.2g}"
-        return f"{self.value:.4g}{error} {self.unit}".strip()
+        """For a person, with the 95 % interval: ``0.121 ± 0.002 V``."""
+        return f"{self.value:.4g}{plus_minus(self.stderr)} {self.unit}".strip()
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,11 @@
-"""Numbers that may be absent, as key values."""
+"""Numbers that may be absent, as key values, and what is uncertain for a person."""
 
 from __future__ import annotations
+
+import math
+
+# As in every printout and on every page: what stands after ± is the half-width of the 95 % interval.
+_NORMAL_95 = 1.959963984540054
 
 
 def text_or_empty(value: float | None) -> str:
@@ -11,3 +16,8 @@ def text_or_empty(value: float | None) -> str:
 def number_or_none(text: str) -> float | None:
     """Return the number that `text_or_empty` wrote."""
     return float(text) if text else None
+
+
+def plus_minus(stderr: float | None, digits: int = 2) -> str:
+    """Return the half-width of the 95 % interval as " ± 0.0022"; empty where it is not known."""
+    return "" if stderr is None or not math.isfinite(stderr) else f" ± {_NORMAL_95 * stderr:.{digits}g}"

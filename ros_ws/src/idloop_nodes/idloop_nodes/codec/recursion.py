@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from idloop_nodes.codec.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
+from idloop_nodes.codec.numbers import plus_minus
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ def recursion_to_statuses(node: str, summaries: Sequence[RecursionSummary]) -> l
         for name, (value, stderr) in one.coefficients.items():
             values[f"value/{name}"] = repr(float(value))
             values[f"stderr/{name}"] = repr(float(stderr))
-        text = ", ".join(f"{name} = {value:.4g} ± {stderr:.1g}" for name, (value, stderr) in one.coefficients.items())
+        text = ", ".join(
+            f"{name} = {value:.4g}{plus_minus(stderr, 1)}" for name, (value, stderr) in one.coefficients.items()
+        )
         message = f"{one.method} after {one.samples} samples: {text}"
         statuses.append(Status(f"{node}: {one.output}", message, Level.OK, values, one.output))
     return statuses

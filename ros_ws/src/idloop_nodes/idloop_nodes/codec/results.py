@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from idloop_nodes.codec.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
-from idloop_nodes.codec.numbers import number_or_none, text_or_empty
+from idloop_nodes.codec.numbers import number_or_none, plus_minus, text_or_empty
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def parameters_to_statuses(node: str, parameters: Sequence[ParameterSummary]) ->
     """Return the statuses of ``estimator/parameters``, one for each parameter."""
     statuses = []
     for one in parameters:
-        error = "" if one.stderr is None else f" ± {one.stderr:.2g}"
+        error = plus_minus(one.stderr)
         note = "" if one.free else " (known)"
         if one.at_bound:
             note = " (at its bound)"
