@@ -27,6 +27,13 @@ def test_cut_keeps_time_and_the_command_in_force(record, start, length):
     assert part.reference_time[0] <= part.time[0]
 
 
+@pytest.mark.parametrize("name", ["reference", "excitation"])
+def test_a_single_column_in_place_of_two_is_said_in_one_line(record, name):
+    column = getattr(record, name)[:, 0]
+    with pytest.raises(InputError, match=rf"{name} \({column.size},\) must be \(samples, 2\)"):
+        replace(record, **{name: column})
+
+
 def test_drop_is_a_cut_from_both_ends(record):
     part = record.drop(0.5, 0.25)
     assert part.time[0] == pytest.approx(0.5)

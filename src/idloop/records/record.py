@@ -80,8 +80,19 @@ class Record:
             raise InputError(
                 f"{self.name}: {len(self.output_names)} outputs need as many units, not {len(self.output_units)}"
             )
+        self._check_pair("reference", "position and velocity")
+        self._check_pair("excitation", "to the position reference and to the command")
         if np.any(np.diff(self.time) <= 0) or np.any(np.diff(self.input_time) <= 0):
             raise InputError(f"{self.name}: time does not increase strictly; sort the samples and drop repeated stamps")
+
+    def _check_pair(self, name: str, columns: str) -> None:
+        """Two columns over their own time; NaN stands for what is not given."""
+        when, what = getattr(self, f"{name}_time"), getattr(self, name)
+        if what is not None and when is not None and what.shape != (when.size, 2):
+            raise InputError(
+                f"{self.name}: {name} {what.shape} must be (samples, 2) = ({when.size}, 2): {columns}; NaN where one is"
+                " not given"
+            )
 
     @property
     def duration(self) -> float:
