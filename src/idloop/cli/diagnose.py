@@ -118,7 +118,8 @@ def print_diagnosis(
     elif best is not None:
         click.echo(f"{MISSING}: {best.name}. {best.text}")
         if best.replaces:
-            click.echo(f"it takes the place of {best.replaces}, which it contains")
+            plain = "its plain form" if best.replaces == best.name else best.replaces
+            click.echo(f"it takes the place of {plain}, which it contains")
         _print_tie(tie_text(found.set), found.model, found.set, best.replaces)
     else:
         click.echo(ending(found.verdict, only_words(found)))

@@ -150,6 +150,8 @@ class Ladder:
         name = None if step.added is None else step.added.replaces
         if not name:
             return ""
+        if step.added is not None and name == step.added.name:
+            return "in its fuller form, in place of the plain one"
         if name in self.steps[0].model.effect_names:
             return f"in place of {name} of the start model, which it contains"
         if name in self.added:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from idloop.errors import InputError
 from idloop.physics.effect import INPUT, OUTPUT, Effect, catalogue
-from idloop.physics.model import Model
+from idloop.physics.model import Model, values_of
 from idloop.physics.schema import Value
 from idloop.physics.trial import Scales, Trial
 from idloop.spelling import did_you_mean_or_known
@@ -36,6 +36,7 @@ class Proposal:
     base: Model
     replaces: str | None = None
     held: tuple[str, ...] = ()
+    plain: Trial | None = None
 
     @property
     def name(self) -> str:
@@ -45,7 +46,9 @@ class Proposal:
     def alternatives(self, scales: Scales) -> list[list[Trial]]:
         """Values to try, see `idloop.physics.trial`."""
         effect = self.effect
-        if effect.trials is not None:
+        if self.plain is not None and effect.further is not None:
+            found = [list(group) for group in effect.further(scales, self.plain)]
+        elif effect.trials is not None:
             found = [list(group) for group in effect.trials(scales)]
         elif effect.parameters:
             found = [[_generic_trial(effect, scales, share)] for share in (0.02, 0.1, 0.4)]
@@ -84,7 +87,7 @@ class Proposal:
         for spec in self.effect.parameters:
             if spec.optional and spec.name not in values:
                 continue
-            free = not (spec.held or spec.integer or spec.name in self.held)
+            free = not ((spec.held and self.plain is None) or spec.integer or spec.name in self.held)
             entries[spec.name] = Value(value=float(values.get(spec.name, spec.start)), free=free)
         return self.base.with_entry(self.effect.name, self.at, entries)
 
@@ -138,7 +141,7 @@ def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]
 
 def _fits(model: Model, effect: Effect, at: str) -> bool:
     """Whether an effect makes sense at a site of a model that does not have it."""
-    if f"{effect.name}@{at}" in model.effect_names:
+    if f"{effect.name}@{at}" in model.effect_names and not _is_plain(model, effect, at):
         return False
     if effect.site == OUTPUT and next(o for o in model.outputs if o.site == at).field not in effect.outputs:
         return False
@@ -150,10 +153,20 @@ def _fits(model: Model, effect: Effect, at: str) -> bool:
     return effect.name != "sensor_quantisation"
 
 
+def _is_plain(model: Model, effect: Effect, at: str) -> bool:
+    """Whether the model has an effect that has a fuller form, with none of the parameters that this one adds."""
+    optional = [f"{effect.name}@{at}.{spec.name}" for spec in effect.parameters if spec.optional]
+    return effect.further is not None and not any(name in model.values for name in optional)
+
+
 def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
     if not _fits(model, effect, at):
         return None
     beside = [active for active in model.effects if active.at == at and active.effect.site == effect.site]
+    own = next((active for active in beside if active.effect.name == effect.name), None)
+    if own is not None:
+        values = values_of(own, model.values)
+        return Proposal(effect, at, model.without_effect(own.name), own.name, plain=values)
     if any(effect.name in active.effect.contains for active in beside):
         return None
     for active in beside:

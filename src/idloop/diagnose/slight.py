@@ -128,6 +128,8 @@ def _tells_from_none(fitted: Model, proposal: Proposal) -> bool:
 
 def _beyond(proposal: Proposal) -> set[str]:
     """Parameters that an effect has beyond those of the plainer one that it contains."""
+    if proposal.plain is not None:
+        return {p.name for p in proposal.effect.parameters if p.optional or p.held}
     plainer = (proposal.replaces or "").partition("@")[0]
     return {p.name for p in proposal.effect.parameters} - set(proposal.effect.contains.get(plainer, {}).values())
 

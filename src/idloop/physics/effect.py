@@ -41,7 +41,7 @@ from types import ModuleType
 
 from idloop.errors import InputError
 from idloop.physics.hooks import Hook
-from idloop.physics.trial import Trials
+from idloop.physics.trial import FurtherTrials, Trials
 from idloop.spelling import did_you_mean_or_known
 
 INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
@@ -157,6 +157,9 @@ class Effect:
     trials : callable, optional
         From `Scales` to alternatives of values to try when the effect is looked for; from the
         parameters' units when left out.
+    further : callable, optional
+        From `Scales` and the values of the plain form, which leaves optional and held parameters alone, to alternatives
+        of these to try when the fuller form is looked for beside it.
     contains : mapping
         Effects that are this one with some parameters at their neutral values:
         ``{effect: {its parameter: parameter of this one}}``.
@@ -202,6 +205,7 @@ class Effect:
     delay: str = ""
     splits: bool = False
     trials: Trials | None = None
+    further: FurtherTrials | None = None
     contains: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     separable: bool = False
     degenerates_to: tuple[str, ...] = ()

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 Trial = Mapping[str, float]
 # Alternatives to try; the traces of one alternative's trials are weighed against each other.
 Trials = Callable[["Scales"], Sequence[Sequence[Trial]]]
+# The same for an effect that the model has in its plain form, from the values of that.
+FurtherTrials = Callable[["Scales", Trial], Sequence[Sequence[Trial]]]
 
 
 @dataclass(frozen=True)

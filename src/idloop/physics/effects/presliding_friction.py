@@ -9,6 +9,7 @@ from typing import Any
 
 from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
 from idloop.physics.hooks import hook
+from idloop.physics.trial import Scales, Trial
 
 
 @hook
@@ -45,6 +46,27 @@ def settle(position: float, velocity: float, inertia: float, elapsed: float, sta
     return state[0]
 
 
+def _dahl(scales: Scales) -> list[list[Trial]]:
+    """Bristles that give a little or much, without damping and well damped."""
+    found: list[list[Trial]] = []
+    for reach in (0.0001, 0.0005, 0.002, 0.01, 0.05, 0.2):
+        for level in [scales.dry] if scales.dry else [0.05 * scales.force, 0.2 * scales.force]:
+            stiffness = level / (reach * scales.span)
+            critical = 2.0 * (stiffness * scales.inertia) ** 0.5
+            found += [
+                [{"level": level, "stiffness": stiffness, "damping": damping * critical}] for damping in (0.0, 0.3)
+            ]
+    return found
+
+
+def _lugre(scales: Scales, dahl: Trial) -> list[list[Trial]]:
+    """Friction that falls with the speed, beside the bristles as they are."""
+    return [
+        [{**dahl, "static": share * dahl["level"], "velocity": slow * scales.speed}]
+        for share, slow in ((1.05, 0.1), (1.3, 0.02), (1.3, 0.1), (1.3, 0.4))
+    ]
+
+
 EFFECT = Effect(
     name="presliding_friction",
     site=BODY,
@@ -60,7 +82,7 @@ EFFECT = Effect(
         ParameterSpec("stiffness", "{force}/{position}", start=1e3, min=0.0),
         ParameterSpec("static", "{force}", min=0.0, optional="level"),
         ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6, held=True),
-        ParameterSpec("damping", "{force}·s/{position}", min=0.0, held=True),
+        ParameterSpec("damping", "{force}·s/{position}", min=0.0),
     ),
     force=force,
     settle=settle,
@@ -70,11 +92,8 @@ EFFECT = Effect(
     ),
     spatial_rate=lambda values, inertia, stiffness: values["stiffness"] / max(values["level"], 1e-12) * 0.5,
     looks_like=("compliance", "backlash"),
-    trials=lambda s: [
-        [{"level": level, "stiffness": level / (reach * s.span)}]
-        for reach in (0.0001, 0.0005, 0.002, 0.01, 0.05, 0.2)
-        for level in ([s.dry] if s.dry else [0.05 * s.force, 0.2 * s.force])
-    ],
+    trials=_dahl,
+    further=_lugre,
     contains={"coulomb_friction": {"level": "level"}},
     valid=lambda values: values.get("static", values["level"]) >= values["level"],
 )
