@@ -1,11 +1,16 @@
 """What a search may try: values that the samples can show, at a price that is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from idloop.diagnose.setting import FrugalEngine
+from idloop.diagnose.scales import Sizes
+from idloop.diagnose.setting import FrugalEngine, prepare_setting
 from idloop.errors import IdloopError
 from idloop.physics import load_model
+
+from .conftest import record_of
 
 STEP = 0.002
 
@@ -32,3 +37,15 @@ def test_a_chain_at_its_limit_leaves_room_for_an_effect() -> None:
     assert FrugalEngine(slipping, STEP, 1.0).layout(None).axis.coupling_hooks.shape[0] == 1
     with pytest.raises(IdloopError, match="faster than the samples"):
         FrugalEngine(slipping.with_values({"motor-load1.stiffness": 1.1 * low}), STEP, 1.0).layout(None)
+
+
+def test_the_speed_of_a_body_is_known_from_its_position_where_its_velocity_is_left_out() -> None:
+    model = load_model("axis")
+    record = record_of(model, 4, seconds=6.0)
+    place = np.round(record.output[:, 0], 4)
+    computed = np.column_stack([place, np.gradient(place, record.time)])
+    whole, left = (
+        Sizes(model, prepare_setting(model, [one], "simulation")).bodies[0]
+        for one in (record, replace(record, output=computed))
+    )
+    assert left == pytest.approx(whole, rel=0.05)

@@ -10,7 +10,7 @@ from idloop.diagnose.confirm import Confirmed
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.setting import prepare_setting
-from idloop.diagnose.slight import too_slight
+from idloop.diagnose.slight import same_motion, too_slight
 from idloop.physics import Model, load_model
 from idloop.records import Record
 
@@ -98,3 +98,14 @@ def test_exact_data_show_what_is_missing_and_nothing_else(hidden: str, noise: fl
     diagnosis = diagnose(untold, [record_of(machine, 4, seconds=8.0)])
     assert diagnosis.set == ((hidden.partition("(")[0],) if hidden else ())
     assert diagnosis.verdict == ("missing" if hidden else "adequate")
+
+
+def test_an_output_that_is_not_measured_keeps_nothing_from_being_the_same_motion() -> None:
+    start = load_model("axis")
+    record = record_of(start, 4, seconds=8.0)
+    silent = record.output.copy()
+    silent[:, 1] = np.nan
+    for output in (record.output, silent):
+        one = [replace(record, output=output)]
+        assert same_motion(start, start.with_effects([f"{DELAY}(delay=1e-9)"]), one)
+        assert not same_motion(start, start.with_effects([f"{DELAY}(delay=1e-2)"]), one)

@@ -1,11 +1,13 @@
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
 from idloop.estimate import fit
+from idloop.estimate.prediction import PredictionCriterion
 from idloop.physics import Model, Plant, load_model
 from idloop.records import Record
 
@@ -109,6 +111,22 @@ def test_progress_runs_from_start_to_end(motor: Model, experiment: Make) -> None
     assert seen == sorted(seen)
     assert seen[0] == 0.0
     assert seen[-1] >= 0.95
+
+
+def test_what_no_observer_can_predict_is_simulated(
+    motor: Model, experiment: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(*given: Any) -> None:
+        raise IdloopError("no observer could be designed for this model and data; try the simulation criterion")
+
+    record = experiment(motor, samples=600)
+    monkeypatch.setattr(PredictionCriterion, "retune", none)
+    result = fit(motor, [record])
+    assert result.criterion == "simulation"
+    assert "no observer could be designed" in result.why
+    assert np.array_equal(result.values, fit(motor, [record], "simulation").values)
+    with pytest.raises(IdloopError, match="no observer"):
+        fit(motor, [record], "prediction")
 
 
 @pytest.mark.parametrize(

@@ -88,3 +88,22 @@ def test_too_little_data_is_no_data():
     assert data.renew(one, MODEL, START + SECOND, SECOND, 0.25, 20)
     data.clear()
     assert data.spans == ()
+
+
+def test_a_velocity_once_seen_to_be_computed_stays_so_in_windows_that_cannot_show_it():
+    random = np.random.default_rng(0)
+    position = np.round(np.cumsum(np.repeat(random.normal(size=40), 20)), 1)
+    one = DataBook(2)
+    one.first = START
+    for index, (here, before) in enumerate(zip(position, [0.0, *position[:-1]], strict=True)):
+        stamp = START + index * STEP
+        one.commands.append(stamp, (float(index),))
+        one.outputs.append(stamp, (float(here), float(here - before) / 0.01))
+    short = (START + SECOND, START + 2 * SECOND, START + 2 * SECOND + STEP * 30)
+    assert [record.findings for record in one.split(MODEL, *short)] == [(), ()]
+    fitted, judge = one.split(MODEL, START, START + 6 * SECOND, START + 8 * SECOND)
+    assert [found.where for found in fitted.findings] == ["motor.velocity"]
+    assert judge.findings == fitted.findings == one.computed
+    assert all(record.findings == one.computed for record in one.split(MODEL, *short))
+    one.clear()
+    assert all(record.findings for record in one.split(MODEL, *short)), "the sensors are the same after a reset"

@@ -50,7 +50,7 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
         simulated = np.full(data.output.shape, np.nan)
     found: dict[str, Any] = {}
     for label, measure in (("nrmse", nrmse), ("fit", fit_percent), ("rmse", rmse)):
-        values = measure(data.output, simulated)
+        values = measure(record.output, simulated)
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
     try:
         force = force_error(model, record)

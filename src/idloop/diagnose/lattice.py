@@ -47,6 +47,9 @@ def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = No
         name = f"{EFFECT}@{output.site}"
         if name in model.effect_names or not (effects is None or EFFECT in effects or name in effects):
             continue
+        # A velocity computed from rounded positions has no converter of its own.
+        if not any(np.any(np.isfinite(d.output[:, column])) for d in setting.data):
+            continue
         step = rounding_step(setting.records, column)
         if step <= 0.0:
             continue

@@ -124,7 +124,7 @@ class _Climb:
 
     def __call__(self, start: Model, ladder: Ladder | None, kind: str) -> Ladder:
         """Climb by one criterion."""
-        setting = with_common_whitening(prepare_setting(start, self.records, kind), start)
+        setting = with_common_whitening(prepare_setting(start, self.records, kind, self.validation), start)
         parent = refit(setting, start)
         if ladder is None:
             fitted = with_stderr(parent, setting.records)
@@ -132,7 +132,7 @@ class _Climb:
         ladder = replace(ladder, criterion=kind, level=self.level)
         held_out = None
         if self.validation:
-            held_out = replace(prepare_setting(start, self.validation, kind), whiteners=setting.whiteners)
+            held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
         while True:
             count = len(ladder.added)
 

@@ -44,7 +44,7 @@ class Sizes:
         """Speed rms and maximum, middle and span of the positions of a body, or of its nearest neighbour."""
         order = sorted(self.model.bodies, key=lambda other: abs(self._index(other) - self._index(body)))
         for other in order:
-            outputs = [(i, o) for i, o in enumerate(self.model.outputs) if o.body == other]
+            outputs = [(i, o) for i, o in enumerate(self.model.outputs) if o.body == other and self._measured(i)]
             positions = [(i, o.scale) for i, o in outputs if o.field == "position"]
             velocities = [(i, o.scale) for i, o in outputs if o.field == "velocity"]
             if not positions and not velocities:
@@ -67,6 +67,9 @@ class Sizes:
             most = max(float(np.percentile(np.abs(speed), 99.5)), rms)
             return rms, most, float(0.5 * (np.min(place) + np.max(place))), span
         return 1.0, 1.0, 0.0, 1.0
+
+    def _measured(self, column: int) -> bool:
+        return any(np.any(np.isfinite(d.output[:, column])) for d in self.setting.data)
 
     def _index(self, body: str) -> int:
         return self.model.bodies.index(body)

@@ -182,7 +182,7 @@ class Setting:
         return DriveForceCriterion(engine, self.balances)
 
 
-def prepare_setting(model: Model, records: Sequence[Record], kind: str) -> Setting:
+def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: Sequence[Record] = ()) -> Setting:
     """Lay records out for a diagnosis.
 
     Parameters
@@ -190,6 +190,8 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str) -> Setti
     model : Model
     records : sequence of Record
     kind : {"prediction", "simulation", "force"}
+    beside : sequence of Record
+        Further records that another setting of the same outputs is made of.
 
     Returns
     -------
@@ -200,7 +202,7 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str) -> Setti
     InputError
         Records that do not suit the model or the criterion, or a command that never changes.
     """
-    data = prepare(model, records)
+    data = prepare(model, records, beside=beside)
     if all(np.ptp(d.input) == 0.0 for d in data):
         raise InputError("the command never changes in these records; excite the axis, nothing can be learnt")
     engine = RememberingEngine(model)

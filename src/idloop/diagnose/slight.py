@@ -85,8 +85,11 @@ def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
     """
     try:
         return all(
-            np.all(np.sqrt(np.nanmean(apart**2, axis=0)) <= NEGLIGIBLE * np.nanstd(data.output, axis=0))
+            np.all(
+                np.sqrt(np.nanmean(apart[:, seen] ** 2, axis=0)) <= NEGLIGIBLE * np.nanstd(data.output[:, seen], axis=0)
+            )
             for data, apart in _apart(model, other, records)
+            for seen in [np.any(np.isfinite(data.output), axis=0)]
         )
     except IdloopError:
         return False

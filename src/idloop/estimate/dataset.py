@@ -58,13 +58,22 @@ class Data:
         return np.where(index >= 0, self.input[np.maximum(index, 0)], 0.0)
 
 
-def prepare(model: Model, records: Sequence[Record]) -> list[Data]:
+def prepare(
+    model: Model, records: Sequence[Record], *, beside: Sequence[Record] = (), every: bool = False
+) -> list[Data]:
     """Check records against a model and lay them out for the compiled simulator.
+
+    A velocity that any of the records shows to be computed from the position counts as not measured
+    (`idloop.records.differenced`): it is no second sensor.
 
     Parameters
     ----------
     model : Model
     records : sequence of Record
+    beside : sequence of Record
+        Further records of the same sensors, that are to be read in the same way.
+    every : bool
+        Keep a computed velocity as well.
 
     Returns
     -------
@@ -78,12 +87,31 @@ def prepare(model: Model, records: Sequence[Record]) -> list[Data]:
     """
     if len(records) == 0:
         raise InputError("no record to fit; give at least one bag")
-    return [_prepare(model, record) for record in records]
+    found = [_prepare(model, record) for record in records]
+    for place, speed in [] if every else sorted(_computed([*records, *beside])):
+        for data in found:
+            if np.any(np.isfinite(data.output[:, place])):
+                data.output[:, speed] = np.nan
+    return found
+
+
+def _computed(records: Sequence[Record]) -> set[tuple[int, int]]:
+    """Columns of positions, and of the velocities that are computed from them."""
+    from idloop.records.differenced import differenced
+
+    pairs = set()
+    for record in records:
+        names = record.output_names
+        for one in differenced(record):
+            place = f"{one.where.rpartition('.')[0]}.position"
+            if {place, one.where} <= set(names):
+                pairs.add((names.index(place), names.index(one.where)))
+    return pairs
 
 
 def _prepare(model: Model, record: Record) -> Data:
     time = np.ascontiguousarray(record.time, dtype=float)
-    output = np.ascontiguousarray(record.output, dtype=float)
+    output = np.array(record.output, dtype=float, order="C")
     input_time = np.ascontiguousarray(record.input_time, dtype=float)
     value = np.ascontiguousarray(record.input, dtype=float)
     where = f"record {record.name!r}"

@@ -123,13 +123,25 @@ def fit(
         return _without_ties(model, records, criterion, tell, result, balance) or result
     starts = [start] if balance is None else [start, balance.theta]
     tell(0.1, f"{chosen} criterion")
-    best = _search(engine, model, data, noise, chosen, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
-    tell(0.75, "standard errors")
-    result = _conclude(engine, model, data, best, why, noise)
+
+    def searched(name: str, reason: str) -> tuple[Solution, FitResult]:
+        found = _search(engine, model, data, noise, name, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
+        tell(0.75, "standard errors")
+        return found, _conclude(engine, model, data, found, reason, noise)
+
+    try:
+        best, result = searched(chosen, why)
+    except (IdloopError, np.linalg.LinAlgError) as error:
+        if criterion != "auto" or isinstance(error, InputError):
+            raise
+        # What cannot be predicted may still be simulated.
+        tell(0.1, "simulation criterion")
+        chosen, reason = "simulation", str(error).partition(";")[0]
+        best, result = searched(chosen, f"the prediction criterion cannot serve: {reason}")
     alone = _without_ties(model, records, criterion, tell, result, best)
     if alone is not None:
         return alone
-    if criterion != "auto":
+    if criterion != "auto" or chosen == "simulation":
         return result
     tell(0.8, "free run, to compare with")
     try:

@@ -102,6 +102,9 @@ class PredictionCriterion:
                 value, start = self._profile(theta, whiten=self._rounds > 1)
             except (IdloopError, np.linalg.LinAlgError):
                 return np.inf
+            # An observer that a delay of a sensor makes unstable predicts nothing.
+            if not np.isfinite(value):
+                return np.inf
             starts[exponent] = start
             return value
 
@@ -136,7 +139,7 @@ class PredictionCriterion:
                 values.append(self._profile(theta, whiten=False)[0])
             except (IdloopError, np.linalg.LinAlgError):
                 continue
-        return min(values)
+        return min(value for value in values if not np.isnan(value))
 
     def _profile(self, theta: Array, whiten: bool) -> tuple[float, Array]:
         """Mean log-likelihood cost with the initial states at their best, and those states."""

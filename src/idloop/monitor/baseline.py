@@ -153,7 +153,7 @@ class Baseline:
             start = stop - warm
 
     def _stretch(self, record: Record) -> Scores:
-        (data,) = prepare(self.model, [record])
+        (data,) = prepare(self.model, [record], every=True)
         if abs(data.sample_time - self.lens.sample_time) > 0.05 * self.lens.sample_time:
             raise InputError(
                 f"record {record.name!r} is sampled every {data.sample_time:.4g} s, the reference every "
@@ -272,7 +272,7 @@ def learn(
     tell = progress or (lambda share, text: None)
     others = may_vary(model, watches, varying)
     free = model.with_free([*(watch.parameter for watch in watches), *others])
-    data = prepare(free, records)
+    data = prepare(free, records, every=True)
     tell(0.0, "the observer")
     lens = grind(RememberingEngine(free), data, free.theta)
     bare = Baseline(free, tuple(watches), others, false_alarm_hours, block, lens, (), sum(r.duration for r in records))

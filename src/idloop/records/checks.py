@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.errors import InputError
+from idloop.records.differenced import differenced
 from idloop.records.finding import Finding
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.record import Record
@@ -53,7 +54,7 @@ def few_samples(count: int, duration: float) -> str:
 
 
 def check_record(record: Record) -> Record:
-    """Return the record, with a finding for every output that never moves and where samples are few.
+    """Return the record with findings: outputs that never move or are another's difference, and few samples.
 
     Raises
     ------
@@ -96,6 +97,7 @@ def check_record(record: Record) -> Record:
         if np.nanmax(record.output[:, column]) == np.nanmin(record.output[:, column])
     ]
     found = [Finding("no_motion", f"{output} never changes", where=output, level="warning") for output in still]
+    found += [one for one in differenced(record) if one not in record.findings]
     short = few_samples(record.time.size, record.duration)
     if short:
         found.append(Finding("few_samples", short, record.time.size, name, "warning"))

@@ -15,7 +15,7 @@ class Finding:
     kind : str
         Machine name: ``gap``, ``lost_samples``, ``duplicate_stamps``, ``out_of_order``, ``clock_reset``,
         ``jitter``, ``two_clocks``, ``clock_drift``, ``receive_stamps``, ``not_measured``, ``unread_topic``,
-        ``cut``, ``processing``, ...
+        ``cut``, ``processing``, ``no_motion``, ``differenced_velocity``, ...
     text : str
         One line in plain words, with numbers and units.
     count : int

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.bag import Bag, resolve_topic
 from idloop.records.clocks import StampStatistics, compare_clocks, stamp_findings, stamp_statistics
+from idloop.records.differenced import differenced_columns
 from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
 from idloop.records.insight import Evidence, insights, verdict
@@ -207,6 +208,8 @@ def inspect_bag(
     measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
+    for stream in (one for one in measured.values() if one.stamp_ns.size):
+        findings += differenced_columns((stream.stamp_ns - stream.stamp_ns[0]) * 1e-9, columns_of(stream))
     commands = _commands(streams[command_topic]) if command_topic else {}
     findings += _missing(measured, command=False)
     if command_topic:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from idloop_nodes.sample_store import SampleStore
 
 if TYPE_CHECKING:
     from idloop.physics import Model
-    from idloop.records import Record
+    from idloop.records import Finding, Record
 
 SECOND = 1_000_000_000
 
@@ -28,10 +29,13 @@ class DataBook:
     ----------
     first : int or None
         Stamp of the first measurement that was worked on [ns].
+    computed : tuple of Finding
+        Velocities that the driver computes from the position, as far as records have shown.
     """
 
     def __init__(self, outputs: int) -> None:
         self.first: int | None = None
+        self.computed: tuple[Finding, ...] = ()
         self.commands = SampleStore(1)
         self.outputs = SampleStore(outputs)
         self.references = SampleStore(2)
@@ -51,6 +55,21 @@ class DataBook:
         """Forget what is older, but not the values that still hold."""
         for store in (self.commands, self.outputs, self.references):
             store.forget(before)
+
+    def split(self, model: Model, start: int, cut: int, stop: int) -> tuple[Record, Record]:
+        """Return the samples from `start` and from `cut` [ns] to before `stop`: what is fitted, and what judges.
+
+        A velocity that one of all records has shown to be computed counts as such from then on: the next window may
+        show too little motion for that, and what is fitted to must not change with it.
+        """
+        from idloop.records.differenced import differenced
+
+        records = []
+        for span in ((start, cut), (cut, stop)):
+            record = self.record(model, *span)
+            self.computed = differenced(replace(record, findings=self.computed))
+            records.append(replace(record, findings=self.computed))
+        return records[0], records[1]
 
     def record(self, model: Model, start: int, stop: int) -> Record:
         """Return the samples from `start` to before `stop` [ns] as a record of a model."""
@@ -160,7 +179,7 @@ class DiagnosisData:
     ) -> tuple[Record, Record, Span] | None:
         start, stop = span
         cut = stop - round((stop - start) * share)
-        train, judge = book.record(model, start, cut), book.record(model, cut, stop)
+        train, judge = book.split(model, start, cut, stop)
         if min(train.time.size, judge.time.size) < shortest or not (train.input.size and judge.input.size):
             return None
         return train, judge, span

@@ -74,7 +74,7 @@ class FitSchedule:
         return self._submit(model, end - have, end - have * validation // (window + validation), end)
 
     def _submit(self, model: Model, start: int, cut: int, end: int) -> str:
-        fit_record, validation_record = (self._book.record(model, *span) for span in ((start, cut), (cut, end)))
+        fit_record, validation_record = self._book.split(model, start, cut, end)
         if min(fit_record.time.size, validation_record.time.size) < SHORTEST:
             return "too few samples"
         number = self._numbers()

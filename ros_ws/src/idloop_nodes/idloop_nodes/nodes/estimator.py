@@ -115,6 +115,7 @@ class EstimatorNode(StreamNode):
         self._last: int | None = None
         self._forgot = 0
         self._told = -1
+        self._warned = 0
         self._done = False
         self._samples = RateCounter()
         self._unreadable = 0
@@ -277,6 +278,9 @@ class EstimatorNode(StreamNode):
         self._fits.follow(self._model, self._last)
         self._monitoring.follow(self._last)
         self._diagnosing.follow(self.progress)
+        for one in self._book.computed[self._warned :]:
+            self.get_logger().warning(one.text)
+        self._warned = len(self._book.computed)
         self._forget(self._last)
 
     def _forget(self, last: int) -> None:

@@ -1,0 +1,307 @@
+"""A velocity that a driver computed from the position: what it adds to the position is nothing.
+
+Hobby servos, state publishers and many drives have no tachometer: their velocity is the difference
+of the last positions, often behind a low-pass filter or a tracking loop. Its noise then is a function
+of the position's noise, and an observer that is told of two independent sensors is told wrong.
+
+Such a velocity obeys ``v[k] = Σ a_i v[k - i] + Σ b_j d[k - j]`` with the differences ``d`` of the recorded
+position. A sensor of its own never does, by whatever filter: its error against that sum holds the position's
+noise, as the sum passes it on. So the sum counts as exact where it leaves a small part of that noise only,
+and where nothing but motion can be seen in the position, no judgement is made: a few sines, or what a simulation
+wrote without noise, obey many sums. Noise is what neither a high difference of the position takes for motion nor its
+own past foretells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.finding import Finding
+from idloop.records.record import Record
+
+Floats = NDArray[np.float64]
+
+KIND = "differenced_velocity"
+
+# Samples in motion below which nothing is said; samples that are looked at, first and beyond which no more.
+_FEWEST, _GLANCE, _MOST = 150, 1200, 5000
+# Part of the position's noise, as the sum passes it on, that an exact sum may leave: roundings.
+_ROUNDING = 0.25
+# Samples that may be off for once, after a lost message or a turn of the encoder.
+_ODD = 0.02
+# Jerks of the motion are no noise: of its differences the largest are left out.
+_JERKS = 0.2
+# Orders of difference among which the one that holds least motion is sought.
+_ORDERS = range(1, 9)
+# Past differences that foretell the next one: those of half as many sines do so exactly.
+_PAST = 24
+# Noise below this part of the differences is their rounding.
+_LEAST_NOISE = 1e-9
+# Samples that a filter remembers, at most.
+_MEMORY = 500
+# Widest window of a plain difference.
+_WIDEST = 10
+# What a drive has behind the difference of the last sample: poles, and the weights of the last differences. A low
+# pass of first order, plain, told a sample late or by the bilinear rule; one of second order or a tracking loop.
+_FILTERS = ((1, (1,)), (1, (0, 1)), (1, (1, 1)), (2, (1,)), (2, (0, 1)), (2, (1, 2, 1)))
+# Filters of drives smooth. Between exact position and exact velocity of a motion under a held command lies a sum
+# with a pole of alternating sign.
+_LEAST_POLE = -0.01
+# Velocities in the units that go with a position's: of SI, degrees, turns, millimetres, a minute. The period by which
+# a driver divides may be off by a part of itself.
+_UNITS = np.array([1.0, np.pi / 180, 180 / np.pi, np.pi / 30, 30 / np.pi, 6.0, 1 / 6, 60.0, 1 / 60, 1e3, 1e-3])
+_PERIOD = 0.03
+
+_known: WeakKeyDictionary[Record, tuple[Finding, ...]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How a velocity follows from a position.
+
+    Attributes
+    ----------
+    text : str
+        The kind of difference, in words.
+    delay : float
+        Of the velocity behind the motion [s].
+    misfit : float
+        What the sum leaves, as a part of the position's noise in it.
+    """
+
+    text: str
+    delay: float
+    misfit: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Differences:
+    """Differences of the position; value[k] ends at sample k + 1."""
+
+    value: Floats
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the position's noise over the period, at most; 0 where there is none to be seen.
+
+        However well the differences before it foretell a difference, the noise of its newest sample is left.
+        """
+        d = self.value
+        windows = np.lib.stride_tricks.sliding_window_view(d, _PAST + 1)
+        windows = windows[(windows[:, -1] != 0.0) | (windows[:, -2] != 0.0)]
+        if len(windows) < 4 * _PAST:
+            return 0.0
+        past, last = windows[:, :-1], windows[:, -1]
+        error = _fitted(past, last, np.abs(last), _JERKS)[1]
+        left = _trimmed(_fitted(past, last, error, _JERKS)[1], _JERKS)
+        return left if left > _LEAST_NOISE * float(np.sqrt(np.mean(np.square(d)))) else 0.0
+
+
+def difference(time: Floats, position: Floats, velocity: Floats) -> Difference | None:
+    """How a velocity was computed from a position, or None where it was not or nobody can tell.
+
+    Parameters
+    ----------
+    time, position, velocity : array, shape (n,)
+        Measured at the same instants; NaN where not measured. Units do not matter.
+
+    Returns
+    -------
+    Difference or None
+    """
+    known = np.isfinite(position) & np.isfinite(velocity) & np.isfinite(time)
+    if np.sum(known) < _FEWEST or np.ptp(velocity[known]) == 0.0 or np.ptp(position[known]) == 0.0:
+        return None
+    t, p, v = time[known], position[known], velocity[known]
+    # Most sensors of their own are told at a glance.
+    glance = _liveliest(v, _GLANCE)
+    if (
+        t.size > _GLANCE
+        and np.sum(np.diff(v[glance]) != 0.0) > 2 * _FEWEST
+        and _of(t[glance], p[glance], v[glance]) is None
+    ):
+        return None
+    whole = _liveliest(v, _MOST)
+    return _of(t[whole], p[whole], v[whole])
+
+
+def differenced(record: Record) -> tuple[Finding, ...]:
+    """Findings on every velocity of a record that is no more than a position's difference.
+
+    Parameters
+    ----------
+    record : Record
+
+    Returns
+    -------
+    tuple of Finding
+        Of kind `KIND`, ``where`` names the velocity. What was found before a record was cut or filtered holds on.
+    """
+    if record not in _known:
+        told = [one for one in record.findings if one.kind == KIND]
+        names = {one.where for one in told}
+        columns = dict(zip(record.output_names, record.output.T, strict=True))
+        more = differenced_columns(record.time, {n: c for n, c in columns.items() if n not in names})
+        _known[record] = (*told, *more)
+    return _known[record]
+
+
+def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Finding]:
+    """As `differenced`, of columns by ``joint.field`` that share their stamps.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Stamps [s].
+    columns : dict of str to array, shape (n,)
+
+    Returns
+    -------
+    list of Finding
+    """
+    found = []
+    for name, velocity in columns.items():
+        joint, _, field = name.rpartition(".")
+        position = columns.get(f"{joint}.position")
+        if field != "velocity" or position is None:
+            continue
+        how = difference(time, position, velocity)
+        if how is not None:
+            text = (
+                f"{name} is computed from {joint}.position ({how.text}): it adds nothing, its noise is the position's;"
+                " fits leave it out, free runs are compared with it"
+            )
+            found.append(Finding(KIND, text, where=name, level="warning"))
+    return found
+
+
+def _liveliest(velocity: Floats, most: int) -> slice:
+    """Those samples of a record to look at, where there are more: the ones with the most change."""
+    if velocity.size <= most:
+        return slice(None)
+    change = np.concatenate([[0.0], np.cumsum(np.diff(velocity) != 0.0)])
+    first = int(np.argmax(change[most - 1 :] - change[: change.size - most + 1]))
+    return slice(first, first + most)
+
+
+def _of(t: Floats, p: Floats, v: Floats) -> Difference | None:
+    """As `difference`, of samples that are all known."""
+    step = np.diff(t)
+    steady = float(np.median(step))
+    if steady <= 0.0:
+        return None
+    # A driver divides by its own period, which the stamps may show or not.
+    periods = [np.full(step.size, steady)]
+    if np.std(step) > 1e-6 * steady and np.all(step > 0.0):
+        periods.append(step)
+    for period in periods:
+        d = _Differences(np.diff(p) / period)
+        found = _plain(v, d, steady) or _behind_filter(v, d, steady)
+        if found is not None:
+            return found
+    return None
+
+
+def _plain(v: Floats, d: _Differences, step: float) -> Difference | None:
+    """The plain difference over some samples that makes up a velocity, where there is one; d[k] ends at v[k + 1]."""
+    total = np.concatenate([[0.0], np.cumsum(d.value)])
+    for wide in range(1, _WIDEST + 1):
+        window = (total[wide:] - total[:-wide]) / wide
+        # As soon as the last sample is known, a sample later, or, computed afterwards, centred; over one also ahead.
+        for late in (0, 1, -1 if wide == 1 else -(wide // 2)):
+            first = max(wide + late, 1)
+            k = np.arange(first, min(v.size, v.size + late))
+            found = _exact(v, d, window[k - wide - late][:, None], k, 0, np.ones(wide) / wide)
+            if found is None:
+                continue
+            delay = (late + 0.5 * wide) * step
+            ms = 1e3 * abs(delay)
+            when = "centred" if delay == 0.0 else f"{ms:.3g} ms {'late' if delay > 0.0 else 'early'}"
+            return Difference(f"difference over {wide} sample{'' if wide == 1 else 's'}, {when}", delay, found[1])
+    return None
+
+
+def _behind_filter(v: Floats, d: _Differences, step: float) -> Difference | None:
+    """The difference of the last sample behind a filter that makes up a velocity, where there is one."""
+    for order, shape in _FILTERS:
+        taps = np.array(shape, dtype=float) / np.sum(shape)
+        k = np.arange(max(len(taps), order), v.size)
+        passed = sum(tap * d.value[k - 1 - j] for j, tap in enumerate(taps))
+        found = _exact(v, d, np.column_stack([passed, *(v[k - i] for i in range(1, order + 1))]), k, order, taps)
+        if found is None:
+            continue
+        poles, misfit = found
+        lag = 0.5 + float(np.sum(taps * np.arange(taps.size)))
+        lag += float(np.sum(poles * np.arange(1, order + 1)) / (1.0 - np.sum(poles)))
+        return Difference(f"filtered difference, {1e3 * lag * step:.3g} ms late", lag * step, misfit)
+    return None
+
+
+def _exact(
+    v: Floats, d: _Differences, regressors: Floats, k: NDArray[np.int64], order: int, taps: Floats
+) -> tuple[Floats, float] | None:
+    """Poles and misfit of a sum, its first column the differences at the instants k; None where it is not exact."""
+    value = v[k]
+    moving = (regressors[:, 0] != 0.0) | (value != v[k - 1])
+    if np.sum(moving) < _FEWEST:
+        return None
+    regressors, value, unsplit = regressors[moving], value[moving], regressors[:, 0]
+    response = np.convolve(taps, [1.0, -1.0])
+    size = np.abs(regressors[:, 0])
+    weights, error = _fitted(regressors, value, _fitted(regressors, value, size)[1])
+    # The noise is at most that of one order of difference, the error at least its median: most sums fall at once.
+    if np.median(error) > _ROUNDING * abs(weights[0]) * _noise(unsplit, response, moving, _ORDERS[3:4]):
+        return None
+    weights, error = _fitted(regressors, value, error)
+    gain, poles = weights[0], weights[1:]
+    rest = 1.0 - float(np.sum(poles))
+    if rest <= 0.0 or np.min(np.abs(abs(gain) / rest / _UNITS - 1.0)) > _PERIOD:
+        return None
+    roots = np.roots(np.concatenate([[1.0], -poles]))
+    if np.any(roots.real < _LEAST_POLE) or np.any(np.abs(roots) >= 1.0):
+        return None
+    from scipy.signal import lfilter, lfiltic
+
+    # What else drives the filter, as an observer's command does, may drive it at few samples only: it runs freely.
+    filtering = ([gain], [1.0, *-poles])
+    begin = lfiltic(*filtering, v[k[0] - order : k[0]][::-1])
+    left = _trimmed(np.abs(v[k] - lfilter(*filtering, unsplit, zi=begin)[0])[moving], _ODD)
+    impulse = np.zeros(_MEMORY)
+    impulse[: response.size] = response
+    share = float(np.linalg.norm(lfilter(*filtering, impulse)))
+    noise = share * min(_noise(unsplit, response, moving, _ORDERS) / float(np.linalg.norm(response)), d.noise)
+    return (poles, float(left / noise)) if left <= _ROUNDING * noise and noise > 0.0 else None
+
+
+def _fitted(regressors: Floats, v: Floats, size: Floats, odd: float = _ODD) -> tuple[Floats, Floats]:
+    """Least squares without the few samples that are largest in size, and the errors' size of all."""
+    last = int((1.0 - odd) * (size.size - 1))
+    keep = size <= np.partition(size, last)[last]
+    weights = np.linalg.lstsq(regressors[keep], v[keep], rcond=None)[0]
+    return weights, np.abs(v - regressors @ weights)
+
+
+def _noise(passed: Floats, response: Floats, moving: NDArray[np.bool_], orders: Sequence[int]) -> float:
+    """Standard deviation of the position's noise in a sum, at most: that of the quietest of its higher differences."""
+    size = float(np.linalg.norm(response))
+    found = []
+    for order in range(1, max(orders) + 1):
+        passed, response = np.diff(passed), np.convolve(response, [1.0, -1.0])
+        moving = moving[1:]
+        if order not in orders:
+            continue
+        found.append(_trimmed(passed[moving], _JERKS) * size / float(np.linalg.norm(response)))
+    return min(found)
+
+
+def _trimmed(values: Floats, share: float) -> float:
+    """Root mean square without the share of the largest values."""
+    count = max(int((1.0 - share) * values.size), 1)
+    power = np.partition(np.square(values), count - 1)[:count]
+    return float(np.sqrt(np.mean(power)))
