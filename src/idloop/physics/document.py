@@ -20,7 +20,7 @@ command line (`--effect "dead_zone@input(width=0.1)"`) or on a running node (par
 
 In the equations q, v, F and J are position, velocity, force and inertia (θ, ω, T and J of a rotary axis, x, v, F and
 m of a linear one), u is the command and y a reading. No sign and no corner is smoothed; where dry friction stops or
-turns a body, the simulator finds the instant.
+turns a body, however shortly, and where the two sides of a gap touch or part, the simulator finds the instant.
 
 """
 PLACES = {INPUT: "the command", BODY: "a body", COUPLING: "a coupling", OUTPUT: "a sensor"}
