@@ -29,10 +29,11 @@ def test_plain_c_is_the_same_plant(plant):
     data = plant.numbers() | {"command": steps_of_command(2000)}
     contest, settings = Contest(HERE), SIMULATION | {"plant": plant.name}
     ours, own = contest.enter("w", "idloop", "simulation_idloop", data, settings, ours=True, runs=1)
-    theirs, other = contest.enter("w", "C", "simulation_c", data, settings, ours=True, runs=1)
+    # The yardstick lets a body that breaks away within a step wait for the next.
+    theirs, other = contest.enter("w", "C", "simulation_c", data, settings | {"pieces": 30}, ours=True, runs=1)
     assert not ours.note
     assert not theirs.note
-    np.testing.assert_allclose(own["position"], other["position"], atol=1e-5)
+    np.testing.assert_allclose(own["position"], other["position"], atol=1e-6)
 
 
 def test_the_compiled_yardstick_finds_the_motor():

@@ -56,6 +56,22 @@ def test_a_gain_that_is_the_noise_models_goes_to_the_parent(footing: tuple[Setti
     assert after_real.gain == pytest.approx(worth, abs=1.0)
 
 
+def test_the_parent_gets_its_noise_from_what_would_take_the_place_of_its_effect_as_well(
+    footing: tuple[Setting, Refit],
+) -> None:
+    setting, bare = footing
+    plain = refit(setting, bare.model.with_effects(["coulomb_friction@axis(level=0.04)"]), None, bare)
+    (proposal,) = proposals(plain.model, ["stribeck_friction"])
+    assert proposal.replaces == "coulomb_friction@axis"
+    richer = refit(setting, proposal.model({"coulomb": 0.05, "static": 0.05, "velocity": 0.1}), None, plain)
+    poor = with_poor_noise(setting, plain)
+    idle = Confirmed(proposal, richer, 0.0, 1.0).refitted(richer, poor)
+    assert idle.gain > 100.0
+    parent, (after,) = same_footing(setting, poor, [idle], threshold=20.0)
+    assert parent.log_likelihood == pytest.approx(plain.log_likelihood, abs=1.0)
+    assert after.gain < 8.0
+
+
 def test_a_gain_that_is_beyond_doubt_or_short_of_the_threshold_is_left_alone(footing: tuple[Setting, Refit]) -> None:
     setting, good = footing
     poor = with_poor_noise(setting, good)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.diagnose.confirm import Confirmed, without_long_memory
 from idloop.diagnose.disturbance import LONG_MEMORY
@@ -48,19 +49,17 @@ def same_footing(
     ]
     if not near:
         return parent, confirmed
-    free, lifted = set(parent.model.free), False
+    lifted = False
     if _has_contacts(parent.model) and any(2.0 * c.gain < threshold + DOUBTFUL for c in near):
         again = restarted(setting, parent)
         lifted = again is not parent
         confirmed = _above(confirmed, again.log_likelihood - parent.log_likelihood)
         parent = again
     for c in near[:2]:
-        start = np.array([v for n, v in zip(c.fit.model.free, c.fit.point, strict=False) if n in free])
-        if len(start) == parent.parameters:
-            again = refit(setting, parent.model, [start, parent.point[: parent.parameters]], c.fit)
-            if again.log_likelihood > parent.log_likelihood:
-                confirmed = _above(confirmed, again.log_likelihood - parent.log_likelihood)
-                parent, lifted = again, True
+        again = refit(setting, parent.model, [_without_it(parent, c), parent.point[: parent.parameters]], c.fit)
+        if again.log_likelihood > parent.log_likelihood:
+            confirmed = _above(confirmed, again.log_likelihood - parent.log_likelihood)
+            parent, lifted = again, True
     if lifted:
         lifted_parent = parent
         confirmed = list(
@@ -70,6 +69,17 @@ def same_footing(
             )
         )
     return parent, confirmed
+
+
+def _without_it(parent: Refit, confirmed: Confirmed) -> NDArray[np.float64]:
+    """The parent's free parameters as a candidate has found them, those of an effect that it replaces by their part."""
+    found, proposal = confirmed.fit.model.values, confirmed.proposal
+    plain, _, _ = (proposal.replaces or "").partition("@")
+    inner = proposal.effect.contains.get(plain, {})
+    known = {f"{proposal.replaces}.{own}": found[f"{proposal.name}.{other}"] for own, other in inner.items()}
+    known |= {name: found[name] for name in parent.model.free if name in found}
+    values = zip(parent.model.free, parent.point, strict=False)
+    return np.array([known.get(name, value) for name, value in values])
 
 
 def _above(confirmed: list[Confirmed], lift: float) -> list[Confirmed]:
