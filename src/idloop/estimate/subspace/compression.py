@@ -227,8 +227,7 @@ def _deviations(signals: list[Array], names: tuple[str, ...], where: str) -> Arr
     count = sum(len(one) for one in signals)
     mean = sum(block.sum(axis=0) for block in blocks) / count
     deviation = np.sqrt(sum(((block - mean) ** 2).sum(axis=0) for block in blocks) / count)
-    size = np.max([np.abs(block).max(axis=0) for block in blocks], axis=0)
-    still = deviation <= 1e-12 * size
+    still = deviation <= 1e-12 * np.hypot(deviation, mean)
     if np.any(still):
         raise InputError(f"{where}: {names[int(np.argmax(still))]} never changes; excite it or leave it out")
     return np.asarray(deviation)

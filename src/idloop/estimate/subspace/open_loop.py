@@ -175,14 +175,16 @@ def _identify(
     subspace = realisation.weighted_subspace(future, method)
     chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
     observability = subspace.observability(chosen)
+    transition = realisation.transition(future, observability)
+    beside = transition.beside(future.command)
     if method == "moesp":
         a, c = realisation.shift_invariant(observability, compression.outputs)
     else:
-        a, c = realisation.regressed(future, observability)
+        a, c = realisation.regressed(future, transition)
 
     def model(known: bool) -> LinearModel:
         poles = realisation.held(a, stable=stable, integrates=known)
-        gain, notes = realisation.kalman_gain(realisation.residual_noise(future, observability, poles, c), poles, c)
+        gain, notes = realisation.kalman_gain(realisation.residual_noise(beside, poles, c), poles, c)
         fitted = gain if focus == "prediction" else np.zeros_like(gain)
         b, d, covariance = command_matrices(compression, poles, c, fitted, feedthrough)
         found = Matrices(poles, b, c, d, gain)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.observer import riccati
 from idloop.estimate.subspace.future import Future, toeplitz
-from idloop.estimate.subspace.projection import regress
+from idloop.estimate.subspace.projection import project, regress, row_basis
 
 Array = NDArray[np.float64]
 Weighting = Literal["n4sid", "moesp", "cva"]
@@ -88,28 +88,51 @@ class Noise:
         return np.asarray(np.linalg.solve(innovation, (decoupled @ covariance @ c.T).T).T + mixed)
 
 
+@dataclass(frozen=True)
+class Transition:
+    """States of all windows and what follows them.
+
+    Attributes
+    ----------
+    states : ndarray, shape (n, columns)
+    after : ndarray, shape (n + p, columns)
+        The next states, then the outputs.
+    """
+
+    states: Array
+    after: Array
+
+    def beside(self, commands: Array) -> Transition:
+        """Without the part of both that the commands' rows explain."""
+        basis = row_basis(commands)
+        return Transition(self.states - project(self.states, basis), self.after - project(self.after, basis))
+
+
+def transition(future: Future, observability: Array) -> Transition:
+    """States from the projected windows Z, and those from the windows that begin a sample later."""
+    p = len(future.now)
+    following = _solved(observability[:-p], future.z_next)
+    return Transition(_solved(observability, future.z), np.concatenate([following, future.now]))
+
+
 def shift_invariant(observability: Array, outputs: int) -> tuple[Array, Array]:
     """A and C from the observability matrix alone (MOESP; Verhaegen, Automatica 30, 1994)."""
     return _solved(observability[:-outputs], observability[outputs:]), observability[:outputs].copy()
 
 
-def regressed(future: Future, observability: Array) -> tuple[Array, Array]:
+def regressed(future: Future, transition: Transition) -> tuple[Array, Array]:
     """A and C by regression of state and output on the state before and all future commands.
 
     The combined algorithm of Van Overschee and De Moor, Subspace Identification for Linear Systems, 1996, figure 4.8.
     """
-    both, states = _ahead(future, observability)
-    coefficients = regress(both, np.concatenate([states, future.command]))
-    order = observability.shape[1]
+    coefficients = regress(transition.after, np.concatenate([transition.states, future.command]))
+    order = len(transition.states)
     return coefficients[:order, :order], coefficients[order:, :order]
 
 
-def residual_noise(future: Future, observability: Array, a: Array, c: Array) -> Noise:
-    """Covariances of what A and C leave of the next state and of the output, the commands' part taken out."""
-    both, states = _ahead(future, observability)
-    rest = both - np.concatenate([a, c]) @ states
-    rest -= regress(rest, future.command) @ future.command
-    return noise(rest, len(a))
+def residual_noise(transition: Transition, a: Array, c: Array) -> Noise:
+    """Covariances of what A and C leave of the next state and of the output, of a transition `beside` the commands."""
+    return noise(transition.after - np.concatenate([a, c]) @ transition.states, len(a))
 
 
 def with_known_feedback(
@@ -219,13 +242,6 @@ def kalman_gain(noise: Noise, a: Array, c: Array) -> tuple[Array, tuple[str, ...
         return np.zeros((len(a), len(c))), (
             "no stationary predictor: an unstable mode is not seen at the outputs; the noise model is left out",
         )
-
-
-def _ahead(future: Future, observability: Array) -> tuple[Array, Array]:
-    p = len(future.now)
-    states = _solved(observability, future.z)
-    following = _solved(observability[:-p], future.z_next)
-    return np.concatenate([following, future.now]), states
 
 
 def _solved(matrix: Array, target: Array) -> Array:
