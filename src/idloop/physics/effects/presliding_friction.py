@@ -47,15 +47,13 @@ def settle(position: float, velocity: float, inertia: float, elapsed: float, sta
 
 
 def _dahl(scales: Scales) -> list[list[Trial]]:
-    """Bristles that give a little or much, without damping and well damped."""
+    """Bristles that give a little or much, with a damping that the search can take to nothing or to much."""
     found: list[list[Trial]] = []
     for reach in (0.0001, 0.0005, 0.002, 0.01, 0.05, 0.2):
         for level in [scales.dry] if scales.dry else [0.05 * scales.force, 0.2 * scales.force]:
             stiffness = level / (reach * scales.span)
-            critical = 2.0 * (stiffness * scales.inertia) ** 0.5
-            found += [
-                [{"level": level, "stiffness": stiffness, "damping": damping * critical}] for damping in (0.0, 0.3)
-            ]
+            damping = 0.1 * 2.0 * (stiffness * scales.inertia) ** 0.5
+            found.append([{"level": level, "stiffness": stiffness, "damping": damping}])
     return found
 
 
