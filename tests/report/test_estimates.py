@@ -72,16 +72,16 @@ def test_what_was_held_is_no_estimate_and_what_was_chosen_is_none_of_it(contents
     entries = waves.model({"amplitude": 0.1, "harmonic": 7.0, "phase": 0.3})
     assert not effect_parameters(entries, waves.name)["harmonic"]["held"]
     given = effect_parameters(model, sliding.name)
-    assert [name for name, entry in given.items() if entry["held"]] == ["velocity"]
+    assert [name for name, entry in given.items() if entry["held"]] == ["velocity", "damping"]
     added = Candidate("presliding_friction", "motor", "yes", "", "It gives.", model=model, parameters=given)
     ladder = Ladder((Step(None, start), Step(added, model, set=(sliding.name,))), verdict="adequate")
-    assert list(held_parameters(ladder)) == [f"{sliding.name}.velocity"]
+    assert list(held_parameters(ladder)) == [f"{sliding.name}.velocity", f"{sliding.name}.damping"]
     print_ladder(ladder)
     print_parameters(ladder)
     said = capsys.readouterr().out
-    assert "velocity 0.1 rad/s (held), damping 0 N·m·s/rad" in said
-    assert f"held, not estimated: {sliding.name}.velocity 0.1 rad/s\n" in said
+    assert "velocity 0.1 rad/s (held), damping 0 N·m·s/rad (held)" in said
+    assert f"held, not estimated: {sliding.name}.velocity 0.1 rad/s, {sliding.name}.damping 0 N·m·s/rad\n" in said
     told = page_words(replace(contents, ladder=ladder))
     kinds = {row["key"]: row["kind"] for row in told["parameters"]}
     assert kinds[f"{sliding.name}.velocity"] == "held"
-    assert [row["held"] for row in told["steps"][0]["parameters"]] == [False, False, True, False]
+    assert [row["held"] for row in told["steps"][0]["parameters"]] == [False, False, True, True]

@@ -46,22 +46,14 @@ def settle(position: float, velocity: float, inertia: float, elapsed: float, sta
     return state[0]
 
 
-def _dahl(scales: Scales) -> list[list[Trial]]:
-    """Bristles that give a little or much, with a damping that the search can take to nothing or to much."""
-    found: list[list[Trial]] = []
-    for reach in (0.0001, 0.0005, 0.002, 0.01, 0.05, 0.2):
-        for level in [scales.dry] if scales.dry else [0.05 * scales.force, 0.2 * scales.force]:
-            stiffness = level / (reach * scales.span)
-            damping = 0.1 * 2.0 * (stiffness * scales.inertia) ** 0.5
-            found.append([{"level": level, "stiffness": stiffness, "damping": damping}])
-    return found
-
-
 def _lugre(scales: Scales, dahl: Trial) -> list[list[Trial]]:
-    """Friction that falls with the speed, beside the bristles as they are."""
+    """Bristles that are damped, and friction that falls with the speed, beside Dahl's level and stiffness."""
+    level, stiffness = dahl["level"], dahl["stiffness"]
+    critical = 2.0 * (stiffness * scales.inertia) ** 0.5
     return [
-        [{**dahl, "static": share * dahl["level"], "velocity": slow * scales.speed}]
+        [{**dahl, "static": share * level, "velocity": slow * scales.speed, "damping": damping * critical}]
         for share, slow in ((1.05, 0.1), (1.3, 0.02), (1.3, 0.1), (1.3, 0.4))
+        for damping in (0.05, 0.5)
     ]
 
 
@@ -80,7 +72,7 @@ EFFECT = Effect(
         ParameterSpec("stiffness", "{force}/{position}", start=1e3, min=0.0),
         ParameterSpec("static", "{force}", min=0.0, optional="level"),
         ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6, held=True),
-        ParameterSpec("damping", "{force}·s/{position}", min=0.0),
+        ParameterSpec("damping", "{force}·s/{position}", min=0.0, held=True),
     ),
     force=force,
     settle=settle,
@@ -90,7 +82,11 @@ EFFECT = Effect(
     ),
     spatial_rate=lambda values, inertia, stiffness: values["stiffness"] / max(values["level"], 1e-12) * 0.5,
     looks_like=("compliance", "backlash"),
-    trials=_dahl,
+    trials=lambda s: [
+        [{"level": level, "stiffness": level / (reach * s.span)}]
+        for reach in (0.0001, 0.0005, 0.002, 0.01, 0.05, 0.2)
+        for level in ([s.dry] if s.dry else [0.05 * s.force, 0.2 * s.force])
+    ],
     further=_lugre,
     contains={"coulomb_friction": {"level": "level"}},
     valid=lambda values: values.get("static", values["level"]) >= values["level"],
