@@ -11,6 +11,7 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from fake import DEAD_ZONE, FRICTION, MISSING, FakeSource
 
+from idloop.diagnose import Ladder
 from idloop.workbench.server import Place, Site
 from idloop.workbench.source import STALE as SILENT
 from idloop.workbench.source import Health
@@ -31,6 +32,15 @@ def site(source):
     one = Site(source, Place())
     yield one
     one.close()
+
+
+@pytest.fixture
+def empty_site():
+    source = FakeSource()
+    one = Site(source, Place())
+    yield one
+    one.close()
+    source.close()
 
 
 def held(condition, seconds=200.0):
@@ -67,6 +77,21 @@ def test_memory_of_the_page_is_bounded_however_long_it_follows(site, source, vis
         points = 1.5 * 2 * (buckets + 20) + 64
         assert held <= points * sum(8 + 4 * columns for columns in (2, 2, 2, 1, 1)), "three streams, command, reference"
     assert visitor.page.evaluate("() => strips.times('measured')[1]") > 62.9 - 10.5
+
+
+def test_figures_follow_new_findings_and_the_page_keeps_no_old_ones(site, source, visit):
+    visitor = visit(site.address)
+    models = "() => Bokeh.documents[0].all_models.size"
+    drawn = "value => [...Bokeh.documents[0].all_models].some((one) => one.data?.x?.includes?.(value))"
+    start = source.board.snapshot.ladder.steps[0]
+    before = None
+    for error in (0.31, 0.32, 0.33):
+        nrmse = dict.fromkeys(start.train["nrmse"], error)
+        step = replace(start, validation={**start.validation, "nrmse": nrmse})
+        source.board.change(ladder=Ladder((step,)))
+        visitor.until(drawn, error)
+        before = before or visitor.page.evaluate(models)
+        assert visitor.page.evaluate(models) == before
 
 
 def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(site, source, visit):
@@ -242,14 +267,10 @@ def test_a_node_that_is_heard_no_more_is_said_in_the_head(site, source, visit):
     page.wait_for_selector("#state.running >> text=live")
 
 
-def test_without_measurements_the_page_says_so(visit):
-    site = Site(FakeSource(), Place())
-    try:
-        visitor = visit(site.address)
-        visitor.page.evaluate("() => { window.said = []; strips.say = (text) => said.push(text); strips.repaint(); }")
-        visitor.until("() => said.includes('No measurements yet')")
-    finally:
-        site.close()
+def test_without_measurements_the_page_says_so(empty_site, visit):
+    visitor = visit(empty_site.address)
+    visitor.page.evaluate("() => { window.said = []; strips.say = (text) => said.push(text); strips.repaint(); }")
+    visitor.until("() => said.includes('No measurements yet')")
 
 
 def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visit):

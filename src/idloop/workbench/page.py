@@ -20,6 +20,7 @@ from idloop.report.figures.unknown import unknown_figure
 from idloop.report.figures.where import error_along
 from idloop.report.sensor_noise import REFUTED, least_error
 from idloop.validate.variables import TITLES, VARIABLES
+from idloop.workbench.redraw import Canvas
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -115,6 +116,7 @@ class Page:
         self.choice = ColumnDataSource(name="look", data={"json": [json.dumps(self.look)]})
         self.choice.on_change("data", self._chosen)
         self.roots = {name: column(name=name, sizing_mode="stretch_width") for name in ("where", "ladder", "next")}
+        self._canvases = {name: Canvas(root) for name, root in self.roots.items()}
         for root in (*self.roots.values(), self.choice):
             doc.add_root(root)
         self.tick()
@@ -159,12 +161,12 @@ class Page:
     def _draw_findings(self, snapshot: Snapshot) -> None:
         look = (self.look["theme"], self.look["error"], self.look["variable"])
         if self._is_new("where", snapshot.assessment, look):
-            self.roots["where"].children = self._where(snapshot)
+            self._canvases["where"].draw(self._where(snapshot))
         if self._is_new("ladder", snapshot.ladder, self.look["theme"]):
-            self.roots["ladder"].children = self._ladder(snapshot)
+            self._canvases["ladder"].draw(self._ladder(snapshot))
         if self._is_new("next", snapshot.suggestion, self.look["theme"]):
             found = snapshot.suggestion
-            self.roots["next"].children = [] if found is None else list(experiment_figures(found, self._theme))
+            self._canvases["next"].draw([] if found is None else experiment_figures(found, self._theme))
 
     def _is_new(self, what: str, thing: Any, look: Any) -> bool:
         before = self._seen.get(what)
