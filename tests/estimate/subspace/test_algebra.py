@@ -91,3 +91,20 @@ def test_the_ridge_gives_way_to_the_data(samples):
     np.testing.assert_allclose(found[0, :5], true[:5], atol=5 * 0.3 / np.sqrt(samples))
     # The direction that the data hardly show is left near zero instead of filled with noise.
     assert abs(found[0, 5]) < 0.3 * abs(plain[0, 5])
+
+
+@given(seed=st.integers(0, 200), count=st.integers(1, 12), smallest=st.sampled_from([0, -3, -6, -13, -15]))
+def test_a_basis_and_a_regression_are_those_of_the_singular_values_that_count(seed, count, smallest):
+    rng = np.random.default_rng(seed)
+    left, right = (np.linalg.qr(rng.normal(size=(n, count)))[0] for n in (count, 30))
+    values = np.logspace(0, smallest, count) if count > 1 else np.ones(1)
+    values[1:] = np.where(values[1:] > 1e-9, values[1:], 1e-14)  # far from the tolerance, on either side
+    rows, kept = (left * values) @ right.T, values > 1e-9
+    span = right[:, kept] @ right[:, kept].T
+    basis = row_basis(rows)
+    assert len(basis) == np.count_nonzero(kept)
+    np.testing.assert_allclose(basis.T @ basis, span, atol=1e-5)
+    target = rng.normal(size=(2, 30))
+    np.testing.assert_allclose(regress(target, rows) @ rows, target @ span, atol=1e-5)
+    if smallest >= -3:
+        np.testing.assert_allclose(regress(target, rows), target @ np.linalg.pinv(rows), rtol=1e-9, atol=1e-9)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 Array = NDArray[np.float64]
 
@@ -23,8 +25,7 @@ def row_basis(rows: Array, size: float | None = None) -> Array:
     if rows.shape[0] <= rows.shape[1]:
         # Where no row depends on the others, which its triangle tells, the quicker way gives the same span.
         basis, triangle = np.linalg.qr(rows.T)
-        values = np.linalg.svd(triangle, compute_uv=False)
-        if np.all(_kept(values, size)):
+        if _independent(triangle, size):
             return np.asarray(basis.T)
     _, values, basis = np.linalg.svd(rows, full_matrices=False)
     return np.asarray(basis[_kept(values, size)])
@@ -48,9 +49,22 @@ def regress(target: Array, regressors: Array, size: float | None = None) -> Arra
     -------
     ndarray, shape (t, r)
     """
+    if regressors.shape[0] <= regressors.shape[1]:
+        basis, triangle = np.linalg.qr(regressors.T)
+        if _independent(triangle, size):
+            return np.asarray(solve_triangular(triangle, (target @ basis).T).T)
     left, values, basis = np.linalg.svd(regressors, full_matrices=False)
     kept = _kept(values, size)
     return np.asarray((target @ basis[kept].T / values[kept]) @ left[:, kept].T)
+
+
+def _independent(triangle: Array, size: float | None) -> bool:
+    """Whether every singular value of an upper triangle counts, for less than the values cost; no in doubt."""
+    inverse, singular = dtrtri(triangle)
+    if singular:
+        return False
+    largest = size if size is not None else float(np.linalg.norm(triangle))
+    return bool(RANK_TOLERANCE * largest * np.linalg.norm(inverse) < 1.0)  # the norm of an inverse is 1 / smallest
 
 
 def _kept(values: Array, size: float | None) -> NDArray[np.bool_]:
