@@ -8,7 +8,7 @@ from speed.result import Claim, Section
 
 YARDSTICK = "numba Runge-Kutta, least_squares"
 SCIPY = "solve_ivp (LSODA), least_squares"
-LIMIT = "slopes by differences, of the first state as well, twice each at the end"
+LIMIT = "a fifth each: the way to the start, runs, slopes, the search around them, the covariance of coloured residuals"
 FIVE, TWO = "Stribeck friction, five parameters", "viscous friction, two parameters"
 
 

@@ -1,4 +1,4 @@
-"""Grey-box fit by idloop: free-run errors, exact slopes of what is linear, the rest by its own search."""
+"""Grey-box fit by idloop: free-run errors, exact slopes along the motion."""
 
 from __future__ import annotations
 

@@ -129,11 +129,10 @@ def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]])
     scale = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian * scale
     hessian = scaled.T @ scaled
-    total = np.zeros_like(hessian)
-    for rows in blocks:
-        part = scaled[rows]
-        moved = np.linalg.pinv(hessian - part.T @ part, rcond=1e-9, hermitian=True) @ (part.T @ residual[rows])
-        total += np.outer(moved, moved)
+    parts = [(scaled[rows], residual[rows]) for rows in blocks]
+    left = np.linalg.pinv(hessian - np.stack([part.T @ part for part, _ in parts]), rcond=1e-9, hermitian=True)
+    moved = np.einsum("bij,bj->bi", left, np.stack([part.T @ rest for part, rest in parts]))
+    total = moved.T @ moved
     count = len(blocks)
     return np.asarray(total * (count - 1) / count * np.outer(scale, scale))
 

@@ -20,7 +20,7 @@ from idloop.estimate.problem import Problem
 from idloop.estimate.result import FitResult, RecordResidual
 from idloop.estimate.rough import is_rough
 from idloop.estimate.simulation import SimulationCriterion
-from idloop.estimate.solve import Solution, instrument, solve, typical_size
+from idloop.estimate.solve import Solution, instrument, slopes_agree, solve, typical_size
 from idloop.estimate.spread import problem_covariance
 from idloop.estimate.uncertainty import bounded, findings, ties
 from idloop.estimate.undetermined import common_scale, exactly_tied
@@ -187,11 +187,12 @@ def _search(
     """Best solution from several starting points; the others are only tried when the first does not settle."""
     best: Solution | None = None
     rule = _criterion(chosen, engine, data, noise)
+    exact_slopes = False
     if chosen == "simulation":
-        starts = _nearer(engine, model, data, _ranked(rule, starts))
+        starts, exact_slopes = _nearer(engine, model, data, _ranked(rule, starts))
     for trial in _ranked(rule, starts):
         rule = _criterion(chosen, engine, data, noise)
-        found = solve(rule, trial, *model.bounds, report=tell, typical=model.theta)
+        found = solve(rule, trial, *model.bounds, report=tell, typical=model.theta, exact_slopes=exact_slopes)
         if best is None or found.problem.objective < best.problem.objective:
             best = found
         if best.converged:
@@ -201,16 +202,20 @@ def _search(
     return best
 
 
-def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array]) -> list[Array]:
-    """Starting points, and what a search over the openings of long records makes of the first of them."""
+def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array]) -> tuple[list[Array], bool]:
+    """Starting points, and what a search over the openings of long records makes of the first of them.
+
+    And whether exact slopes serve from there.
+    """
     short = openings(data)
     if short is None:
-        return ranked
+        return ranked, False
     rule = SimulationCriterion(engine, short)
     try:
-        return [solve(rule, ranked[0], *model.bounds, draft=True, typical=model.theta).theta, *ranked]
+        near = solve(rule, ranked[0], *model.bounds, draft=True, typical=model.theta)
     except IdloopError:
-        return ranked
+        return ranked, False
+    return [near.theta, *ranked], slopes_agree(near)
 
 
 def _balances(engine: Engine, data: list[Data], records: Sequence[Record]) -> list[Balance | None]:

@@ -110,6 +110,29 @@ class Problem:
         ]
         return np.concatenate(parts)
 
+    def weighed(self, slopes: Errors) -> Array:
+        """Slopes of the unwhitened errors as slopes of the residual.
+
+        Parameters
+        ----------
+        slopes : list of list of array, shape (k, samples, outputs)
+            By group and record.
+
+        Returns
+        -------
+        array, shape (n, k)
+        """
+        rows = sum(part.shape[1] * part.shape[2] for group in slopes for part in group)
+        weighed: Array = np.empty((len(slopes[0][0]), rows))
+        row = 0
+        for group, weight in zip(slopes, self.weights, strict=True):
+            for part in group:
+                columns, samples, outputs = part.shape
+                flat = (part.reshape(-1, outputs) @ weight.T).reshape(columns, -1)
+                weighed[:, row : row + samples * outputs] = flat
+                row += samples * outputs
+        return np.asarray(weighed.T)
+
     def carried(self, jacobian: Array, weights: list[Array]) -> Array:
         """A Jacobian of the unwhitened residual under other weights, under the present ones.
 

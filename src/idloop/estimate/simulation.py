@@ -62,6 +62,36 @@ class SimulationCriterion:
             self._memory[key] = self.engine.simulate(theta, d.input_time, d.input, d.time, initial_state=state)
         return self._memory[key]
 
+    def slopes(self, theta: Array, nuisance: Array, change: Array) -> Errors | None:
+        """Slopes of the errors by parameters and nuisance, exact ones.
+
+        Parameters
+        ----------
+        theta : array, shape (k,)
+        nuisance : array, shape (q,)
+        change : array, shape (k,)
+            Small changes of the parameters, to the side that is open.
+
+        Returns
+        -------
+        list of list of array, shape (k + q, samples, outputs), or None
+            By group and record; NaN for what has no exact slopes. None where nothing has.
+        """
+        k, width = len(theta), self.initial.width
+        found: Errors = [[] for _ in self.groups]
+        for r, d in enumerate(self.data):
+            state = self.initial.state(nuisance, r, theta)
+            run = self.engine.slopes(theta, change, d.input_time, d.input, d.time, state)
+            if run is None:
+                return None
+            for place, (group, known) in enumerate(zip(self.groups, self._known, strict=True)):
+                part = run if known[r] is None else run[:, known[r]][:, :, group]
+                slopes = np.zeros((k + len(nuisance), *part.shape[1:]))
+                slopes[:k] = -part[:k]
+                slopes[k + r * width : k + (r + 1) * width] = -part[k:]
+                found[place].append(slopes)
+        return found
+
     def errors(self, theta: Array, nuisance: Array) -> Errors:
         """Output errors by group and record."""
         full = [d.output - self.simulated(theta, nuisance, r) for r, d in enumerate(self.data)]

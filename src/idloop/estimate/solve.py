@@ -12,6 +12,7 @@ from idloop.errors import IdloopError
 from idloop.estimate.covariance import sandwich
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.force import ForceCriterion
+from idloop.estimate.free_run_slopes import FreeRunSlopes
 from idloop.estimate.levenberg import difference_jacobian, minimise
 from idloop.estimate.problem import Problem
 
@@ -84,6 +85,7 @@ def solve(
     report: Callable[[float, str], None] | None = None,
     draft: bool = False,
     typical: Array | None = None,
+    exact_slopes: bool = False,
 ) -> Solution:
     """Minimise a criterion over the parameters and its own nuisance parameters.
 
@@ -97,6 +99,8 @@ def solve(
         A start for another search is wanted: within a standard error is near enough.
     typical : array, shape (k,), optional
         Values of the parameters elsewhere, which tell the size of those that start at 0.
+    exact_slopes : bool
+        Whether exact slopes of free runs have agreed with differences close to the start (`slopes_agree`).
 
     Returns
     -------
@@ -141,13 +145,16 @@ def solve(
         if step is not None and len(step) != len(point):
             step = None
         # One-sided slopes, carried on from step to step and from round to round, find the way; two-sided ones
-        # decide where it ends.
+        # decide where it ends. Exact ones do both, once the weights are those of the noise.
+        exact = exact or (exact_slopes and round_ > 0)
         borrowed = None if exact or slopes is None else problem.carried(slopes, weights)
+        first = 1e-4 * scale if step is None else step
+        derivative = FreeRunSlopes(problem, low, high, scale, first) if exact_slopes else None
         goal = _SETTLED if exact else near
         found = minimise(
             problem.residual, point, low, high, scale, step, quick=True, central=exact, leading=k, jacobian=borrowed,
             draft=True, max_iterations=_LAST_STEPS if exact and not criterion.whiten else _ITERATIONS_PER_ROUND,
-            tolerance=0.5 * goal**2,
+            tolerance=0.5 * goal**2, derivative=derivative,
         )  # fmt: skip
         if not np.all(np.isfinite(found.jacobian)):
             raise IdloopError(
@@ -174,6 +181,22 @@ def solve(
     if len(jacobian) != len(residual) or not (exact or draft):
         jacobian, _ = difference_jacobian(problem.residual, found.point, residual, low, high, found.step, scale)
     return Solution(problem, theta, nuisance, jacobian, found.step, scale, low, high, iterations, settled)
+
+
+def slopes_agree(found: Solution) -> bool:
+    """Whether exact slopes of free runs are those of differences where a search has ended.
+
+    Parameters
+    ----------
+    found : Solution
+        Of a `SimulationCriterion`.
+
+    Returns
+    -------
+    bool
+    """
+    slopes = FreeRunSlopes(found.problem, found.lower, found.upper, found.scale, found.step)
+    return slopes.agree(np.concatenate([found.theta, found.nuisance]))
 
 
 def _conditional_errors(jacobian: Array, parameters: int) -> Array:

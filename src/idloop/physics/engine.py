@@ -142,6 +142,44 @@ class Engine:
         )
         return output
 
+    def slopes(
+        self, theta: Array, change: Array, input_time: Array, command: Array, time: Array, initial_state: Array
+    ) -> Array | None:
+        """Slopes of a free run's outputs by the free parameters, and by the first position and speed.
+
+        Parameters
+        ----------
+        theta : ndarray (k,)
+        change : ndarray (k,)
+            Small changes of the parameters, to either side.
+        input_time, command, time, initial_state
+            As of `simulate`.
+
+        Returns
+        -------
+        ndarray (k + 2, n, p), or None
+            NaN for a parameter without slopes. None where only differences of runs tell; see `idloop.physics.tangent`.
+        """
+        from idloop.physics import tangent
+
+        layout = self.layout(theta)
+        if not self._go_together(theta):
+            return None
+        beside: list[tuple[Layout, float] | None] = []
+        for i, size in enumerate(change):
+            moved = theta.copy()
+            moved[i] += size
+            beside.append((self.layout(moved), float(size)) if self._go_together(moved) else None)
+        state = self._start(layout, initial_state, input_time, time)
+        return tangent.slopes(
+            layout,
+            beside,
+            np.ascontiguousarray(input_time, dtype=float),
+            np.ascontiguousarray(command, dtype=float),
+            np.ascontiguousarray(time, dtype=float),
+            state,
+        )
+
     def predict(
         self,
         theta: Array | None,

@@ -1200,6 +1200,18 @@ def balance(
 
 
 @entry
+def accelerations_along(
+    axis: Axis, held: Any, position: Any, velocity: Any, mode: Any, state: Any, acceleration: Any
+) -> None:  # fmt: skip
+    """Accelerations (m,) of a body without others at given motions, with given directions of its dry friction."""
+    inverse = 1.0 / axis.inertia[0]
+    for k in range(held.shape[0]):
+        acceleration[k] = single_acceleration(
+            axis, held[k], position[k], velocity[k], 0.0, state, mode[k], inverse
+        )  # fmt: skip
+
+
+@entry
 def run(axis: Axis, command_time: Any, command: Any, until: float, state: Any, history: Any, work: Any) -> None:
     """Integrate to a time, for a machine that is stepped from outside."""
     run_to(axis, command_time, command, until, state, history, work, no_flow(axis.inertia.shape[0]))

@@ -117,6 +117,8 @@ def _fastest(matrix: NDArray[np.float64]) -> float:
     """Fastest rate of a motion [rad/s]."""
     if not np.all(np.isfinite(matrix)):
         return float("inf")
+    if len(matrix) == 2:  # a body alone: it slows down and that is all
+        return float(abs(matrix[1, 1]))
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
 
 

@@ -1,0 +1,220 @@
+"""Exact slopes of a free run: how the motion of one body changes with parameters and with its first state.
+
+Beside a motion small changes obey a linear equation, dδx/dt = δv, dδv/dt = a_x δx + a_v δv + a_θ, whose
+coefficients are slopes of the acceleration along that motion: one evaluation each, where another run takes four and
+looks for events. Where dry friction turns a body round, the change of its speed is multiplied by the ratio of the
+accelerations after and before (saltation; Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical
+Systems, 2004); a body at rest has none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from idloop.physics import kernel
+from idloop.physics.kernel import Axis
+from idloop.physics.layout import Layout
+
+Array = NDArray[np.float64]
+
+# Part of the greatest position and speed by which the motion is moved for the slopes along it.
+_SHIFT = 1e-6
+
+
+class Legs(NamedTuple):
+    """Stretches of a motion, in order, each with one command and one direction of dry friction.
+
+    Attributes
+    ----------
+    duration : array, shape (l,)
+        In seconds.
+    held : array, shape (l,)
+        Command.
+    position, velocity : array, shape (l,)
+        Amid the stretch.
+    mode : array, shape (l,)
+        Direction of the dry friction; 0 at rest, and where there is none.
+    turned : array of bool, shape (l,)
+        Whether it begins with the body turning round, or coming to rest.
+    sample : array of int, shape (l,)
+        Which sample it ends at, -1 for none.
+    """
+
+    duration: Array
+    held: Array
+    position: Array
+    velocity: Array
+    mode: Array
+    turned: NDArray[np.bool_]
+    sample: NDArray[np.int64]
+
+    def at(self, rows: NDArray[np.int64]) -> Legs:
+        """Some of the legs."""
+        return Legs(
+            self.duration[rows], self.held[rows], self.position[rows], self.velocity[rows], self.mode[rows],
+            self.turned[rows], self.sample[rows],
+        )  # fmt: skip
+
+
+def slopes(
+    layout: Layout,
+    beside: Sequence[tuple[Layout, float] | None],
+    input_time: Array,
+    command: Array,
+    time: Array,
+    state: Array,
+) -> Array | None:
+    """Slopes of the outputs of a free run by parameters, and by the position and the speed at its start.
+
+    Parameters
+    ----------
+    layout : Layout
+        The model of the run.
+    beside : sequence of (Layout, float) or None
+        The model with each parameter changed a little, and by how much; None for one whose slope is not asked for.
+    input_time, command : array, shape (m,)
+        Commands, held from their time [s] on.
+    time : array, shape (n,)
+        When the outputs are read [s].
+    state : array
+        At the first time.
+
+    Returns
+    -------
+    array, shape (parameters + 2, n, p), or None
+        NaN where no slope was asked for, and for a delay. None where the equation above does not tell: several
+        bodies, effects that remember, sensors that do more than scale, steps that are long for the motion.
+    """
+    axis = layout.axis
+    plain = layout.bodies == 1 and layout.states == kernel.FIRST + 4 and len(axis.output_hooks) == 0
+    if not plain or layout.delay > 0.0:
+        return None
+    changes = input_time + axis.constants[kernel.DELAY]
+    grid, sample = _instants(changes, time)
+    if float(np.max(np.diff(grid), initial=0.0)) * axis.constants[kernel.RATE] > 1.0:
+        return None
+    motion = _motion(layout, input_time, command, grid, state)
+    if not np.all(np.isfinite(motion)):
+        return None
+    index = np.searchsorted(changes, grid[:-1] + kernel.SAME_TIME, side="right") - 1
+    held = np.where(index >= 0, command[np.maximum(index, 0)], 0.0)
+    legs = _legs(axis, np.diff(grid), held, motion, sample[1:], state)
+    base = _accelerations(axis, legs, state)
+    far, fast = _SHIFT * np.maximum(np.max(np.abs(motion), axis=0), 1e-9)
+    by_position = (_accelerations(axis, legs._replace(position=legs.position + far), state) - base) / far
+    by_velocity = (_accelerations(axis, legs._replace(velocity=legs.velocity + fast), state) - base) / fast
+    factor = _factors(axis, legs, base)
+    found = np.full((len(beside) + 2, len(time), len(axis.outputs)), np.nan)
+    for column, one in enumerate(beside):
+        if one is None or one[0].axis.constants[kernel.DELAY] != axis.constants[kernel.DELAY]:
+            continue
+        force = (_accelerations(one[0].axis, legs, state) - base) / one[1]
+        _carry(legs, factor, by_position, by_velocity, force, 0.0, 0.0, axis.outputs, axis.output_scale, found[column])
+    force = np.zeros_like(base)
+    for column, (x, v) in enumerate(((1.0, 0.0), (0.0, 1.0)), start=len(beside)):
+        _carry(legs, factor, by_position, by_velocity, force, x, v, axis.outputs, axis.output_scale, found[column])
+    return found
+
+
+def _instants(changes: Array, time: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Times of samples and of commands between them, and the sample that each of them is (-1: a command alone)."""
+    inside = changes[(changes > time[0] + kernel.SAME_TIME) & (changes < time[-1] - kernel.SAME_TIME)]
+    next_ = np.searchsorted(time, inside - kernel.SAME_TIME)
+    alone = inside[time[next_] - inside > kernel.SAME_TIME]
+    if len(alone) == 0:
+        return time, np.arange(len(time))
+    grid = np.concatenate([time, alone])
+    sample = np.concatenate([np.arange(len(time)), np.full(len(alone), -1)])
+    order = np.argsort(grid, kind="stable")
+    return grid[order], sample[order]
+
+
+def _motion(layout: Layout, input_time: Array, command: Array, time: Array, state: Array) -> Array:
+    """Position and speed of the body at given times, shape (n, 2)."""
+    both = layout.axis._replace(
+        outputs=np.array([[0, kernel.POSITION], [0, kernel.VELOCITY]], dtype=np.int64),
+        output_scale=np.ones(2),
+        output_delay=np.zeros(2),
+    )
+    motion = np.empty((len(time), 2))
+    kernel.simulate(
+        both, input_time, command, time, state.copy(), layout.new_history(), np.zeros((len(time), 2)), motion
+    )
+    return motion
+
+
+def _legs(axis: Axis, duration: Array, held: Array, motion: Array, sample: NDArray[np.int64], state: Array) -> Legs:
+    """The steps of a motion; those in which dry friction turns the body round in two parts."""
+    before, after = motion[:-1, 1], motion[1:, 1]
+    amid = 0.5 * (motion[:-1, 0] + motion[1:, 0])
+    no = np.zeros(len(duration), dtype=bool)
+    if not axis.has_friction[0]:
+        return Legs(duration, held, amid, 0.5 * (before + after), np.zeros(len(duration)), no, sample)
+    mode = np.sign(np.where(before != 0.0, before, after))
+    turns = (before != 0.0) & (before * after <= 0.0)
+    first = Legs(duration, held, amid, np.where(turns, 0.5 * before, 0.5 * (before + after)), mode, no, sample)
+    if not np.any(turns):
+        return first
+    at = np.flatnonzero(turns)
+    slowing = _accelerations(axis, first.at(at), state)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        until = np.clip(np.nan_to_num(-before[at] / slowing, nan=np.inf), 0.0, duration[at])
+    whole = duration.copy()
+    whole[at] = until
+    kept = sample.copy()
+    kept[at] = -1
+    second = Legs(
+        duration[at] - until,
+        held[at],
+        amid[at],
+        0.5 * after[at],
+        np.sign(after[at]),
+        np.ones(len(at), bool),
+        sample[at],
+    )
+    first = first._replace(duration=whole, sample=kept)
+    return Legs(*(np.insert(a, at + 1, b) for a, b in zip(first, second, strict=True)))
+
+
+def _accelerations(axis: Axis, legs: Legs, state: Array) -> Array:
+    """Acceleration amid each leg, shape (l,)."""
+    acceleration = np.empty(len(legs.duration))
+    kernel.accelerations_along(axis, legs.held, legs.position, legs.velocity, legs.mode, state, acceleration)
+    return acceleration
+
+
+def _factors(axis: Axis, legs: Legs, acceleration: Array) -> Array:
+    """What the change of the speed is multiplied by as each leg begins, shape (l,)."""
+    factor = np.ones(len(acceleration))
+    if axis.has_friction[0]:
+        at = np.flatnonzero(legs.turned)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor[at] = np.nan_to_num(acceleration[at] / acceleration[at - 1], nan=0.0, posinf=0.0, neginf=0.0)
+        factor[legs.mode == 0.0] = 0.0
+    return factor
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _carry(
+    legs: Any, factor: Any, by_position: Any, by_velocity: Any, force: Any, x: float, v: float,
+    outputs: Any, scale: Any, found: Any,
+) -> None:  # fmt: skip
+    """Carry a small change of position and speed along the motion, by the implicit midpoint rule."""
+    for output in range(outputs.shape[0]):
+        found[0, output] = scale[output] * (x if outputs[output, 1] == 0 else v)
+    for leg in range(factor.shape[0]):
+        h = legs.duration[leg]
+        v *= factor[leg]
+        turn = 0.5 * h * by_velocity[leg] + 0.25 * h * h * by_position[leg]
+        end = (v * (1.0 + turn) + h * (by_position[leg] * x + force[leg])) / (1.0 - turn)
+        x += 0.5 * h * (v + end)
+        v = end
+        sample = legs.sample[leg]
+        if sample >= 0:
+            for output in range(outputs.shape[0]):
+                found[sample, output] = scale[output] * (x if outputs[output, 1] == 0 else v)
