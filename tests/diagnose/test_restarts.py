@@ -10,7 +10,7 @@ from idloop.diagnose.confirm import Confirmed
 from idloop.diagnose.footing import same_footing
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit
-from idloop.diagnose.restarts import restarted
+from idloop.diagnose.restarts import has_contacts, restarted, searched_anew
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.physics import Model, load_model
 
@@ -37,6 +37,23 @@ def test_a_search_from_a_good_hollow_stays_there(start: Model) -> None:
     smooth = prepare_setting(start, [record_of(load_model("axis"), 4, seconds=4.0)], "prediction")
     fit = refit(smooth, start)
     assert restarted(smooth, fit).log_likelihood == pytest.approx(fit.log_likelihood, abs=0.05)
+
+
+def test_a_search_anew_leaves_a_hollow(play: tuple[Setting, Refit], start: Model) -> None:
+    setting, good = play
+    # Beside the disturbance of the model without it, one round leaves the play where it began.
+    poor = refit(
+        setting, start.with_effects(["backlash@position[axis](gap=0.02)"]), None, refit(setting, start), rounds=1
+    )
+    assert poor.log_likelihood < good.log_likelihood - 20.0
+    found = searched_anew(setting, poor)
+    assert found.log_likelihood > good.log_likelihood - 4.0
+    assert found.model.values["backlash@position[axis].gap"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_bodies_that_meet_and_part_have_contacts(play: tuple[Setting, Refit], start: Model) -> None:
+    assert has_contacts(play[1].model)
+    assert not has_contacts(start.with_effects(["coulomb_friction@axis"]))
 
 
 def test_what_more_searches_find_for_the_parent_is_no_gain_of_a_candidate(

@@ -11,7 +11,7 @@ from idloop.diagnose.confirm import Confirmed, without_long_memory
 from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.refit import Refit, refit, refit_or_none
-from idloop.diagnose.restarts import restarted
+from idloop.diagnose.restarts import has_contacts, restarted
 from idloop.diagnose.setting import Setting
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.physics.model import Model
@@ -50,7 +50,7 @@ def same_footing(
     if not near:
         return parent, confirmed
     lifted = False
-    if _has_contacts(parent.model) and any(2.0 * c.gain < threshold + DOUBTFUL for c in near):
+    if has_contacts(parent.model) and any(2.0 * c.gain < threshold + DOUBTFUL for c in near):
         again = restarted(setting, parent)
         lifted = again is not parent
         confirmed = _above(confirmed, again.log_likelihood - parent.log_likelihood)
@@ -90,11 +90,6 @@ def _above(confirmed: list[Confirmed], lift: float) -> list[Confirmed]:
 def _rough(model: Model) -> bool:
     """Whether a model has effects that remember, whose likelihood has many local optima."""
     return any(active.effect.lags for active in model.effects)
-
-
-def _has_contacts(model: Model) -> bool:
-    """Whether bodies of a model, or a body and its sensor, meet and part: the likelihood jumps with each meeting."""
-    return any(active.effect.lost_motion for active in model.effects)
 
 
 def beside_the_noise_of(

@@ -20,6 +20,7 @@ from idloop.diagnose.leap import leap
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit, refit_or_none
+from idloop.diagnose.restarts import has_contacts, searched_anew
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.verdict import MISSING, UNKNOWN
 from idloop.errors import InputError
@@ -165,6 +166,8 @@ class _Climb:
                 ladder, parent = self._without_needless(ladder, fit, setting)
                 # The order of the whitening that suited the model before need not suit it now.
                 parent = refit(setting, parent.model, None, parent, reconsider=True)
+                if has_contacts(parent.model):
+                    parent = searched_anew(setting, parent)
                 last = _with_values(last, with_stderr(parent, setting.records))
             ladder = self._with(ladder, last)
             if self.on_step is not None:

@@ -17,6 +17,41 @@ from idloop.physics.model import Model
 
 # Searches, and how far from the best point known they begin [standard errors].
 COUNT, SPREAD = 8, 1.0
+# Most rounds of a search that begins anew, and gain of log-likelihood below which another is not worth its while.
+_ROUNDS, _WORTH = 3, 4.0
+
+
+def has_contacts(model: Model) -> bool:
+    """Whether bodies of a model, or a body and its sensor, meet and part: the likelihood jumps with each meeting."""
+    return any(active.effect.lost_motion for active in model.effects)
+
+
+def searched_anew(setting: Setting, fit: Refit) -> Refit:
+    """Search as if no neighbour were known, and about what that finds, as long as it helps.
+
+    A play is first fitted beside the disturbance that stood for it in the model without it, and what the two
+    say together may be a hollow in which the search stays: half of the disturbance is left, and friction suits it.
+
+    Parameters
+    ----------
+    setting : Setting
+    fit : Refit
+        Of a model with contacts.
+
+    Returns
+    -------
+    Refit
+        The best of all; the fit itself where no other is better.
+    """
+    for round_ in range(_ROUNDS):
+        before = fit.log_likelihood
+        anew = refit_or_none(setting, fit.model)
+        if anew is not None and anew.log_likelihood > before:
+            fit = anew
+        fit = restarted(setting, fit, round_)
+        if fit.log_likelihood < before + _WORTH:
+            break
+    return fit
 
 
 def restarted(setting: Setting, fit: Refit, seed: int = 0) -> Refit:
