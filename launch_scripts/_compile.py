@@ -15,12 +15,14 @@ from scipy.signal import lfilter
 
 from idloop.control import build_controller
 from idloop.diagnose import diagnose
+from idloop.diagnose.suggest import suggest
 from idloop.estimate.identification import identify
 from idloop.estimate.method import Choices
 from idloop.estimate.recursive import RecursiveEstimator
 from idloop.estimate.sampled import SampledData
 from idloop.physics import Engine, Plant, load_model
 from idloop.records import Record
+from idloop.validate import compare
 
 # What the verbs and nodes import when they start working; Python keeps its byte code beside each file.
 LIBRARIES = (
@@ -30,17 +32,20 @@ LIBRARIES = (
 )  # fmt: skip
 # Black-box methods that between them call everything that theirs have compiled.
 METHODS = ("n4sid", "vodma-direct", "pem", "narx-wavelet", "rarx", "ekf")
+HIDDEN = "dead_zone@input(width=0.3)"
 NODES = ("rclpy", "idloop_nodes.nodes.estimator", "idloop_nodes.nodes.recorder")
 
 
 def compile_all() -> None:
-    """Compile the machines and the methods, which have little in common, side by side."""
+    """Compile on two cores: what has little in common side by side, the rest when what both need is there."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        methods = pool.submit(identify_once)
+        beside = [pool.submit(identify_once)]
         import_all()
         simulate_once()
+        beside.append(pool.submit(validate_once))
         diagnose_once()
-        methods.result()
+        for one in beside:
+            one.result()
 
 
 def import_all() -> None:
@@ -62,6 +67,7 @@ def simulate_once() -> None:
     engine.predict(None, time, command, time, output, np.zeros((3, 2)))
     motion = output[:, :1], output[:, 1:], np.zeros((20, 1))
     engine.equation_error(None, *motion, time, command, time)
+    engine.slopes(model.theta, 1e-6 * model.theta, time, command, time, engine.initial_state())
     plant = Plant(model)
     plant.measure()
     plant.step(1.0, 0.01)
@@ -81,15 +87,31 @@ def identify_once() -> None:
 
 def diagnose_once() -> None:
     """Weigh the whole catalogue on a few seconds of data, for whose compilation the first live diagnosis would wait."""
+    diagnose(load_model("dc_motor"), [a_few_seconds()])
+
+
+def validate_once() -> None:
+    """Compare, and work out experiments, for whose compilation these verbs would wait."""
+    record = a_few_seconds()
+    compare(load_model("dc_motor"), record)
+    rivals = [load_model("dc_motor").with_effects([text]) for text in (HIDDEN, "coulomb_friction@motor(level=2.0)")]
+    for way in ("command", "reference"):
+        suggest(rivals, [record], duration=2.0, adds_to=way)
+
+
+def a_few_seconds() -> Record:
+    """A motor with something that the model does not have."""
     model = load_model("dc_motor")
     random = np.random.default_rng(0)
     time = np.arange(300, dtype=np.float64) * 0.01
     command = np.repeat(random.normal(size=15), 20)
-    output = Engine(model.with_effects(["dead_zone@input(width=0.3)"])).simulate(None, time, command, time)
+    output = Engine(model.with_effects([HIDDEN])).simulate(None, time, command, time)
     noise = random.normal(size=output.shape) * [0.002, 0.01]
     units = tuple(signal.unit for signal in model.outputs)
-    names = model.input.name, model.input.unit, model.output_names, units
-    diagnose(model, [Record("a few seconds", time, command, time, output + noise, *names)])
+    return Record(
+        "a few seconds", time, command, time, output + noise,
+        model.input.name, model.input.unit, model.output_names, units,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
