@@ -1,5 +1,7 @@
 """The whole way from records to a named effect, on machines that hide one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, example, given
@@ -66,6 +68,18 @@ def test_twins_come_as_a_set(start: Model) -> None:
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.05)"])
     found = diagnose(start, [record_of(machine, 2)])
     assert set(found.set) == {"input_offset@input", "load_torque@axis"}
+
+
+def test_the_only_sensor_may_be_what_is_late(start: Model) -> None:
+    # A strong observer: where it corrects the present by what a late sensor shows of the past it runs away.
+    alone = replace(start, outputs=start.outputs[:1])
+    late = alone.with_effect("sensor_delay", "position[axis]", delay=0.03)
+    found = diagnose(alone, [record_of(late, 4, disturbance=0.1)])
+    assert set(found.set) == {"input_delay@input", "sensor_delay@position[axis]"}
+    for name in found.set:
+        fitted = next(c for c in found.candidates if c.name == name)
+        assert fitted.model is not None
+        assert fitted.parameters["delay"]["value"] == pytest.approx(0.03, rel=0.1)
 
 
 def leaving(name: str, *directions: np.ndarray) -> Screened:

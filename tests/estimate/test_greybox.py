@@ -55,6 +55,19 @@ def test_intervals_and_report_under_noise(motor: Model, experiment: Make) -> Non
     assert sorted(result.system.poles().real) == pytest.approx([fast, 0.0], abs=1e-9)
 
 
+@pytest.mark.parametrize("criterion", ["prediction", "simulation"])
+def test_a_resolution_that_the_model_knows_makes_no_interval_tight(
+    motor: Model, experiment: Make, criterion: str
+) -> None:
+    # Slopes of a rounded reading are its jumps: they say that everything is known to a thousandth of what it is.
+    record = experiment(motor, seed=4)
+    start = motor.with_values(WRONG)
+    rounded = start.with_entry("sensor_quantisation", "position[motor]", {"resolution": 0.05})
+    plain, known = fit(start, [record], criterion), fit(rounded, [record], criterion)
+    assert known.values == pytest.approx(plain.values, rel=1e-6)
+    assert known.stderr == pytest.approx(plain.stderr, rel=1e-6)
+
+
 def test_same_data_same_answer(motor: Model, experiment: Make) -> None:
     record = experiment(motor, seed=5, samples=600)
     first, second = fit(motor, [record]), fit(motor, [record])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from idloop.physics import Model, load_model, simulate
 
@@ -75,6 +76,15 @@ def test_sensor_delay_shows_the_motion_of_before(axis: Model, delay: float) -> N
     np.testing.assert_allclose(run.output[:, 1], 7.5 * (1.0 - np.exp(-TIME / tau)), atol=1e-10)
 
 
+def test_sensors_that_are_late_together_are_a_command_that_is_late(axis: Model) -> None:
+    command = np.sin(5.0 * TIME)
+    shown = axis.with_effects(["sensor_delay@position[axis](delay=0.03)", "sensor_delay@velocity[axis](delay=0.05)"])
+    same = axis.with_effects(["input_delay@input(delay=0.03)", "sensor_delay@velocity[axis](delay=0.02)"])
+    np.testing.assert_allclose(
+        simulate(shown, TIME, command, TIME).output, simulate(same, TIME, command, TIME).output, atol=1e-12
+    )
+
+
 def test_actuator_lag_follows_its_exponential(axis: Model) -> None:
     model = axis.with_values({"axis.viscous_friction": 0.0}).with_effect("actuator_lag", "input", time_constant=0.05)
     run = simulate(model, [0.0], [1.0], TIME)
@@ -90,6 +100,26 @@ def test_two_bodies_on_a_spring_turn_about_their_common_centre() -> None:
     bend = 2.0 * far / (30.0 * (near + far)) * (1.0 - np.cos(rate * TIME))
     expected = 0.5 * 2.0 / 0.4 * TIME**2 + far / (near + far) * bend
     np.testing.assert_allclose(run.output[:, 0], expected, atol=1e-4)
+
+
+def test_viscous_friction_acts_on_either_side_of_a_spring() -> None:
+    axis = load_model("axis").with_values({"axis.inertia": 0.4, "axis.viscous_friction": 0.6})
+    values = {"stiffness": 30.0, "damping": 0.02, "split": 0.25}
+    proportional = simulate(axis.with_effect("compliance", "axis", **values), [0.0], [2.0], TIME).output
+    same = simulate(axis.with_effect("compliance", "axis", **values, viscous_split=0.25), [0.0], [2.0], TIME).output
+    np.testing.assert_array_equal(same, proportional)
+    found = simulate(axis.with_effect("compliance", "axis", **values, viscous_split=1.0), [0.0], [2.0], TIME).output
+    (near, far), viscous = (0.3, 0.1), 0.6
+    matrix = np.array([
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+        [-30.0 / near, 30.0 / near, -0.02 / near, 0.02 / near],
+        [30.0 / far, -30.0 / far, 0.02 / far, -(0.02 + viscous) / far],
+    ])  # fmt: skip
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[2, 4] = matrix, 2.0 / near
+    expected = np.array([expm(whole * t)[[0, 2], 4] for t in TIME[::50]])
+    np.testing.assert_allclose(found[::50], expected, atol=2e-5)
 
 
 def test_play_on_the_sensor_follows_the_play_operator(axis: Model) -> None:

@@ -362,6 +362,7 @@ def diagnose_fitted(
         rest = alike - {c.proposal.name for c in tried}
         untried = confirm(setting, parent, [s for s in screened if s.proposal.name in rest])
         rivals += tied(best, beside_the_noise_of(best, setting, parent, tried + untried))
+        ranked = _with_refits(ranked, rivals)
     pair: MissingPair | None = None
     if best is None and share < 1.0 and not any(learnt.shape.coefficient for learnt, _ in left):
         pairs = Pairs(screened, seed + 2)
@@ -475,6 +476,13 @@ def _missing(
         slight[best.proposal.name] = why
         significant.remove(best)
     return None, slight
+
+
+def _with_refits(ranked: list[Confirmed], rivals: list[Confirmed]) -> list[Confirmed]:
+    """The list with the fits of rivals that it has not, or has worse ones of; the best stays in front."""
+    latest = {c.proposal.name: c for c in rivals}
+    listed = [latest.pop(c.proposal.name, c) for c in ranked]
+    return [*listed[:1], *latest.values(), *listed[1:]]
 
 
 def _plainest(significant: list[Confirmed]) -> Confirmed:

@@ -1,4 +1,4 @@
-"""An engine that remembers the layouts of the parameter values it saw last."""
+"""The engine of an estimate: smooth, and it remembers the layouts of the parameter values it saw last."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.physics.engine import Engine
+from idloop.physics.layout import lay_out
 
 if TYPE_CHECKING:
     from idloop.physics.layout import Layout
@@ -18,7 +19,8 @@ _KEPT = 64
 class RememberingEngine(Engine):
     """Engine for a search, which asks for the same parameter values many times over.
 
-    Laying a model out costs as much as simulating a thousand samples.
+    Laying a model out costs as much as simulating a thousand samples. What acts after the noise of a sensor, its
+    rounding, is noise to an estimate: it has no slope, and a difference sees its steps alone.
     """
 
     _layouts: dict[bytes, Layout] | None = None
@@ -35,4 +37,4 @@ class RememberingEngine(Engine):
         return self._layouts[key]
 
     def _laid_out(self, theta: NDArray[np.float64] | None) -> Layout:
-        return super().layout(theta)
+        return lay_out(self.model, self._all(theta), final=False)

@@ -59,11 +59,11 @@ class PredictorBank:
     """
 
     def __init__(self, model: Model) -> None:
-        from idloop.physics import Engine
+        from idloop.estimate.engine import RememberingEngine
         from idloop.physics import kernel as compiled
 
         self.kernel: Any = compiled
-        self.model, self.engine = model, Engine(model)
+        self.model, self.engine = model, RememberingEngine(model)
         layout = self.engine.layout(None)
         self.gain = np.zeros((2 * layout.bodies + 1, len(model.outputs)))
         self._samples = _Waiting(len(model.outputs))

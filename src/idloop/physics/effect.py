@@ -140,7 +140,7 @@ class Effect:
     order : int
         Place in the chain of effects at one site, small first.
     final : bool
-        An output effect that acts after the measurement noise (quantisation).
+        An output effect that acts after the measurement noise (quantisation); an estimate counts what it does as noise.
     outputs : tuple of str
         The outputs it fits: ``position``, ``velocity``.
     looks_like : tuple of str

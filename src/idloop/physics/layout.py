@@ -73,7 +73,7 @@ class _Chain:
         self.stiffness: list[float] = []
         self.damping: list[float] = []
         self.body_of: list[int] = []
-        splits = {active.at: active.name for active in model.effects if active.effect.splits}
+        splits = {active.at: active for active in model.effects if active.effect.splits}
         couplings = model.couplings
         for index, body in enumerate(model.bodies):
             if index > 0:
@@ -82,16 +82,18 @@ class _Chain:
                 self.damping.append(values[f"{coupling}.damping"])
             self.body_of.append(len(self.inertia))
             inertia, viscous = values[f"{body}.inertia"], values[f"{body}.viscous_friction"]
-            name = splits.get(body)
-            if name is None or not np.isfinite(values[f"{name}.stiffness"]):
+            own = values_of(splits[body], values) if body in splits else None
+            if own is None or not np.isfinite(own["stiffness"]):
                 self.inertia.append(inertia)
                 self.viscous.append(viscous)
                 continue
-            far = values[f"{name}.split"]
-            self.inertia += [inertia * (1.0 - far), inertia * far]
-            self.viscous += [viscous * (1.0 - far), viscous * far]
-            self.stiffness.append(values[f"{name}.stiffness"])
-            self.damping.append(values[f"{name}.damping"])
+            for parts, whole, far in (
+                (self.inertia, inertia, own["split"]),
+                (self.viscous, viscous, own["viscous_split"]),
+            ):
+                parts += [whole * (1.0 - far), whole * far]
+            self.stiffness.append(own["stiffness"])
+            self.damping.append(own["damping"])
 
     def matrix(self) -> NDArray[np.float64]:
         """Of the bare chain's motion, d(positions, velocities)/dt, shape (2 n, 2 n)."""
@@ -126,7 +128,7 @@ def _table(rows: list[list[int]]) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(len(rows), 7)
 
 
-def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
+def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: bool = True) -> Layout:
     """Lay a model out for the compiled simulator.
 
     Parameters
@@ -135,6 +137,8 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
         The structure.
     values : mapping, optional
         Value of every parameter by name; those of the model by default.
+    final : bool
+        With the effects that act after the noise of the sensors.
 
     Returns
     -------
@@ -159,7 +163,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
     for active in sorted(model.effects, key=lambda active: active.effect.order):
         effect = active.effect
         own = values_of(active, values)
-        if effect.splits:
+        if effect.splits or (effect.final and not final):
             continue
         if effect.delay:
             if effect.site == INPUT:
@@ -188,6 +192,10 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None) -> Layout:
                 has_friction[site] = 1
         numbers += [own[spec.name] for spec in effect.parameters]
         next_state += effect.states
+    # Nothing between command and sensors depends on time: what all of them lag behind alike is as if every command
+    # came so much later, and an observer then corrects by what is the motion's present in its own time.
+    common = float(np.min(output_delay))
+    input_delay, output_delay = input_delay + common, output_delay - common
 
     axis = Axis(
         inertia=np.asarray(chain.inertia, dtype=float),

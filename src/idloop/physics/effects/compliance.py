@@ -10,13 +10,14 @@ EFFECT = Effect(
     equation=EffectEquation(
         "",
         r"\text{the body is two, } 1-\lambda \text{ of it with its sensors and effects, } \lambda \text{ behind, "
-        r"joined by } k_c\,\Delta @q + d_c\,\Delta @v",
-        {"stiffness": "k_c", "damping": "d_c", "split": r"\lambda"},
+        r"joined by } k_c\,\Delta @q + d_c\,\Delta @v \text{; of its viscous friction } \lambda_B \text{ is behind}",
+        {"stiffness": "k_c", "damping": "d_c", "split": r"\lambda", "viscous_split": r"\lambda_B"},
     ),
     parameters=(
         ParameterSpec("stiffness", "{force}/{position}", start=float("inf"), neutral=float("inf"), min=0.0),
         ParameterSpec("damping", "{force}·s/{position}", min=0.0),
         ParameterSpec("split", "-", start=0.5, min=0.001, max=0.999),
+        ParameterSpec("viscous_split", "-", min=0.0, max=1.0, optional="split"),
     ),
     splits=True,
     looks_like=("input_delay", "actuator_lag", "presliding_friction"),
@@ -31,5 +32,6 @@ EFFECT = Effect(
         for frequency in resonances(s)
         for split in (0.5,)
     ],
+    further=lambda s, plain: [[{**plain, "viscous_split": share}] for share in (0.1, 0.9)],
     not_cancelled="the spring is part of the linear motion, which is left to the controller",
 )
