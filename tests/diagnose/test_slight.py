@@ -55,6 +55,19 @@ def test_an_effect_whose_interval_holds_none_is_not_told_from_none() -> None:
     assert "95 %" in too_slight(parent, found, records)
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_a_spring_must_give_more_than_its_interval(told: bool) -> None:
+    start, name = with_noise(load_model("axis"), 30.0), "compliance@axis"
+    values = {"stiffness": 20.0, "damping": 0.02, "split": 0.4, "viscous_split": 0.4}
+    records = [record_of(start.with_effect("compliance", "axis", **values) if told else start, 4, seconds=8.0)]
+    setting = prepare_setting(start, records, "prediction")
+    parent = refit(setting, start)
+    (proposal,) = proposals(parent.model, [name])
+    fit = refit(setting, proposal.model(values), None, parent)
+    why = too_slight(parent, Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0), records)
+    assert why == ("" if told else "the 95 % interval of its give holds the value at which it does nothing")
+
+
 @pytest.mark.parametrize(("ratio", "told"), [(0.0, False), (0.3, True)])
 def test_a_richer_effect_must_be_told_from_the_plainer_one_whose_place_it_takes(ratio: float, told: bool) -> None:
     plain, rich = "coulomb_friction@axis", "asymmetric_friction@axis"

@@ -5,6 +5,7 @@ import pytest
 from changing_machines import CHANGING, INERTIA, changing, recorded, uneven_inertia
 
 from idloop.diagnose import diagnose, refine
+from idloop.diagnose.factors import factor_shapes
 from idloop.diagnose.learnt import remaining
 from idloop.diagnose.predicted_motion import predicted_motion
 from idloop.diagnose.refit import refit
@@ -12,7 +13,7 @@ from idloop.diagnose.screen import Screen
 from idloop.diagnose.setting import prepare_setting
 from idloop.physics import Model, load_model
 
-from .conftest import record_of
+from .conftest import RATE, record_of
 
 
 @pytest.mark.parametrize("seed", [3, 4])
@@ -44,6 +45,36 @@ def test_other_coefficients_that_change_are_told(start: Model, kind: str) -> Non
     assert found.best is None
     assert found.unknown is not None
     assert (found.unknown.of, found.unknown.variable) == CHANGING[kind][1:]
+
+
+def swept(time: np.ndarray) -> np.ndarray:
+    """From 0.3 to 20 Hz."""
+    return 0.5 * np.sin(2.0 * np.pi * 0.3 * time[-1] / np.log(66.0) * (66.0 ** (time / time[-1]) - 1.0))
+
+
+@pytest.mark.parametrize("sweep", [False, True])
+def test_in_a_sweep_nothing_tells_time_from_frequency(start: Model, sweep: bool) -> None:
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    record = record_of(load_model("axis"), 5, seconds=20.0, command=swept(time) if sweep else None)
+    setting = prepare_setting(start, [record], "prediction")
+    shapes = factor_shapes(Screen(setting, refit(setting, start), 0))
+    assert shapes
+    assert any(shape.over == "time" for shape in shapes) is not sweep
+
+
+@pytest.mark.parametrize("sweep", [False, True])
+def test_a_spring_whose_drag_is_on_one_side_is_named(start: Model, sweep: bool) -> None:
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    machine = load_model("axis").with_effects(
+        ["compliance@axis(stiffness=12.0, damping=0.02, split=0.5, viscous_split=0.0)"]
+    )
+    record = record_of(machine, 5, seconds=20.0, command=swept(time) if sweep else None)
+    found = diagnose(start, [record])
+    assert found.set == ("compliance@axis",)
+    assert found.best is not None
+    for name, truth in {"stiffness": 12.0, "split": 0.5}.items():
+        assert found.best.parameters[name]["value"] == pytest.approx(truth, rel=0.02)
+    assert found.best.parameters["viscous_split"]["value"] < 0.1
 
 
 def test_an_effect_beside_a_coefficient_that_changes_is_added_and_the_rest_told(start: Model) -> None:

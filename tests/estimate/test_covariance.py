@@ -76,6 +76,17 @@ def test_jackknife_counts_stretches_not_samples() -> None:
     assert jackknife(np.ones((2000, 1)), level, blocks)[0, 0] == pytest.approx(1.0 / 40.0, rel=0.5)
 
 
+def test_of_what_one_stretch_alone_tells_the_jackknife_says_nothing() -> None:
+    rng = np.random.default_rng(3)
+    jacobian = rng.normal(size=(400, 2))
+    jacobian[10:, 1] = 0.0
+    blocks = [np.arange(k, k + 10) for k in range(0, 400, 10)]
+    residual = rng.normal(size=400)
+    found = jackknife(jacobian, residual, blocks)
+    assert found[1, 1] == 0.0
+    assert found[0, 0] == pytest.approx(jackknife(jacobian[:, :1], residual, blocks)[0, 0], rel=0.2)
+
+
 def test_widest_keeps_correlation_and_never_shrinks() -> None:
     first, other = np.array([[4.0, 1.0], [1.0, 1.0]]), np.diag([1.0, 9.0])
     assert widest([first, other]) == pytest.approx(np.array([[4.0, 3.0], [3.0, 9.0]]))

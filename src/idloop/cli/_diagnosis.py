@@ -98,7 +98,7 @@ def read_limits(
 
 def parameter_text(name: str, entry: Mapping[str, Any]) -> str:
     """Text of a parameter with its 95 % interval: "width 0.121 ± 0.002 V"; one that is held is said to be."""
-    value, stderr, unit = entry.get("value"), entry.get("stderr"), entry.get("unit") or ""
+    value, stderr, unit = entry.get("value"), entry.get("stderr"), (entry.get("unit") or "").removeprefix("-")
     if value is None:
         return f"{name} -"
     if stderr is None or not math.isfinite(stderr):

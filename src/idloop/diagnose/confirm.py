@@ -73,11 +73,12 @@ class Confirmed:
 
     def refitted(self, fit: Refit, parent: Refit) -> Confirmed:
         """The same with another fit."""
-        uneven = self.uneven
+        uneven, gain = self.uneven, fit.log_likelihood - parent.log_likelihood
         if self.proposal.effect.slow:
             # The parent's noise may have taken the very force for its own; what is left beside the effect counts.
             uneven = _uneven_beside(fit, self.proposal.name)
-        return replace(self, fit=fit, gain=max(fit.log_likelihood - parent.log_likelihood, 0.0), uneven=uneven)
+            gain += fit.at_start - parent.at_start
+        return replace(self, fit=fit, gain=max(gain, 0.0), uneven=uneven)
 
 
 def _uneven_beside(fit: Refit, name: str) -> float:

@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 _KNOTS, _KNOTS_OF_A_TURN, _KNOTS_OF_TIME = 9, 13, 5
 # Turns from which on a coefficient is one over the turn, not over the travel.
 _TURNS = 1.5
+# Stretches of a record of which frequencies are compared, part of the strongest drive in one that is driven, and ratio
+# of their frequencies in a sweep.
+_STRETCHES, _DRIVEN, _SWEPT = 8, 0.3, 5.0
 # Height of a trial curve, as a part of the typical force of the drive.
 _STEP = 0.01
 
@@ -78,7 +81,7 @@ def factor_shapes(screen: Screen) -> list[Shape]:
     Returns
     -------
     list of Shape
-        Empty where nothing predicts the motion, see `predicted_motion`.
+        Empty where nothing predicts the motion, see `predicted_motion`. None over time where the command is a sweep.
     """
     motions = predicted_motion(screen.parent)
     if motions is None or not all(np.all(np.isfinite(m.position + m.acceleration)) for m in motions):
@@ -94,11 +97,24 @@ def factor_shapes(screen: Screen) -> list[Shape]:
     else:
         knots = np.linspace(middle - 0.5 * span, middle + 0.5 * span, _KNOTS)
         along = _Splines.at([m.position for m in motions], knots, f"{body}.position", unit)
-    elapsed = _elapsed(motions)
-    by_time = _Splines.at(elapsed, np.linspace(0.0, float(elapsed[-1][-1]), _KNOTS_OF_TIME), "time", "s")
     shapes = [_shape(screen, motions, factor, along) for factor in _FACTORS]
-    shapes += [_shape(screen, motions, factor, by_time) for factor in _FACTORS if factor.with_time]
+    if not any(_swept(motion) for motion in motions):
+        elapsed = _elapsed(motions)
+        by_time = _Splines.at(elapsed, np.linspace(0.0, float(elapsed[-1][-1]), _KNOTS_OF_TIME), "time", "s")
+        shapes += [_shape(screen, motions, factor, by_time) for factor in _FACTORS if factor.with_time]
     return [shape for shape in shapes if shape is not None]
+
+
+def _swept(motion: PredictedMotion) -> bool:
+    """Whether the frequency of a motion changes much with time, so that nothing tells a slow drift from a resonance."""
+    frequency, strength = [], []
+    for rows in np.array_split(np.arange(len(motion.time)), _STRETCHES):
+        speed = float(np.sqrt(np.mean(motion.velocity[rows] ** 2)))
+        frequency.append(float(np.sqrt(np.mean(motion.acceleration[rows] ** 2))) / max(speed, 1e-300))
+        strength.append(float(np.sqrt(np.mean(motion.drive[rows] ** 2))))
+    # Where hardly anything drives the machine the frequency is that of noise.
+    driven = np.array(frequency)[np.array(strength) > _DRIVEN * float(np.max(strength))]
+    return bool(len(driven) > 1 and np.max(driven) > _SWEPT * np.min(driven))
 
 
 def _elapsed(motions: Sequence[PredictedMotion]) -> list[Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from idloop.diagnose.disturbance import (
     tune,
 )
 from idloop.diagnose.setting import Setting
+from idloop.diagnose.start_evidence import start_log_likelihood
 from idloop.diagnose.weighing import projected, residual_or_infinite, weigh
 from idloop.errors import IdloopError
 from idloop.estimate.criterion import Criterion
@@ -101,6 +103,11 @@ class Refit:
             sign, log_determinant = np.linalg.slogdet(raw.T @ raw / len(raw))
             found = max(found, float(0.5 * log_determinant / len(weight)) if sign > 0 else 0.0)
         return found
+
+    @cached_property
+    def at_start(self) -> float:
+        """Log-likelihood of the first instants, beyond what `log_likelihood` counts for them."""
+        return start_log_likelihood(self.problem, self.point)
 
     def contributions(self) -> list[Array]:
         """Log-likelihood of every instant, by group of outputs and record.

@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 # Share of an output's deviation that an effect moves it by at least: 0.002 points of FIT.
 NEGLIGIBLE = 2e-5
+_HOLDS_NONE = "the 95 % interval of {} holds the value at which it does nothing"
 # Half width of the 95 % interval in standard errors.
 _HALF_WIDTH = 1.96
 
@@ -51,20 +52,23 @@ def too_slight(parent: Refit, confirmed: Confirmed, records: Sequence[Record]) -
     Returns
     -------
     str
-        Empty where it is not, or where that cannot be told: of effects of the reading's steps alone, of those that give
-        the axis one body more, and of those that act beyond a level, and so for moments only.
+        Empty where it is not, or where that cannot be told: of effects of the reading's steps alone, and of those that
+        act beyond a level, and so for moments only.
     """
     proposal, fitted = confirmed.proposal, confirmed.fit.model
-    if proposal.effect.final or proposal.effect.splits or proposal.effect.from_a_level:
+    if proposal.effect.final or proposal.effect.from_a_level:
         return ""
+    if proposal.effect.splits and proposal.replaces is None:
+        return "" if _gives(with_stderr(confirmed.fit, records), proposal) else _HOLDS_NONE.format("its give")
     without = fitted.without_effect(proposal.name) if proposal.replaces is None else parent.model
     if same_motion(fitted, without, records):
         return f"it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
     if proposal.effect.site == OUTPUT and _within_rounding(fitted, without, proposal.at, records):
         return "it moves the reading by less than half a step of its rounding"
     if not _tells_from_none(with_stderr(confirmed.fit, records), proposal):
-        what = "its strength" if proposal.replaces is None else f"what it has beyond {proposal.replaces}"
-        return f"the 95 % interval of {what} holds the value at which it does nothing"
+        return _HOLDS_NONE.format(
+            "its strength" if proposal.replaces is None else f"what it has beyond {proposal.replaces}"
+        )
     return ""
 
 
@@ -126,7 +130,19 @@ def _tells_from_none(fitted: Model, proposal: Proposal) -> bool:
     found = effect_parameters(fitted, proposal.name)
     if not any(names & found.keys()) or names & set(proposal.held):
         return True
-    return any(_away(found[name], effect.spec(name).neutral) for name in names & found.keys())
+    # One that follows another where it is not given does nothing at that one's value.
+    neutral = {
+        name: float(found[spec.optional]["value"]) if spec.optional else spec.neutral
+        for name in names & found.keys()
+        for spec in [effect.spec(name)]
+    }
+    return any(_away(found[name], value) for name, value in neutral.items())
+
+
+def _gives(fitted: Model, proposal: Proposal) -> bool:
+    """Whether the interval of what a spring gives, one over its stiffness, leaves out 0; True where nothing says."""
+    # To first order it is as wide, beside its middle, as the stiffness's.
+    return _away(effect_parameters(fitted, proposal.name)[proposal.effect.parameters[0].name], 0.0)
 
 
 def _beyond(proposal: Proposal) -> set[str]:

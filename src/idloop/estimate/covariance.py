@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# Part of the information on a parameter that is left without a stretch, below which that stretch alone tells it.
+_ALONE = 0.05
+
 
 def long_run_covariance(records: list[Array]) -> Array:
     """Long-run covariance of a vector series: Σ_k E g_t g_{t−k}ᵀ.
@@ -125,6 +128,7 @@ def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]])
     Returns
     -------
     array, shape (k, k)
+        Of a parameter that one stretch alone tells, leaving that out says nothing: its variance is 0.
     """
     scale = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian * scale
@@ -132,6 +136,11 @@ def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]])
     parts = [(scaled[rows], residual[rows]) for rows in blocks]
     left = np.linalg.pinv(hessian - np.stack([part.T @ part for part, _ in parts]), rcond=1e-9, hermitian=True)
     moved = np.einsum("bij,bj->bi", left, np.stack([part.T @ rest for part, rest in parts]))
+    whole = np.diag(np.linalg.pinv(hessian, rcond=1e-13, hermitian=True))
+    without = np.diagonal(left, axis1=1, axis2=2)
+    # Less information is a larger variance; a smaller one is that of a direction which has none left.
+    alone = np.any((_ALONE * without > whole) | (without < _ALONE * whole), axis=0)
+    moved[:, alone] = 0.0
     total = moved.T @ moved
     count = len(blocks)
     return np.asarray(total * (count - 1) / count * np.outer(scale, scale))

@@ -177,6 +177,21 @@ class InnovationCriterion:
                 found[place].append(part if rows[r] is None else part[rows[r]])
         return found
 
+    def start_scaling(self, nuisance: Array, record: int, place: int, instant: int) -> float:
+        """Log determinant of what scales an innovation of the start to the settled ones' covariance.
+
+        Parameters
+        ----------
+        nuisance : array
+        record, place : int
+            Of the record, and of the group of outputs.
+        instant : int
+            Sample of the record.
+        """
+        observer, scalings = self._observer(nuisance, record)
+        first = observer.place[min(instant, len(observer.place) - 1)]
+        return float(np.linalg.slogdet(scalings[place][first])[1])
+
     def observer(self, nuisance: Array, record: int) -> SettlingObserver:
         """Observer of one record."""
         return self._observer(nuisance, record)[0]
