@@ -4,6 +4,7 @@ import pytest
 
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.ladder import Ladder, Step
+from idloop.diagnose.worsened import worsened
 from idloop.physics import load_model
 
 MODEL = load_model("axis")
@@ -24,9 +25,9 @@ def test_a_step_that_spoils_the_unseen_motion_is_told():
     (found,) = ladder.worsened
     assert found.name == "cogging@axis"
     assert (found.before, found.after) == (0.1, 0.9)
-    assert "data that no fit saw worse, an error of 90 % after 10 %" in found.text
+    assert "of axis.position on data that no fit saw worse, an error of 90 % after 10 %" in found.text
     assert ladder.to_dict()["worsened"] == [
-        {"effect": "cogging@axis", "unseen": True, "before": 0.1, "after": 0.9},
+        {"effect": "cogging@axis", "unseen": True, "output": "axis.position", "before": 0.1, "after": 0.9},
     ]
 
 
@@ -39,6 +40,15 @@ def test_without_validation_the_fitted_data_tell():
     (found,) = Ladder((step(None, 0.1), step("cogging", 0.2))).worsened
     assert not found.unseen
     assert "on the fitted data" in found.text
+
+
+@pytest.mark.parametrize(("position", "told"), [(0.054, ["axis.position"]), (0.006, [])])
+def test_an_output_that_fits_badly_anyway_hides_no_other(position, told):
+    def errors(position, velocity):
+        return {"nrmse": {"axis.position": position, "axis.velocity": velocity}, "force": None}
+
+    found = worsened(["", "velocity_filter@axis"], [errors(0.002, 0.3), errors(position, 0.2)], unseen=True)
+    assert [one.output for one in found] == told
 
 
 @pytest.mark.parametrize(("force", "told"), [(0.3, 0), (0.4, 1)])

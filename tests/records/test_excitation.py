@@ -28,6 +28,12 @@ def test_square_has_two_levels_and_sits_at_its_limits():
     assert found.limit_share == pytest.approx(1.0)
 
 
+def test_no_command_is_no_limit():
+    found = analyse_command(TIME, np.where(np.sin(2 * np.pi * TIME + 0.1) > 0, 2.0 * TIME / TIME[-1], 0.0))
+    assert found.zero_share == pytest.approx(0.5, abs=0.05)
+    assert found.limit_share < 0.01
+
+
 def test_a_command_counts_for_as_long_as_it_is_held():
     found = analyse_command(np.array([0.0, 1.0, 4.0, 5.0]), np.array([1.0, 0.0, 1.0, 0.0]))
     assert found.zero_share == pytest.approx(4 / 6)

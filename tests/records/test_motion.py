@@ -45,6 +45,11 @@ def test_never_measured_and_constant():
     assert still.resolution == 0.0
 
 
+def test_rounding_is_no_resolution():
+    steps = np.arange(400) % 40
+    assert analyse_motion(np.concatenate([steps * 0.1, steps / 10.0])).resolution == pytest.approx(0.1)
+
+
 def test_resolution_and_infinite_samples():
     motion = analyse_motion(np.array([0.0, 0.25, 1.0, np.inf, np.nan, 0.25]))
     assert motion is not None

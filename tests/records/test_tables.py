@@ -25,6 +25,8 @@ CSV = {
     "blanks": "t   u\n0   1\n0.1  -1\n0.2 2.5\n",
     "a tabulator beside one comma": "t,u,\tv\n0,1,\t0\n0.1,-1,\t0\n0.2,2.5,\t0\n",
     "comments and empty lines": "# made by hand\n\nt;u\n0;1\n0.1;-1\n\n0.2;2.5\n",
+    "names in the comment above": "# made by hand\n# t,u\n0,1\n0.1,-1\n0.2,2.5\n",
+    "names in the comment above, blanks": "# t u\n0 1\n0.1 -1\n0.2 2.5\n",
     "byte order mark": "\ufefft,u\n0,1\n0.1,-1\n0.2,2.5\n",
 }
 

@@ -63,7 +63,7 @@ def print_inspection(inspection: Inspection) -> None:
                 "command",
                 "min",
                 "max",
-                "rms",
+                "rms about mean",
                 "crest",
                 "levels",
                 "90 % band Hz",

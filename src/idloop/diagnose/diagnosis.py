@@ -31,6 +31,7 @@ from idloop.diagnose.pairs import (
     tied_members,
 )
 from idloop.diagnose.proposals import Proposal, proposals
+from idloop.diagnose.reach import at_its_bound
 from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
@@ -343,8 +344,8 @@ def diagnose_fitted(
     testable = [c for c in ranked if p_value_of(null, statistic(c), share) < level]
     left = remaining(screen, level)
     for c in testable:
-        if stand_in := stands_in(screen, left, c, bar):
-            refused[c.proposal.name] = stand_in
+        if why := at_its_bound(c.fit.model, c.proposal) or stands_in(screen, left, c, bar):
+            refused[c.proposal.name] = why
         elif not consistent(parent, c, setting.kind):
             refused[c.proposal.name] = "what it explains is not steady from one stretch of the data to the next"
         elif held_out is not None and not holds(held_out, parent, c):

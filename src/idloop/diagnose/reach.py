@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from idloop.physics.model import Model
     from idloop.physics.trial import Scales
 
+# How near to its bound a value is at it, as a part of the way there from nothing.
+_AT_BOUND = 1e-3
+
 
 @dataclass(frozen=True)
 class Reach:
@@ -69,3 +72,27 @@ def reach_of(proposal: Proposal, limit: DetectionLimit, model: Model, scales: Sc
         what, size = sizes[spec.unit]
         found.append(Reach(size, f"{what} of {size:.3g} {limit.unit}"))
     return min(found, key=lambda one: one.most)
+
+
+def at_its_bound(model: Model, proposal: Proposal) -> str:
+    """Say that the strength of a fitted effect ended where no larger one makes sense; empty where it did not.
+
+    Nothing but the bound kept it from growing: it stands in for something, or for the scale of all forces, which
+    friction that takes a share of the drive's force imitates while the axis is only driven.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted, with the effect.
+    proposal : Proposal
+    """
+    name = proposal.effect.strength
+    key = f"{proposal.name}.{name}"
+    if not name or key not in model.free:
+        return ""
+    spec, value = proposal.effect.spec(name), model.values[key]
+    for bound in (spec.min, spec.max):
+        way = abs(bound - spec.neutral)
+        if math.isfinite(way) and way > 0.0 and abs(value - bound) <= _AT_BOUND * way:
+            return f"its {name} ended at the bound of what makes sense, {bound:g}"
+    return ""

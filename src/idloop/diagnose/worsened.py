@@ -6,15 +6,15 @@ effect that stands in for one that the catalogue does not have may lessen those 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
-# The free run drifts by chance on an axis that integrates: less than this is not told.
-_FACTOR = 1.25
+# The free run drifts by chance on an axis that integrates: less than this is not told, nor an error of less than that
+# part of the motion.
+_FACTOR, _LEAST = 1.25, 0.01
 # An error of the force that falls by this part speaks for the step whatever the free run does.
 _FALLS = 0.98
 
@@ -29,12 +29,15 @@ class Worsened:
         Effect and site that were added.
     unseen : bool
         Judged on validation records; else on those of the fit.
+    output : str
+        The one that it made worst.
     before, after : float
-        Error of the free run as a part of the outputs' standard deviation, root mean square over the outputs.
+        Error of its free run as a part of its standard deviation.
     """
 
     name: str
     unseen: bool
+    output: str
     before: float
     after: float
 
@@ -43,18 +46,24 @@ class Worsened:
         """In words."""
         data = "data that no fit saw" if self.unseen else "the fitted data"
         return (
-            f"{self.name} makes the free run on {data} worse, an error of {100.0 * self.after:.3g} % after"
-            f" {100.0 * self.before:.3g} % of the motion: the errors one step ahead ask for it, the motion does not."
-            " Something else may be missing there; take it back, or look where the model fails"
+            f"{self.name} makes the free run of {self.output} on {data} worse, an error of {100.0 * self.after:.3g} %"
+            f" after {100.0 * self.before:.3g} % of the motion: the errors one step ahead ask for it, the motion does"
+            " not. Something else may be missing there; take it back, or look where the model fails"
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {"effect": self.name, "unseen": self.unseen, "before": self.before, "after": self.after}
+        return {
+            "effect": self.name,
+            "unseen": self.unseen,
+            "output": self.output,
+            "before": self.before,
+            "after": self.after,
+        }
 
 
 def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unseen: bool) -> list[Worsened]:
-    """Steps after which the free run is worse by a quarter or more, and the error of the force does not fall.
+    """Steps after which an output's free run is worse by a quarter or more, and the error of the force does not fall.
 
     Parameters
     ----------
@@ -72,15 +81,16 @@ def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unsee
     """
     found = []
     for name, (before, after) in zip(names[1:], pairwise(errors), strict=True):
-        free_runs = _free_run(before), _free_run(after)
-        if free_runs[1] > _FACTOR * free_runs[0] and not _force_falls(before, after):
-            found.append(Worsened(name, unseen, *free_runs))
+        errors_before, errors_after = before.get("nrmse", {}), after.get("nrmse", {})
+        factors = {
+            output: error / max(errors_before[output], 1e-300)
+            for output, error in errors_after.items()
+            if error > _LEAST and output in errors_before
+        }
+        worst = max(factors, key=lambda output: factors[output] if math.isfinite(factors[output]) else 0.0, default="")
+        if worst and factors[worst] > _FACTOR and not _force_falls(before, after):
+            found.append(Worsened(name, unseen, worst, errors_before[worst], errors_after[worst]))
     return found
-
-
-def _free_run(measures: Mapping[str, Any]) -> float:
-    values = list(measures.get("nrmse", {}).values())
-    return float(np.sqrt(np.mean(np.square(values)))) if values else float("nan")
 
 
 def _force_falls(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:

@@ -38,7 +38,7 @@ class Excitation:
     zero_share : float
         Share of the time at exactly zero.
     limit_share : float
-        Share of the time at the largest or smallest value.
+        Share of the time at the largest or smallest value; nothing commanded is no limit.
     """
 
     minimum: float
@@ -71,7 +71,7 @@ def analyse_command(time: Floats, value: Floats) -> Excitation:
     moved = rms > 1e-12 * max(peak, float(np.abs(value).max()), 1e-300)
     signs = np.sign(value[value != 0])
     band, top = _band(time, value) if moved and step.size > 8 else ((0.0, 0.0), 0.0)
-    at_limit = (value == value.max()) | (value == value.min())
+    at_limit = ((value == value.max()) | (value == value.min())) & (value != 0.0)
     return Excitation(
         minimum=float(value.min()),
         maximum=float(value.max()),

@@ -11,6 +11,8 @@ Floats = NDArray[np.float64]
 
 # von Neumann's ratio var(x) / (var(diff x) / 2) is 1 for white noise and grows with anything slower.
 _NOISE_RATIO = 1.3
+# Part of the range below which values are the same but for rounding in their computation.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,10 @@ def analyse_motion(value: Floats, *, velocity: bool = False) -> Motion | None:
     if known.size == 0:
         return None
     levels = np.unique(known)
-    resolution = float(np.diff(levels).min()) if levels.size > 1 else 0.0
+    gaps = np.diff(levels)
+    # One level may come in several ways that differ in the last digits.
+    gaps = gaps[gaps > _ROUNDING * (levels[-1] - levels[0])]
+    resolution = float(gaps.min()) if gaps.size else 0.0
     noise = 0.5 * float(np.mean(np.diff(known) ** 2)) if known.size > 1 else 0.0
     moves = levels.size > 1 and bool(np.var(known) > _NOISE_RATIO * noise)
     return Motion(

@@ -130,9 +130,13 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
 
 def _read_csv(path: Path, options: dict[str, Any]) -> Table:
     text, notes = _decoded(path)
-    lines = [
-        line for line in io.StringIO(text, newline="") if line.strip() and not line.lstrip().startswith(("#", "%"))
-    ]
+    lines: list[str] = []
+    said = ""
+    for line in io.StringIO(text, newline=""):
+        if line.lstrip().startswith(_COMMENT):
+            said = said if lines else line
+        elif line.strip():
+            lines.append(line)
     lines = lines[int(options.get("skip_rows") or 0) :]
     if not lines:
         raise InputError(f"{path}: the file holds no rows; check that this is the data file")
@@ -145,6 +149,8 @@ def _read_csv(path: Path, options: dict[str, Any]) -> Table:
     header = options.get("header")
     if header is None:
         header = not all(_is_number(cell) for cell in rows[0] if cell.strip())
+        if not header and (names := _names_in_comment(said, delimiter, len(rows[0]))):
+            rows, header = [names, *rows], True
     width = len(rows[0])
     while width > 1 and not any(row[width - 1 :] and row[width - 1].strip() for row in rows):
         width -= 1  # a delimiter at the end of every line makes a column of nothing
@@ -170,6 +176,8 @@ def _read_csv(path: Path, options: dict[str, Any]) -> Table:
     return Table(path, columns, notes=notes)
 
 
+# What a line that is no data begins with.
+_COMMENT = ("#", "%")
 # Lines from which the delimiter is told.
 _LOOKED_AT = 20
 # Rows of units, types or descriptions below a header, at most.
@@ -217,6 +225,13 @@ def _delimiter(lines: Sequence[str], *, commas: bool) -> str:
     counts = {candidate: lines[0].count(candidate) for candidate in candidates}
     best = max(counts, key=lambda candidate: counts[candidate])
     return best if counts[best] else " "
+
+
+def _names_in_comment(line: str, delimiter: str, width: int) -> list[str]:
+    """Names of the columns in the comment above the first row, as numpy.savetxt writes them; empty without any."""
+    text = line.strip().lstrip("".join(_COMMENT)).strip()
+    cells = text.split() if delimiter == " " else [cell.strip() for cell in text.split(delimiter)]
+    return cells if len(cells) == width > 1 and not any(map(_is_number, cells)) else []
 
 
 def _without_units(body: list[list[str]]) -> tuple[list[list[str]], list[str]]:

@@ -1,0 +1,39 @@
+"""How large an effect can be, and what ended where no larger one makes sense."""
+
+import numpy as np
+import pytest
+
+from idloop.diagnose import refine
+from idloop.diagnose.proposals import proposals
+from idloop.diagnose.reach import at_its_bound
+from idloop.physics import Model, load_model
+
+from .conftest import RATE, record_of
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "told"),
+    [
+        ("load_dependent_friction", {"ratio": 0.99}, True),
+        ("load_dependent_friction", {"ratio": 0.9}, False),
+        ("gain_asymmetry", {"ratio": -0.95}, True),
+        ("gain_asymmetry", {"ratio": 0.0}, False),
+        ("coulomb_friction", {"level": 0.0}, False),
+        ("compliance", {"stiffness": 0.0}, False),
+    ],
+)
+def test_a_strength_at_a_bound_that_is_not_nothing_is_told(effect: str, values: dict[str, float], told: bool) -> None:
+    (proposal,) = proposals(load_model("axis"), [effect])
+    text = at_its_bound(proposal.model(values), proposal)
+    assert text == (f"its ratio ended at the bound of what makes sense, {values['ratio']:g}" if told else "")
+
+
+def test_no_friction_takes_the_whole_drive_of_an_axis_that_is_only_driven(start: Model) -> None:
+    # Driven one way, a share of the drive's force is nothing but the scale of inertia and friction.
+
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    command = 0.5 + 0.1 * np.sign(np.sin(2.0 * time))
+    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
+    known = start.with_free(name for name in start.free if name != "drive.gain")
+    found = refine(known, [record_of(machine, 3, command=command)], criterion="force")
+    assert "load_dependent_friction@axis" not in found.added
