@@ -28,6 +28,21 @@ def test_a_strength_at_a_bound_that_is_not_nothing_is_told(effect: str, values: 
     assert text == (f"its ratio ended at the bound of what makes sense, {values['ratio']:g}" if told else "")
 
 
+@pytest.mark.parametrize(("ratio", "told"), [(1.0, True), (-1.0, True), (0.6, False), (0.0, False)])
+def test_what_makes_an_effect_richer_is_its_strength(ratio: float, told: bool) -> None:
+    model = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
+    (proposal,) = proposals(model, ["asymmetric_friction"])
+    assert bool(at_its_bound(proposal.model({"level": 0.1, "ratio": ratio}), proposal)) is told
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_all_of_a_share_is_a_share(share: float) -> None:
+    model = load_model("axis").with_effects(["compliance@axis(stiffness=20.0, damping=0.02, split=0.4)"])
+    (proposal,) = proposals(model, ["compliance"])
+    values = {"stiffness": 20.0, "damping": 0.02, "split": 0.4, "viscous_split": share}
+    assert not at_its_bound(proposal.model(values), proposal)
+
+
 def test_no_friction_takes_the_whole_drive_of_an_axis_that_is_only_driven(start: Model) -> None:
     # Driven one way, a share of the drive's force is nothing but the scale of inertia and friction.
 

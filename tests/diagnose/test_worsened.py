@@ -31,6 +31,10 @@ def test_a_step_that_spoils_the_unseen_motion_is_told():
     ]
 
 
+def test_a_run_that_has_drifted_away_before_tells_nothing():
+    assert Ladder((step(None, 0.8), step("input_offset", 1.4))).worsened == []
+
+
 @pytest.mark.parametrize("last", [0.05, 0.1, 0.12, float("nan")])
 def test_less_than_chance_is_not_told(last):
     assert Ladder((step(None, 0.1), step("cogging", last))).worsened == []

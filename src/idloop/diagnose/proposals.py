@@ -72,6 +72,14 @@ class Proposal:
         searched = (spec for spec in self.effect.parameters if not (spec.held or spec.integer))
         return any(spec.neutral == spec.min or not math.isfinite(spec.neutral) for spec in searched)
 
+    @property
+    def beyond(self) -> set[str]:
+        """Parameters that it has beyond those of the plainer effect whose place it takes; all where it takes none."""
+        if self.plain is not None:
+            return {p.name for p in self.effect.parameters if p.optional or p.held}
+        plainer = (self.replaces or "").partition("@")[0]
+        return {p.name for p in self.effect.parameters} - set(self.effect.contains.get(plainer, {}).values())
+
     def weaker(self, trial: Trial, share: float) -> Trial:
         """The same effect at a share of its strength; unchanged where nothing says what its strength is."""
         values = dict(trial)

@@ -78,7 +78,8 @@ def at_its_bound(model: Model, proposal: Proposal) -> str:
     """Say that the strength of a fitted effect ended where no larger one makes sense; empty where it did not.
 
     Nothing but the bound kept it from growing: it stands in for something, or for the scale of all forces, which
-    friction that takes a share of the drive's force imitates while the axis is only driven.
+    friction that takes a share of the drive's force imitates while the axis is only driven. Of an effect that takes a
+    plainer one's place, what makes it more than that is its strength.
 
     Parameters
     ----------
@@ -86,13 +87,14 @@ def at_its_bound(model: Model, proposal: Proposal) -> str:
         Fitted, with the effect.
     proposal : Proposal
     """
-    name = proposal.effect.strength
-    key = f"{proposal.name}.{name}"
-    if not name or key not in model.free:
-        return ""
-    spec, value = proposal.effect.spec(name), model.values[key]
-    for bound in (spec.min, spec.max):
-        way = abs(bound - spec.neutral)
-        if math.isfinite(way) and way > 0.0 and abs(value - bound) <= _AT_BOUND * way:
-            return f"its {name} ended at the bound of what makes sense, {bound:g}"
+    sought = {proposal.effect.strength} if proposal.replaces is None else proposal.beyond
+    for spec in proposal.effect.parameters:
+        key = f"{proposal.name}.{spec.name}"
+        # What may go another parameter's way is a share, and all of it is one.
+        if spec.name not in sought or spec.optional or key not in model.free:
+            continue
+        for bound in (spec.min, spec.max):
+            way = abs(bound - spec.neutral)
+            if math.isfinite(way) and way > 0.0 and abs(model.values[key] - bound) <= _AT_BOUND * way:
+                return f"its {spec.name} ended at the bound of what makes sense, {bound:g}"
     return ""

@@ -126,7 +126,7 @@ def _tells_from_none(fitted: Model, proposal: Proposal) -> bool:
     True where nothing says what the strength is, or how sure. The standard errors hold for errors of any colour.
     """
     effect = proposal.effect
-    names = {effect.strength} if proposal.replaces is None else _beyond(proposal)
+    names = {effect.strength} if proposal.replaces is None else proposal.beyond
     found = effect_parameters(fitted, proposal.name)
     if not any(names & found.keys()) or names & set(proposal.held):
         return True
@@ -143,14 +143,6 @@ def _gives(fitted: Model, proposal: Proposal) -> bool:
     """Whether the interval of what a spring gives, one over its stiffness, leaves out 0; True where nothing says."""
     # To first order it is as wide, beside its middle, as the stiffness's.
     return _away(effect_parameters(fitted, proposal.name)[proposal.effect.parameters[0].name], 0.0)
-
-
-def _beyond(proposal: Proposal) -> set[str]:
-    """Parameters that an effect has beyond those of the plainer one that it contains."""
-    if proposal.plain is not None:
-        return {p.name for p in proposal.effect.parameters if p.optional or p.held}
-    plainer = (proposal.replaces or "").partition("@")[0]
-    return {p.name for p in proposal.effect.parameters} - set(proposal.effect.contains.get(plainer, {}).values())
 
 
 def _away(fit: dict[str, Any], neutral: float) -> bool:

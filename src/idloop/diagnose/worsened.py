@@ -13,8 +13,8 @@ from itertools import pairwise
 from typing import Any
 
 # The free run drifts by chance on an axis that integrates: less than this is not told, nor an error of less than that
-# part of the motion.
-_FACTOR, _LEAST = 1.25, 0.01
+# part of the motion, nor what becomes of a run that has missed so much of it before.
+_FACTOR, _LEAST, _LOST = 1.25, 0.01, 0.5
 # An error of the force that falls by this part speaks for the step whatever the free run does.
 _FALLS = 0.98
 
@@ -85,7 +85,7 @@ def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unsee
         factors = {
             output: error / max(errors_before[output], 1e-300)
             for output, error in errors_after.items()
-            if error > _LEAST and output in errors_before
+            if error > _LEAST and errors_before.get(output, 1.0) < _LOST
         }
         worst = max(factors, key=lambda output: factors[output] if math.isfinite(factors[output]) else 0.0, default="")
         if worst and factors[worst] > _FACTOR and not _force_falls(before, after):

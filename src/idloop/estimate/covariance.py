@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 # Part of the information on a parameter that is left without a stretch, below which that stretch alone tells it.
-_ALONE = 0.05
+_ALONE = 0.2
 
 
 def long_run_covariance(records: list[Array]) -> Array:
