@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
+import threading
 from itertools import pairwise
 from pathlib import Path
 
@@ -157,3 +159,25 @@ def test_a_place_where_a_folder_can_be_made_and_no_file_is_one_line(tmp_path, mo
     monkeypatch.setattr(BagWriter, "_open_file", refused)
     with pytest.raises(InputError, match="cannot be made: No space left on device"):
         BagWriter(tmp_path / "bag", TOPICS, "kilted")
+
+
+def test_a_busy_disk_holds_up_no_message(tmp_path, monkeypatch):
+    busy = threading.Event()
+    monkeypatch.setattr(os, "fsync", lambda _: busy.wait(60.0))
+    writer = BagWriter(tmp_path / "bag", TOPICS, "kilted", split_ns=100 * 10**6)
+    messages = fill(writer, 1000)
+    assert len(list((tmp_path / "bag").glob("*.mcap"))) > 3
+    busy.set()
+    writer.close()
+    assert read(tmp_path / "bag") == messages
+
+
+def test_a_disk_that_fails_is_told(tmp_path, monkeypatch):
+    def fails(_):
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(os, "fsync", fails)
+    writer = BagWriter(tmp_path / "bag", TOPICS, "kilted", split_ns=100 * 10**6)
+    fill(writer, 150)
+    with pytest.raises(OSError, match="Input/output"):
+        writer.close()

@@ -70,7 +70,8 @@ class Kept:
         added = self.ladder.added
         if count > len(added):
             have = f"only {len(added)} effects were added ({', '.join(added)})" if added else "no effect was added"
-            raise InputError(f"{where}: nothing to undo {count} times: {have}; give --undo less often")
+            often = "" if count == 1 else f" {count} times"
+            raise InputError(f"{where}: nothing to undo{often}: {have}; give --undo less often")
         shorter = self.ladder
         for _ in range(count):
             shorter = shorter.undo()

@@ -116,7 +116,9 @@ def print_diagnosis(
                 ties = ", ".join(rung.set[1:])
                 _print_tie(f"this data cannot tell {rung.set[0]} from {ties}", found.model, rung.set)
     elif best is not None:
-        click.echo(f"{MISSING}: {best.name}. {best.text}")
+        rivals = len(found.set) - 1
+        tie = f", or one of {rivals} that this data cannot tell from it" if rivals else ""
+        click.echo(f"{MISSING}: {best.name}{tie}. {best.text}")
         if best.replaces:
             plain = "its plain form" if best.replaces == best.name else best.replaces
             click.echo(f"it takes the place of {plain}, which it contains")

@@ -170,6 +170,8 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
         )
     reference = held_sum(grid, grid.time, ("reference", 0), ("excitation", 0))
     velocity = held_sum(grid, grid.time, ("reference", 1))
+    # A loop of speed follows nothing else.
+    reference = velocity if reference is None else reference
     feedforward = held_sum(grid, grid.time, ("excitation", 1))
     return [
         SampledData(

@@ -173,6 +173,8 @@ def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
 
 def legend_above(axes: Any, entries: int) -> None:
     """Write the legend above the axes, to the right of their title."""
+    if not axes.get_legend_handles_labels()[0]:
+        return
     # Outside the axes: inside, it would lie on the curves somewhere.
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, ncols=min(entries, 3), columnspacing=1.2

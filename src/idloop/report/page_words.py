@@ -121,7 +121,7 @@ def headline(ladder: Ladder) -> str:
     """
     # An effect that stands in for another one is not what is missing.
     in_place = stand_ins(ladder)
-    names = [words(name).partition(" @ ")[0] for name in ladder.added if name not in in_place]
+    names = [_or_its_rivals(ladder, name) for name in ladder.added if name not in in_place]
     something = unexplained(only_words(ladder))
     if in_place or (names and ladder.verdict == "unknown_structure"):
         names.append(something)
@@ -141,6 +141,20 @@ def headline(ladder: Ladder) -> str:
         "unknown_structure": "Something is missing that no effect of the catalogue explains.",
         "not_excited": "Nothing significant is missing, but this data cannot show everything.",
     }.get(ladder.verdict, "No effect was added.")
+
+
+def _or_its_rivals(ladder: Ladder, name: str) -> str:
+    """An added effect without its place, and that it may as well be another one where the data cannot tell."""
+    plain = words(name).partition(" @ ")[0]
+    step = next((s for s in ladder.steps if s.added is not None and s.added.name == name), None)
+    rivals = () if step is None else ladder.rivals(step)
+    others = list(dict.fromkeys(words(rival).partition(" @ ")[0] for rival in rivals))
+    others = [other for other in others if other != plain]
+    if not others:
+        return plain
+    if len(others) == 1:
+        return f"{plain} or {others[0]}"
+    return f"{plain} or one of {len(others)} others that this data cannot tell from it"
 
 
 def verdict_text(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:

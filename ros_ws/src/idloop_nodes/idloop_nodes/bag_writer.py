@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -118,6 +119,9 @@ class BagWriter:
         self._stream: IO[bytes] | None = None
         self._whole: _Whole | None = None
         self._closed = False
+        # A busy disk takes seconds to sync: a file that is finished does so beside the next one.
+        self._syncing = ThreadPoolExecutor(1, "sync")
+        self._synced: list[Future[None]] = []
         try:
             folder.mkdir(parents=True)
             self._open_file()
@@ -128,6 +132,7 @@ class BagWriter:
         """Append one message."""
         file = self._files[-1]
         if self._is_full(file, log_time):
+            self._check_synced()
             self._close_file()
             self._open_file()
             file = self._files[-1]
@@ -145,7 +150,9 @@ class BagWriter:
         self._closed = True
         # After a split for which no new file could be made there is no file to finish, but what to say of the last.
         self._close_file()
+        self._syncing.shutdown()
         self._write_metadata()
+        self._check_synced()
 
     def _is_full(self, file: _File, log_time: int) -> bool:
         if not file.count:
@@ -177,9 +184,14 @@ class BagWriter:
         if self._stream is None:
             return
         self._writer.finish()
-        os.fsync(self._stream.fileno())
-        self._stream.close()
+        self._synced.append(self._syncing.submit(_sync, self._stream))
         self._stream = None
+
+    def _check_synced(self) -> None:
+        """Raise what went wrong with a file that was finished, an `OSError`."""
+        done, self._synced = [f for f in self._synced if f.done()], [f for f in self._synced if not f.done()]
+        for file in done:
+            file.result()
 
     def _write_metadata(self) -> None:
         filled = [file for file in self._files if file.count]
@@ -221,6 +233,12 @@ class BagWriter:
         except PermissionError:
             # No new file can be made here any more: what is there must still say what was recorded.
             place.write_text(text, encoding="utf-8")
+
+
+def _sync(stream: IO[bytes]) -> None:
+    """Have the disk take a whole file, and close it."""
+    with stream:
+        os.fsync(stream.fileno())
 
 
 class _Whole:
