@@ -32,6 +32,7 @@ TYPES: dict[str, type] = {
     wiring.CLOCK: ClockMessage,
 }
 PROGRESS_DEPTH = 200
+RESULTS_KEPT = 100
 SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
 SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
 
@@ -41,10 +42,10 @@ def topic_type(topic: str) -> type:
     return TYPES[wiring.TOPICS[topic][0]] if topic in wiring.TOPICS else JointState
 
 
-def topic_qos(topic: str) -> QoSProfile:
-    """Return the quality of service of one of our topics."""
+def topic_qos(topic: str, results: int = 1) -> QoSProfile:
+    """Return the quality of service of one of our topics; so many results wait for who takes them late."""
     if topic in wiring.RESULTS:
-        return qos.latched()
+        return qos.latched(results)
     if topic == "progress":
         return qos.latched(PROGRESS_DEPTH)
     if topic == "/diagnostics":
@@ -143,8 +144,10 @@ class StreamNode(Node):
 
     def poll_topic(self, topic: str, message_type: type | None = None) -> PolledStream:
         """Return a subscription that this node empties itself."""
+        # A recorder that is late must not find a result replaced by the next.
+        profile = topic_qos(topic, RESULTS_KEPT)
         subscription = self.create_subscription(
-            message_type or topic_type(topic), topic, lambda data: None, topic_qos(topic), raw=True
+            message_type or topic_type(topic), topic, lambda data: None, profile, raw=True
         )
         self._polled.append(subscription)
         self._subscriptions_by_topic[topic] = subscription
