@@ -47,6 +47,10 @@ def test_what_the_controller_follows_holds_the_excitation():
     )
     np.testing.assert_allclose(data.reference, 1.5)
     assert sampled(record(time, np.cos(time)))[0].reference is None
+    # A loop of speed is given a speed alone.
+    speed = np.column_stack([np.full(100, np.nan), np.full(100, 0.7)])
+    (data,) = sampled(record(time, np.cos(time), reference_time=time, reference=speed))
+    np.testing.assert_allclose(data.reference, 0.7)
 
 
 def test_an_integrator_stays_one_on_a_coarser_grid():
