@@ -102,13 +102,13 @@ def test_equal_seeds_give_equal_answers(tie, suggestion):
 
 def test_the_answer_is_plain_json_and_names_both_cases(suggestion):
     document = json.loads(json.dumps(suggestion.to_dict()))
-    assert document["adds_to"] == "command"
+    assert (document["adds_to"], document["unit"]) == ("command", "V")
     assert document["discrimination"] > 30.0
     assert [outcome["rival"] for outcome in document["outcomes"]] == ["dead_zone@input", "saturation@input"]
     assert document["outcomes"][0]["errors"]["saturation@input"]["motor.position"]["unit"] == "rad"
     # What the figure needs is no part of it.
     assert set(document) == {
-        "signal", "adds_to", "duration", "discrimination", "outcomes", "text", "limits", "start",
+        "signal", "adds_to", "unit", "duration", "discrimination", "outcomes", "text", "limits", "start",
     }  # fmt: skip
     assert build_signal(**document["signal"]).duration == pytest.approx(document["duration"])
     assert "if dead_zone@input:" in suggestion.summary()

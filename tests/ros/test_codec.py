@@ -205,7 +205,11 @@ effects = st.builds(
     EffectSummary, names, names, st.sampled_from(["yes", "weak", "no"]), optional, finite, optional, estimates, names
 )
 effects = st.builds(
-    lambda one, why, text: EffectSummary(**{**one.__dict__, "why": why, "text": text}), effects, texts, texts
+    lambda one, why, text, model: EffectSummary(**{**one.__dict__, "why": why, "text": text, "fitted_model": model}),
+    effects,
+    texts,
+    texts,
+    texts,
 )
 curve = st.lists(finite, max_size=3).map(tuple)
 unknowns = st.one_of(st.none(), st.builds(UnknownSummary, texts, texts, texts, curve, curve, curve, finite, texts))

@@ -114,8 +114,9 @@ def test_orders_climb_the_ladder_and_come_down_again(bench):
     assert missing.verdict != "missing"
     assert missing.set == ()
 
-    _, ladder = one.after("ladder", lambda: one.call("undo"))
+    answer, ladder = one.after("ladder", lambda: one.call("undo"))
     assert len(ladder.steps) == 1
+    assert "switched off" not in answer.message  # nothing went on by itself
     assert one.effects() == []
     assert one.bench.node._model.effect_names == ()
 
@@ -180,6 +181,23 @@ def test_a_residual_that_is_not_white_is_diagnosed_unasked(bench):
     one.bench.until(lambda: one.bench.got["estimator/missing_effects"])
     _, statuses = decode_diagnostics(one.bench.got["estimator/missing_effects"][0])
     assert missing_from_statuses(statuses).set == ("dead_zone@input",)
+
+
+def test_what_the_user_takes_back_is_not_added_again(bench):
+    one = EstimatorBench(bench, auto_add=True, auto_experiment=True, fit_period=1.0)
+    one.drive()
+    one.bench.until(lambda: one.effects() == ["dead_zone@input"])
+    # What was added is diagnosed again, and nothing is left.
+    one.bench.until(lambda: one.bench.node._diagnosing.desk.missing is not None)
+    one.bench.until(lambda: not one.bench.node._diagnosing.desk.busy)
+    assert one.bench.node._diagnosing.health().values["automatic"] == "diagnose add experiment"
+    answer, _ = one.after("ladder", lambda: one.call("undo"))
+    assert "auto_add and auto_experiment switched off" in answer.message
+    assert one.bench.node._diagnosing.health().values["automatic"] == "diagnose"
+    _, missing = one.after("missing_effects", lambda: one.call("diagnose"))
+    assert missing.set == ("dead_zone@input",)
+    one.bench.until(lambda: not one.bench.node._diagnosing.desk.busy)
+    assert one.effects() == []
 
 
 def test_an_excitation_that_is_not_there_is_said(bench, monkeypatch):

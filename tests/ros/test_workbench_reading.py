@@ -8,7 +8,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop.workbench.source import Activity
 from idloop_nodes.codec import Level, Status
-from idloop_nodes.workbench_reading import activity_of
+from idloop_nodes.workbench_reading import activity_of, automatic_of
 
 
 def told(message, **values):
@@ -28,6 +28,14 @@ def test_work_is_said_in_words_with_how_far_it_is():
 def test_what_waits_for_somebody_else_is_said_as_it_is():
     text = "the suggestion of an experiment"
     assert told(text, order=text) == Activity(text)
+
+
+def test_what_the_estimator_does_unasked_is_read_from_its_health():
+    def does(**values):
+        return automatic_of(Status("estimator: diagnosis", "none yet", Level.OK, values))
+
+    assert does(automatic="diagnose add experiment") == ("add", "experiment")
+    assert does(automatic="diagnose") == does() == ()
 
 
 def test_an_experiment_is_work_and_a_result_is_none():

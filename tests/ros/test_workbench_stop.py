@@ -48,6 +48,7 @@ def test_both_are_told_and_one_that_confirms_is_enough(motor, services, board):
     assert not board.snapshot.stopped
     services.asked["bridge/emergency_stop"](True, "zero command until ~/reset")
     assert board.snapshot.stopped
+    assert board.snapshot.note is None  # the page has a banner for it
 
 
 def test_a_stop_that_nobody_confirms_is_said_to_be_none(motor, services, board):

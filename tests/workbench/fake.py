@@ -97,6 +97,10 @@ class FakeSource:
             if len(ladder.steps) < 2:
                 raise InputError("there is no step to take back")
             self.board.change(ladder=Ladder(ladder.steps[:-1]), missing=MISSING, effects=())
+        elif verb == "automatic":
+            what, to = effect.split()
+            others = [one for one in self.board.snapshot.automatic if one != what]
+            self.board.change(automatic=(*others, what) if to == "on" else tuple(others))
         elif verb == "reset":
             self.board.change(stopped=False)
         return f"{verb} {effect}".strip()

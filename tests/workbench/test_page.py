@@ -14,7 +14,7 @@ from fake import DEAD_ZONE, FRICTION, MISSING, FakeSource
 from idloop.diagnose import Ladder
 from idloop.workbench.server import Place, Site
 from idloop.workbench.source import STALE as SILENT
-from idloop.workbench.source import Health
+from idloop.workbench.source import Activity, Health
 
 PEAK = "peak => strips.values('measured').includes(peak)"
 
@@ -163,6 +163,31 @@ def test_a_tie_of_many_has_the_way_on_and_all_its_effects_before_the_readers_eye
     assert page.locator(".tie .card").count() == 7
     last = page.locator(".tie .card").last.bounding_box()
     assert last["y"] + last["height"] < page.viewport_size["height"]
+
+
+def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_confirmed(site, source, visit):
+    page = visit(site.address).page
+    page.wait_for_selector("[data-candidate]")
+    assert not page.is_visible("#automatic")  # nobody has said what it does
+    source.board.change(automatic=("add",))
+    page.wait_for_selector("#automatic >> text=adds what it finds")
+    page.wait_for_selector("[data-automatic='add']:checked")
+    assert not page.is_checked("[data-automatic='experiment']")
+    page.locator("[data-automatic='add']").click()
+    page.wait_for_selector("[data-automatic='add']:not(:checked)")
+    assert source.orders == [("automatic", "add off")]
+    page.locator("[data-automatic='experiment']").click()
+    assert "at most 5 V" in page.inner_text("#confirm")
+    assert source.orders == [("automatic", "add off")]
+    page.click("#confirm-no")
+    assert not page.is_checked("[data-automatic='experiment']")
+    page.locator("[data-automatic='experiment']").click()
+    page.click("#confirm-yes")
+    page.wait_for_selector("[data-automatic='experiment']:checked")
+    assert source.orders[-1] == ("automatic", "experiment on")
+    assert "you see the limits first" in page.inner_text("#onward-words")
+    source.board.change(activity=Activity("working out the next experiment"))
+    page.wait_for_selector("#onward-words >> text=without being asked")
 
 
 def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):

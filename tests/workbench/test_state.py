@@ -134,4 +134,7 @@ def test_an_experiment_says_what_it_sends_in():
     told = state._suggested({"signal": signal, "adds_to": "command", "text": "tells dead_zone@input apart"})
     assert told["signal"] == "Sine on the command, 11 s, amplitude 0.4, offset 0.4"
     assert told["text"] == "Tells dead zone @ input apart"
+    steps = {"name": "multilevel", "duration": 2.0, "amplitude": 4.0, "offset": 0.0, "hold_min": 0.1821, "levels": 0}
+    told = state._suggested({"signal": steps, "adds_to": "command", "unit": "V"})
+    assert told["signal"] == "Multilevel on the command, 2 s, amplitude 4 V, hold min 0.1821 s, levels 0"
     assert state._suggested({"text": "it moves"})["signal"] == ""

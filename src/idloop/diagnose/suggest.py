@@ -87,11 +87,22 @@ class Suggestion:
         """To simulate it with any model."""
         return Experiment(self.signal, self.adds_to, self.controller, self.start, self.sample_time)
 
+    @property
+    def unit(self) -> str:
+        """Of the signal: that of the command, or of what the controller follows."""
+        model = self.rivals[0][1]
+        if self.adds_to == "command":
+            return model.input.unit
+        followed = (model.controller or {}).get("output")
+        units = {output.name: output.unit for output in model.outputs}
+        return units.get(str(followed), model.units.position)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         return {
             "signal": dict(self.signal),
             "adds_to": self.adds_to,
+            "unit": self.unit,
             "duration": self.duration,
             "discrimination": self.discrimination,
             "outcomes": [outcome.to_dict() for outcome in self.outcomes],
@@ -102,7 +113,7 @@ class Suggestion:
 
     def summary(self) -> str:
         """Return the text for the terminal."""
-        lines = [describe_signal(self.signal, self.adds_to), self.text]
+        lines = [describe_signal(self.signal, self.adds_to, self.unit), self.text]
         return "\n".join([*lines, *(f"  {outcome.text}" for outcome in self.outcomes)])
 
 

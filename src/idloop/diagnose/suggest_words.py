@@ -169,17 +169,32 @@ def listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def describe_signal(signal: Mapping[str, Any], adds_to: str) -> str:
-    """One line with the kind, the size and the length of a signal."""
-    own = {
-        key: value
-        for key, value in signal.items()
-        if key not in {"name", "sample_time", "duration", "amplitude", "offset", "seed", "ramp_in"}
-    }
-    parts = [f"{signal['name']} on the {adds_to}", f"{signal['duration']:g} s", f"amplitude {signal['amplitude']:g}"]
-    if signal.get("offset"):
-        parts.append(f"offset {signal['offset']:g}")
-    parts += [f"{key} {_short(value)}" for key, value in own.items()]
+def describe_signal(signal: Mapping[str, Any], adds_to: str, unit: str = "") -> str:
+    """One line with the kind, the size and the length of a signal.
+
+    Parameters
+    ----------
+    signal : mapping
+        Arguments of `idloop.signals.build_signal`.
+    adds_to : str
+        "command" or "reference".
+    unit : str
+        Of the amplitude.
+
+    Returns
+    -------
+    str
+    """
+    from idloop.signals.catalogue import SIGNALS
+
+    units = {spec.name: spec.unit for spec in SIGNALS[signal["name"]].parameters}
+    per_second = {"velocity_limit": f"{unit}/s", "acceleration_limit": f"{unit}/s²"} if unit else {}
+    said = units | {"amplitude": unit, "offset": unit} | per_second
+    parts = [f"{signal['name'].replace('_', ' ')} on the {adds_to}", f"{signal['duration']:g} s"]
+    for key, value in signal.items():
+        if key in {"name", "sample_time", "duration", "seed", "ramp_in"} or (key == "offset" and not value):
+            continue
+        parts.append(f"{key.replace('_', ' ')} {_short(value)} {said.get(key) or ''}".rstrip())
     return ", ".join(parts)
 
 

@@ -454,7 +454,9 @@ def _untestable(ladder: Ladder) -> list[dict[str, str]]:
 
 def _experiment(ladder: Ladder) -> str:
     suggested = ladder.suggested_experiment
-    return "" if suggested is None else describe_signal(suggested["signal"], suggested["adds_to"])
+    if suggested is None:
+        return ""
+    return describe_signal(suggested["signal"], suggested["adds_to"], suggested.get("unit", ""))
 
 
 def _suggestion(ladder: Ladder) -> dict[str, Any] | None:

@@ -21,7 +21,6 @@ Report = Callable[[float, str], None]
 
 FEWEST = 200  # samples that are worth an assessment
 MOST_PICTURES = 6
-FIT_SAMPLES = 10_000  # newest samples to which a model is fitted for a picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +87,13 @@ def assess(model: Model, record: Record, report: Report) -> Assessment:
     )
 
 
-def draw_characteristics(
-    model: Model, candidates: Sequence[Candidate], record: Record, report: Report
-) -> dict[str, Characteristic]:
+def draw_characteristics(candidates: Sequence[Candidate], record: Record, report: Report) -> dict[str, Characteristic]:
     """Read the characteristics of effects that may be missing off a record.
 
     Parameters
     ----------
-    model : Model
-        Without them.
     candidates : sequence of Candidate
-        Best first; those without fitted parameters are passed over.
+        Best first; those that were not fitted, and have no model, are passed over.
     record : Record
     report : callable
 
@@ -112,31 +107,13 @@ def draw_characteristics(
 
     found = {}
     # Those with the best evidence first: every effect of a tie has its picture before one that was only weighed.
-    fitted = sorted((one for one in candidates if one.parameters), key=lambda one: one.p_value)[:MOST_PICTURES]
-    for number, one in enumerate(fitted):
+    fitted = [(one, one.model) for one in sorted(candidates, key=lambda one: one.p_value) if one.model is not None]
+    for number, (one, model) in enumerate(fitted[:MOST_PICTURES]):
         report(number / len(fitted), f"characteristic of {one.name}")
         try:
-            with_it = one.model or _fitted(_with_effect(model, one), record)
-            drawn = characteristic(with_it, one.name, record)
+            drawn = characteristic(model, one.name, record)
         except IdloopError:
             continue
         if drawn is not None:
             found[one.name] = drawn
     return found
-
-
-def _fitted(model: Model, record: Record) -> Model:
-    """The other parameters move when an effect is added: where they did not, data and effect would not meet."""
-    from idloop.errors import IdloopError
-    from idloop.estimate.greybox import fit
-
-    excess = record.time.size - FIT_SAMPLES
-    try:
-        return fit(model, [record.cut(start=float(record.time[excess])) if excess > 0 else record]).model
-    except IdloopError:
-        return model
-
-
-def _with_effect(model: Model, one: Candidate) -> Model:
-    base = model.without_effect(one.replaces) if one.replaces in model.effect_names else model
-    return base.with_effect(one.effect, one.at, **{name: values["value"] for name, values in one.parameters.items()})

@@ -14,9 +14,12 @@ if TYPE_CHECKING:
     from idloop.workbench.assessment import Assessment
     from idloop.workbench.signals import Signals
 
+# What a live graph may do without being asked.
+AUTOMATIC = ("add", "experiment")
+
 OK, WARN, ERROR, STALE = 0, 1, 2, 3  # as in diagnostic_msgs
 
-ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show")
+ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
 
 
 @dataclass(frozen=True)
@@ -143,6 +146,8 @@ class Snapshot:
     health : tuple of Health
     limits : tuple of (str, str)
         What an experiment may do: name, value with unit.
+    automatic : tuple of str, or None
+        Those of `AUTOMATIC` that are switched on; None where there is nothing to switch.
     stopped : bool
         The emergency stop is set.
     moves : bool
@@ -169,6 +174,7 @@ class Snapshot:
     note: Note | None = None
     health: tuple[Health, ...] = ()
     limits: tuple[tuple[str, str], ...] = ()
+    automatic: tuple[str, ...] | None = None
     stopped: bool = False
     moves: bool = False
     assessment: Assessment | None = None
@@ -211,7 +217,8 @@ class Source(Protocol):
         ----------
         verb : str
         what : str
-            ``effect@site`` for ``add``, the number of a recording for ``show``.
+            ``effect@site`` for ``add``, the number of a recording for ``show``, one of `AUTOMATIC` with `` on`` or
+            `` off`` for ``automatic``.
 
         Returns
         -------

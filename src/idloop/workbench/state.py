@@ -55,6 +55,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "title": snapshot.title,
         "moves": snapshot.moves,
         "stopped": snapshot.stopped,
+        "automatic": None if snapshot.automatic is None else list(snapshot.automatic),
         "effects": [words(name) for name in snapshot.effects],
         "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],
         "input": {"name": signals.input_name, "unit": signals.input_unit},
@@ -241,7 +242,9 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
 def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
     signal, adds_to = found.get("signal"), found.get("adds_to")
     return {
-        "signal": _capital(describe_signal(signal, str(adds_to))) if signal and adds_to else "",
+        "signal": _capital(describe_signal(signal, str(adds_to), str(found.get("unit", ""))))
+        if signal and adds_to
+        else "",
         "text": _capital(in_words(str(found.get("text", "")))),
         "duration": _finite(found.get("duration")),
         "outcomes": [_capital(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],

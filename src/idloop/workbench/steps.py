@@ -71,7 +71,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         progress=lambda share, text: report(0.9 * share, text),
     )
     pictures = draw_characteristics(
-        found.model, found.candidates, study.records[0], lambda share, text: report(0.9 + 0.1 * share, text)
+        found.candidates, study.records[0], lambda share, text: report(0.9 + 0.1 * share, text)
     )
     if ladder is None:
         ladder = Ladder((_step(study, found.model),), criterion=found.criterion, level=study.level)

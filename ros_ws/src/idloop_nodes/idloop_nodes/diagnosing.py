@@ -246,6 +246,7 @@ class Diagnosing:
             "experiment": "" if desk.span is None else "running",
             "experiments": str(self._data.experiments),
             "armed": str(self._watch.armed).lower(),
+            "automatic": str(self._autopilot()),
         }
         if desk.busy:
             share = "" if note is None or not desk.ordered else f" {100.0 * note.share:.0f} %, {note.text}"

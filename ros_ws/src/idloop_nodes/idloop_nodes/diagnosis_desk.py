@@ -30,6 +30,10 @@ class Autopilot:
     add: bool = False
     experiment: bool = False
 
+    def __str__(self) -> str:
+        """Name what is switched on."""
+        return " ".join(name for name in ("diagnose", "add", "experiment") if getattr(self, name))
+
 
 @dataclass
 class Desk:

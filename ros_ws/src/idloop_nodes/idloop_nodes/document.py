@@ -55,7 +55,7 @@ SERVICES = {
         "~/refit": "fit the newest window now",
         "~/diagnose": "find out what is missing, on the newest data and all experiments",
         "~/add_best_effect": "add what the newest diagnosis names first, and refit",
-        "~/undo": "take the last step of the ladder back",
+        "~/undo": "take the last step of the ladder back; `auto_add` and `auto_experiment` are then switched off",
         "~/run_suggested_experiment": "work out what separates the effects that tie, let the excitation run it, "
         "then diagnose again",
     },

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from idloop_nodes.codec import (
@@ -44,7 +45,7 @@ def summarise_diagnosis(diagnosis: Diagnosis, where: Sequence[str], windows: Seq
 
 
 def summarise_candidate(one: Candidate) -> EffectSummary:
-    """Return one effect without its model."""
+    """Return one effect, the model that was fitted with it as text."""
     return EffectSummary(
         effect=one.effect,
         at=one.at,
@@ -59,6 +60,7 @@ def summarise_candidate(one: Candidate) -> EffectSummary:
         replaces=one.replaces or "",
         why=one.why,
         text=one.text,
+        fitted_model="" if one.model is None else one.model.to_yaml(),
     )
 
 
@@ -87,7 +89,7 @@ def summarise_ladder(
 def summarise_step(step: Step) -> StepSummary:
     """Return one step, its model as text."""
     return StepSummary(
-        added=None if step.added is None else summarise_candidate(step.added),
+        added=None if step.added is None else summarise_candidate(replace(step.added, model=None)),
         set=tuple(step.set),
         p_value=_finite(step.p_value),
         chosen_by="" if step.added is None else step.chosen_by,

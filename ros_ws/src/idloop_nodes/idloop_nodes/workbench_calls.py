@@ -6,8 +6,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 PATIENCE = 30.0  # seconds within which a node has to be there and answer, on a machine that does other work as well
@@ -48,18 +49,19 @@ class Calls:
             elif effect in effects:
                 answered(False, f"the model has {effect} already")
             else:
-                self._set_effects(node, [*effects, effect], answered)
+                more = [*effects, effect]
+                self.set_parameter(node, "effects", more, f"refitting with {', '.join(more)}", answered)
 
         request = GetParameters.Request(names=["effects"])
         self._begin(GetParameters, f"{node}/get_parameters", request, known, answered)
 
-    def _set_effects(self, node: str, effects: list[str], answered: Answered) -> None:
-        value = ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=effects)
-        request = SetParameters.Request(parameters=[Parameter(name="effects", value=value)])
+    def set_parameter(self, node: str, name: str, value: bool | list[str], said: str, answered: Answered) -> None:
+        """Set a parameter of a node; `answered` receives the reason of a refusal, else what is `said`."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
 
         def taken(response: Any) -> None:
             result = response.results[0]
-            answered(result.successful, result.reason or f"refitting with {', '.join(effects)}")
+            answered(result.successful, result.reason or said)
 
         self._begin(SetParameters, f"{node}/set_parameters", request, taken, answered)
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from idloop.diagnose import Candidate, Ladder, UnknownStructure
+from idloop.physics.model_file import from_text
 from idloop.report.effect_names import words
-from idloop.workbench.source import Activity, Fit, Health, Missing
+from idloop.workbench.source import AUTOMATIC, Activity, Fit, Health, Missing
 from idloop_nodes.codec import EffectSummary, FitSummary, LadderSummary, MissingSummary, Status
 from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, EFFECTS, SUGGEST, UNDO, MotionLimits
 
@@ -35,13 +36,13 @@ def fit_of(summary: FitSummary) -> Fit:
     return Fit(summary.fit, summary.fit_train, (last - first) * NANO, summary.effects, summary.error)
 
 
-def missing_of(summary: MissingSummary) -> Missing:
-    """Return the newest diagnosis."""
+def missing_of(summary: MissingSummary, folder: Path | None) -> Missing:
+    """Return the newest diagnosis; what a model file names beside it lies in the folder."""
     unknown = summary.unknown
     return Missing(
         summary.verdict,
         summary.line,
-        tuple(candidate_of(one) for one in summary.candidates),
+        tuple(candidate_of(one, folder) for one in summary.candidates),
         summary.set,
         summary.pair,
         summary.untestable,
@@ -62,8 +63,8 @@ def missing_of(summary: MissingSummary) -> Missing:
     )
 
 
-def candidate_of(one: EffectSummary) -> Candidate:
-    """Return one effect; its model stays with the estimator."""
+def candidate_of(one: EffectSummary, folder: Path | None) -> Candidate:
+    """Return one effect with the model that was fitted with it."""
     return Candidate(
         one.effect,
         one.at,
@@ -77,6 +78,7 @@ def candidate_of(one: EffectSummary) -> Candidate:
             name: {"value": value.value, "stderr": value.stderr, "unit": value.unit}
             for name, value in one.parameters.items()
         },
+        model=from_text(one.fitted_model, folder) if one.fitted_model else None,
         replaces=one.replaces or None,
     )
 
@@ -98,6 +100,12 @@ def activity_of(status: Status) -> Activity | None:
     if status.values.get("experiment"):
         return Activity("the experiment is running")
     return None
+
+
+def automatic_of(status: Status) -> tuple[str, ...]:
+    """Return what the estimator does without being asked, from its check of the diagnosis."""
+    on = status.values.get("automatic", "").split()
+    return tuple(one for one in AUTOMATIC if one in on)
 
 
 def health_of(statuses: Sequence[tuple[Status, bool]]) -> tuple[Health, ...]:

@@ -10,7 +10,7 @@ from idloop.errors import InputError
 from idloop.workbench.assessment import FEWEST, assess, draw_characteristics
 from idloop.workbench.desk import Desk
 from idloop.workbench.signals import SECOND, Signals
-from idloop.workbench.source import Board, Snapshot
+from idloop.workbench.source import AUTOMATIC, Board, Snapshot
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -61,6 +61,8 @@ class LiveSource:
         if verb == "assess":
             self.want("assess")
             return "looking again where the model fails"
+        if verb == "automatic" and what not in {f"{one} {to}" for one in AUTOMATIC for to in ("on", "off")}:
+            raise InputError(f"{what!r} is nothing that can be switched")
         if verb == "add" and not what:
             raise InputError("no effect is named")
         if verb == "experiment" and self.board.snapshot.stopped:
@@ -98,7 +100,7 @@ class LiveSource:
                 candidates = missing.candidates
                 self._desk.order(
                     "characteristics",
-                    lambda desk: self.board.change(pictures=desk.work(draw_characteristics, model, candidates, record)),
+                    lambda desk: self.board.change(pictures=desk.work(draw_characteristics, candidates, record)),
                     quiet=True,
                 )
 

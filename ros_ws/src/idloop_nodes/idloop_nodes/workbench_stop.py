@@ -42,7 +42,7 @@ class MotorStop:
         def answered(node: str, done: bool, text: str) -> None:
             if done:
                 self._latched.add(node)
-                self._board.change(stopped=True, note=Note(f"the motor is stopped: {text}", WARN))
+                self._board.change(stopped=True, note=None)  # the page has a banner for it
                 return
             refused.append(text)
             note = Note(text, WARN)

@@ -12,6 +12,7 @@
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
   const FAILED = 2; // level of a check from which on the head says so
   const $ = (id) => document.getElementById(id);
+  const automatic = document.querySelectorAll("#automatic input");
   const base = new URL(".", location.href);
   const { key, run } = document.body.dataset;
   let state = null; // newest answer of the server
@@ -156,15 +157,19 @@
 
   // -- the parts of the page ----------------------------------------------------------------
 
+  // What was looked into may be the model before the last step.
+  const upToDate = (s) => JSON.stringify(s.assessment?.effects) === JSON.stringify(s.effects);
+
   function showHead(s) {
     say("title", `workbench · ${s.title}`);
     render("model", s.effects, () => s.effects.length
       ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
       : ["no further effects"]);
     const live = s.fit && !s.fit.error;
-    const use = live ? "unseen data" : s.judged_on;
+    const before = live && JSON.stringify(s.fit.effects) !== JSON.stringify(s.effects);
+    const use = before ? "before the last step" : live ? "unseen data" : s.judged_on;
     const values = live ? s.fit.unseen : s.assessment?.fit;
-    const force = s.assessment?.force;
+    const force = upToDate(s) ? s.assessment?.force : null;
     render("fits", [live, use, values, force, s.fit?.seconds, s.fit?.error, s.assessment?.record], () => {
       if (s.fit?.error) return [make("span", { class: "hint" }, `no fit: ${s.fit.error}`)];
       if (!values) return [make("span", { class: "hint" }, s.live ? "waiting for the first fit" : "comparing model and record …")];
@@ -183,9 +188,9 @@
     $("stop").hidden = !s.moves;
     $("stopped").hidden = !s.stopped;
     const worst = s.health.filter((one) => one.level >= FAILED);
-    $("state").className = `state ${worst.length ? "bad" : s.live ? "running" : ""}`;
+    $("state").className = `state ${worst.length || s.stopped ? "bad" : s.live ? "running" : ""}`;
     $("state").title = worst.map((one) => `${one.name}: ${one.message}`).join("\n");
-    say("state", worst.length === 1 ? `${worst[0].name.split(":")[0]}: ${LEVELS[worst[0].level]}`
+    say("state", s.stopped ? "motor stopped" : worst.length === 1 ? `${worst[0].name.split(":")[0]}: ${LEVELS[worst[0].level]}`
       : worst.length ? `${worst.length} checks failed, see health` : s.live ? "live" : "recording");
     for (const one of document.querySelectorAll(".live-only")) one.hidden = !s.live;
     $("whole").hidden = s.live;
@@ -195,7 +200,7 @@
 
   function showWhere(s) {
     const found = s.assessment;
-    say("where-hint", found ? `Free run of the model on ${found.record}.` : s.live ? "After the first seconds of data the model is left to run freely and compared." : "");
+    say("where-hint", found ? `Free run of the model${upToDate(s) ? "" : " before the last step"} on ${found.record}.` : s.live ? "After the first seconds of data the model is left to run freely and compared." : "");
     if (!found || !found.maps.length) {
       for (const one of document.querySelectorAll("#variables button")) one.disabled = true;
       render("stretches", null, () => []);
@@ -363,7 +368,7 @@
     const aim = tied ? "that tells them apart" : "that shows more";
     say("experiment", s.live ? `Run the experiment ${aim} …` : `Work out the experiment ${aim}`);
     $("experiment").disabled = Boolean(s.activity) || s.stopped;
-    say("onward-words", s.live ? "It moves the motor: you see the limits first." : "It says what to send in, and what each effect would show.");
+    say("onward-words", s.activity && s.automatic?.includes("experiment") ? "The graph runs it without being asked, as the box below says." : s.live ? "It moves the motor: you see the limits first." : "It says what to send in, and what each effect would show.");
     $("experiment-panel").hidden = !s.suggested;
     if (s.suggested && awaited && !s.activity) {
       awaited = false;
@@ -374,6 +379,23 @@
     $("experiment-hint").hidden = s.live;
     render("outcomes", s.suggested?.outcomes ?? [], () => (s.suggested?.outcomes ?? []).map((text) => make("li", {}, text)));
     render("limits", s.limits, () => s.limits.map((one) => make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.value))));
+  }
+
+  function showAutomatic(s) {
+    $("automatic").hidden = s.automatic == null;
+    for (const one of automatic) one.checked = s.automatic?.includes(one.dataset.automatic) ?? false;
+  }
+
+  // Whatever moves the motor is asked once, with the limits beside it.
+  const QUESTIONS = {
+    experiment: ["The motor will move", "The excitation will run the experiment that separates the effects in question, within these limits:", "Run the experiment"],
+    automatic: ["The motor will move by itself", "Wherever effects tie, the excitation will run an experiment without asking again, within these limits:", "Let it run experiments"],
+  };
+  let asked = []; // the order that waits for its answer
+  function confirmed(verb, what = "") {
+    asked = [verb, what];
+    [$("confirm-title").textContent, $("confirm-text").textContent, $("confirm-yes").textContent] = QUESTIONS[verb];
+    $("confirm").showModal();
   }
 
   function showHealth(s) {
@@ -393,6 +415,7 @@
     showMissing(s);
     showLadder(s);
     showExperiment(s);
+    showAutomatic(s);
     showHealth(s);
     $("reference-legend").hidden = !strips.values("reference").length;
     document.body.dataset.version = String(s.version);
@@ -448,12 +471,20 @@
   $("undo").addEventListener("click", () => order("undo"));
   $("assess").addEventListener("click", () => order("assess"));
   $("experiment").addEventListener("click", () => {
-    if (state.live) return $("confirm").showModal();
+    if (state.live) return confirmed("experiment");
     awaited = true;
     order("experiment");
   });
   $("confirm-no").addEventListener("click", () => $("confirm").close());
-  $("confirm-yes").addEventListener("click", () => { $("confirm").close(); order("experiment"); });
+  $("confirm-yes").addEventListener("click", () => { $("confirm").close(); order(...asked); });
+  for (const one of automatic) {
+    one.addEventListener("change", () => {
+      const [what, on] = [one.dataset.automatic, one.checked];
+      one.checked = !on; // it shows what the graph does, not what was asked of it
+      if (what === "experiment" && on) confirmed("automatic", "experiment on");
+      else order("automatic", `${what} ${on ? "on" : "off"}`);
+    });
+  }
   $("note").lastElementChild.addEventListener("click", () => { $("note").hidden = true; });
   $("theme").addEventListener("click", () => setTheme(shown.theme === "dark" ? "light" : "dark", true));
   $("follow").addEventListener("click", () => choose({ follow: !view.follow, stretch: [strips.start, strips.stop] }));

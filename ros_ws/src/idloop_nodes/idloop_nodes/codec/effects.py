@@ -49,6 +49,8 @@ class EffectSummary:
         Effect of the model whose place it takes; empty when none.
     why, text : str
         Why it is testable or looks like this one; its physics in a sentence.
+    fitted_model : str
+        The model that was fitted with it, as the text of a model file; empty when it was only screened.
     """
 
     effect: str
@@ -61,6 +63,7 @@ class EffectSummary:
     replaces: str = ""
     why: str = ""
     text: str = ""
+    fitted_model: str = ""
 
     @property
     def name(self) -> str:
@@ -236,6 +239,7 @@ def effect_to_values(one: EffectSummary) -> dict[str, str]:
         "replaces": one.replaces,
         "why": one.why,
         "text": one.text,
+        "fitted_model": one.fitted_model,
     }
     for name, estimate in one.parameters.items():
         values[f"parameter/{name}"] = repr(float(estimate.value))
@@ -265,6 +269,7 @@ def effect_from_values(values: dict[str, str]) -> EffectSummary:
         replaces=values["replaces"],
         why=values["why"],
         text=values["text"],
+        fitted_model=values.get("fitted_model", ""),
     )
 
 

@@ -171,6 +171,22 @@ class EstimatorNode(StreamNode):
         finally:
             self._adopting = False
 
+    def _leave_the_lead(self) -> str:
+        """Add and move nothing unasked any more: what the user has taken away would come back.
+
+        Returns
+        -------
+        str
+            What was switched off, for the user; empty when nothing was on.
+        """
+        names = [name for name in ("auto_add", "auto_experiment") if self.parameters[name]]
+        if not names:
+            return ""
+        self.set_parameters([Parameter(name, value=False) for name in names])
+        said = f"; {' and '.join(names)} switched off, or the step would come back"
+        self.get_logger().info(said.removeprefix("; "))
+        return said
+
     # samples
 
     def poll(self) -> None:
@@ -304,6 +320,8 @@ class EstimatorNode(StreamNode):
         def answer(request: Any, response: Any) -> Any:
             try:
                 response.message, response.success = self._diagnosing.order(verb), True
+                if verb == UNDO:
+                    response.message += self._leave_the_lead()
             except InputError as error:
                 response.message, response.success = str(error), False
             return response

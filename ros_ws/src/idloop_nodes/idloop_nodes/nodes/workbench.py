@@ -11,7 +11,7 @@ from idloop.errors import InputError
 from idloop.physics import load_model
 from idloop.report.effect_names import words
 from idloop.workbench.server import Place, Site
-from idloop.workbench.source import WARN, Activity, Note
+from idloop.workbench.source import OK, WARN, Activity, Note
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import (
     CdrError,
@@ -31,7 +31,15 @@ from idloop_nodes.joint_layout import output_columns, output_topic
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.tables import WORKBENCH
 from idloop_nodes.workbench_calls import Calls
-from idloop_nodes.workbench_reading import activity_of, fit_of, health_of, ladder_of, limits_of, missing_of
+from idloop_nodes.workbench_reading import (
+    activity_of,
+    automatic_of,
+    fit_of,
+    health_of,
+    ladder_of,
+    limits_of,
+    missing_of,
+)
 from idloop_nodes.workbench_source import STOP, LiveSource
 from idloop_nodes.workbench_stop import MotorStop
 
@@ -177,8 +185,16 @@ class WorkbenchNode(StreamNode):
         if verb == "add" and not self._is_best(what):
             self._calls.add_effect(estimator, what, self._answered)
             return
+        if verb == "automatic":
+            self._switch(*what.split())
+            return
         service = "add_best_effect" if verb == "add" else ASKED[verb]
-        self._calls.trigger(f"{estimator}/{service}", self._answered)
+        self._calls.trigger(f"{estimator}/{service}", self._undone if verb == "undo" else self._answered)
+
+    def _switch(self, what: str, to: str) -> None:
+        """Switch on or off what the estimator does without being asked; its next health message says that it has."""
+        estimator, name = self.parameters["estimator_node"], f"auto_{what}"
+        self._calls.set_parameter(estimator, name, to == "on", f"{estimator}: {name} is {to}", self._answered)
 
     def _is_best(self, effect: str) -> bool:
         """Whether the estimator would add this effect of its own accord."""
@@ -189,6 +205,12 @@ class WorkbenchNode(StreamNode):
         self._asked = False  # from now on what was begun shows as the estimator's activity
         if not done:
             self._board.change(note=Note(text, WARN), activity=None)
+
+    def _undone(self, done: bool, text: str) -> None:
+        self._answered(done, text)
+        if done and self._board.snapshot.automatic:
+            said = "The graph adds nothing and moves nothing by itself any more, or the step would come back."
+            self._board.change(automatic=(), note=Note(said, OK))
 
     def _start_again(self) -> None:
         self._calls.trigger(f"{self.parameters['excitation_node']}/start", lambda done, text: None)
@@ -217,7 +239,7 @@ class WorkbenchNode(StreamNode):
 
     def _take_missing(self, statuses: list[Status]) -> None:
         self._board.change(
-            missing=missing_of(missing_from_statuses(statuses)),
+            missing=missing_of(missing_from_statuses(statuses), self._base.folder),
             looks=self._board.snapshot.looks + 1,
             pictures={},
             activity=None,
@@ -250,6 +272,7 @@ class WorkbenchNode(StreamNode):
                 continue  # another axis
             self._heard[one.name] = now, replace(one, name=f"{node}: {check}" if check else node)
             if check == "diagnosis" and node == self._estimator:
+                self._board.change(automatic=automatic_of(one))
                 if not self._asked:
                     self._board.change(activity=activity_of(one))
             else:
