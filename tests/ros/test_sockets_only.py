@@ -45,6 +45,7 @@ def test_no_shared_memory_is_opened(ros_environment, environment, where):
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, timeout=200)
     assert not re.findall(r"/dev/shm/fast\S+", done.stdout)
     assert "WARN" not in done.stderr
+    assert "XMLPARSER" not in done.stderr
 
 
 @pytest.mark.parametrize("profile", OWN_PROFILES)

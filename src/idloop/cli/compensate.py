@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from idloop.cli._tracking_runs import Loops, Reference
     from idloop.control import Controller
     from idloop.control.compensation import Compensation
+    from idloop.control.tracking import Tracking
     from idloop.physics import Model
 
 SCHEMA = "idloop/compensate/1"
@@ -40,6 +41,7 @@ Examples:
 Use it: the controller node takes a fitted model, or the file of --output, as its parameter `compensation`.
 """
 _POSITIVE = click.FloatRange(min=0.0, min_open=True)
+_STANDS = 0.01  # of the motion of the reference: an axis that moves less is held
 
 
 @click.command(epilog=EXAMPLE)
@@ -143,7 +145,8 @@ def command(
         from idloop.drawing import save
         from idloop.report.tracking import plot_tracking
 
-        shown = plot_tracking(loops.without, loops.compensated, _followed(built), chosen.input.name, chosen.input.unit)
+        names = chosen.input.name, chosen.input.unit
+        shown = plot_tracking(loops.without, loops.compensated, _followed(built), *names, settle)
         save(shown, plot)
         log(f"written: {plot}")
     if as_json:
@@ -160,6 +163,15 @@ def command(
         )
         return
     _tell(built, loops, path, settle, chosen)
+
+
+def _stands(run: Tracking, output: str) -> bool:
+    """Whether an axis that is told to move stays where it is."""
+    import numpy as np
+
+    column = run.names.index(output)
+    moved, wanted = (float(np.ptp(one[:, column])) for one in (run.output, run.wanted))
+    return moved < _STANDS * wanted
 
 
 def _followed(controller: Controller) -> str:
@@ -246,6 +258,11 @@ def _tell(controller: Controller, loops: Loops, reference: Reference, settle: fl
     if loops.aim is not None:
         header.append("rms without the effects")
     print_table(header, table)
+    for loop, run in (("without", loops.without), ("with", loops.compensated)):
+        if _stands(run, _followed(controller)):
+            click.echo(
+                f"beware: {loop} compensation the axis does not move: the commands do not overcome what holds it"
+            )
     sizes = [_size(run.command) for run in (loops.without, loops.compensated)]
     words = {"largest": "largest", "step_rms": "from sample to sample (rms)"}
     told_sizes = (

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -79,7 +79,7 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
     # A node ends by itself when this process is gone, however that came about.
     environment["IDLOOP_RUNNER"] = str(os.getpid())
     if not any(name in environment for name in PROFILE_VARIABLES):
-        environment[profile_variable(environment)] = OWN_PROFILES[_before_kilted(environment)]
+        environment[profile_variable(environment)] = own_profile(environment, OWN_PROFILES)
     if domain_id is not None:
         environment["ROS_DOMAIN_ID"] = str(domain_id)
     return environment
@@ -88,6 +88,11 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
 def profile_variable(environment: Mapping[str, str]) -> str:
     """Return the name of the variable from which Fast DDS of this ROS takes its profile file."""
     return PROFILE_VARIABLES[_before_kilted(environment)]
+
+
+def own_profile(environment: Mapping[str, str], profiles: Sequence[str]) -> str:
+    """Return that one of two profile files which the Fast DDS of this ROS can read: from Kilted on, and before."""
+    return profiles[_before_kilted(environment)]
 
 
 def _before_kilted(environment: Mapping[str, str]) -> bool:

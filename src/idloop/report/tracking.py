@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 _THIN = 0.6
 
 
-def plot_tracking(without: Tracking, compensated: Tracking, output: str, input_name: str, input_unit: str) -> Figure:
+def plot_tracking(
+    without: Tracking, compensated: Tracking, output: str, input_name: str, input_unit: str, settle: float = 0.0
+) -> Figure:
     """Draw the figure.
 
     Parameters
@@ -32,6 +34,8 @@ def plot_tracking(without: Tracking, compensated: Tracking, output: str, input_n
         The output to show.
     input_name, input_unit : str
         Of the command.
+    settle : float
+        Seconds at the start that the errors in the legend leave out.
 
     Returns
     -------
@@ -48,7 +52,7 @@ def plot_tracking(without: Tracking, compensated: Tracking, output: str, input_n
         for words, run, look in runs:
             style = drawing.model_look(look)
             drawing.line(motion, run.time, run.output[:, column], label=words, **style)
-            size = run.error_of(output).rms
+            size = run.error_of(output, settle).rms
             drawing.line(error, run.time, run.error[:, column], label=f"{words}: rms {size:.3g} {unit}", **style)
             drawing.steps(command, run.time, run.command, **{**style, "linewidth": _THIN})
         error.axhline(0.0, color=drawing.MEASURED, linewidth=_THIN)

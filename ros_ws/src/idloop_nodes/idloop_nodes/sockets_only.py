@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from idloop.graph.command import OWN_PROFILES, PROFILE_VARIABLES, profile_variable
+from idloop.graph.command import OWN_PROFILES, PROFILE_VARIABLES, own_profile, profile_variable
 
+LOOPBACK = tuple(str(Path(__file__).with_name(f"{name}.xml")) for name in ("loopback_udp", "loopback_udp_2"))
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
@@ -26,6 +27,6 @@ def use_sockets_only() -> None:
     if os.environ.get(RANGE) == "LOCALHOST":
         # That range adds shared memory whatever the transports are; the profile says the same without it.
         os.environ[RANGE] = "SYSTEM_DEFAULT"
-        os.environ[profile_variable(os.environ)] = str(Path(__file__).with_name("loopback_udp.xml"))
+        os.environ[profile_variable(os.environ)] = own_profile(os.environ, LOOPBACK)
     else:
         os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
