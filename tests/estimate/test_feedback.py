@@ -35,6 +35,25 @@ def test_noise_that_comes_back_is_weighed():
     assert loop.fed_back == pytest.approx((0.5 * 0.1) ** 2 / np.var(looped().input), rel=0.3)
 
 
+@pytest.mark.parametrize(("pole", "gain"), [(0.95, 0.5), (0.99, 2.0), (0.995, 0.5)])
+def test_slow_noise_that_comes_back_is_weighed_whole(pole, gain):
+    """Beside the newest sample's noise, that of all samples before it; the truth is the loop without its reference."""
+    random, samples = np.random.default_rng(3), 8000
+    e = 0.02 * random.normal(size=samples)
+    v, r = lfilter([1.0], [1.0, -pole], e), np.repeat(random.choice([-1.0, 1.0], samples // 10), 10)
+    commands = []
+    for reference in (r, 0.0 * r):
+        y, u, clean = np.zeros(samples), np.zeros(samples), 0.0
+        for k in range(samples):
+            y[k] = clean + v[k]
+            u[k] = gain * (reference[k] - y[k])
+            clean = 0.95 * clean + 0.1 * u[k]
+        commands.append((u, y))
+    (u, y), (returned, _) = commands
+    loop = loop_of(SampledData("loop", u[:, None], y[:, None], 0.01, reference=r))
+    assert loop.fed_back == pytest.approx(np.var(returned) / np.var(u), rel=0.25)
+
+
 def test_a_quiet_loop_is_closed_but_nothing_comes_back():
     loop = loop_of(looped(noise=1e-4))
     assert loop.closed

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from idloop.estimate.identification import identify
-from idloop.estimate.information import independent_share, of_errors
+from idloop.estimate.information import comparable, independent_share, of_errors
+from idloop.estimate.method import Choices
 from idloop.estimate.sampled import SampledData
 
 
@@ -44,3 +45,29 @@ def test_coloured_noise_does_not_raise_the_order_of_output_errors() -> None:
         data = SampledData("coloured", command[:, None], output[:, None], 0.01)
         orders.append(identify(data, "oe").order)
     assert orders.count(2) >= 5
+
+
+@given(st.floats(-12.0, 12.0), st.lists(st.integers(1, 40), min_size=2, max_size=6, unique=True))
+def test_the_least_criterion_does_not_know_the_unit(decades: float, starts: list[int]) -> None:
+    """A model that begins later than another has fewer errors; each counted with ln V, which goes with the unit."""
+    errors = np.random.default_rng(1).normal(size=(500, 1))
+    chosen = []
+    for unit in (1.0, 10.0**decades):
+        several = comparable([of_errors(unit * (1.0 + 0.05 / first) * errors[first:], first) for first in starts])
+        for name in ("aic", "bic"):
+            values = np.array([getattr(one, name) for one in several])
+            chosen.append(values - values[0])
+    np.testing.assert_allclose(chosen[2:], chosen[:2], rtol=1e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize("method", ["arx", "armax", "bj", "n4sid"])
+def test_the_order_does_not_depend_on_the_unit_of_the_output(method: str) -> None:
+    rng = np.random.default_rng(0)
+    u = rng.choice([-1.0, 1.0], 1000)
+    clean = lfilter([0.0, 0.1, 0.07], [1.0, -1.5, 0.7], u)
+    y = clean + lfilter([1.0, 0.5], [1.0, -0.9], 0.1 * rng.normal(size=1000))
+    orders = []
+    for unit in (1e-6, 1.0, 1e6):
+        found = identify(SampledData("run", u[:, None], unit * y[:, None], 0.01), method, Choices())
+        orders.append(found.model.order)
+    assert orders[0] == orders[1] == orders[2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -107,6 +107,14 @@ class Outcome:
             "aic": None if known is None else known.aic,
             "bic": None if known is None else known.bic,
         }
+
+
+def on_the_same_samples(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Outcomes on the same data, with AIC and BIC that can be held against one another (`comparable`)."""
+    from idloop.estimate.information import comparable
+
+    told = iter(comparable([one.information for one in outcomes if one.information is not None]))
+    return [one if one.information is None else replace(one, information=next(told)) for one in outcomes]
 
 
 def excitation_measure(name: Literal["amplitude", "bandwidth"], data: Sequence[SampledData]) -> float:

@@ -25,6 +25,7 @@ from idloop.cli._identification import (
     best_values,
     drawn,
     excitation_measure,
+    on_the_same_samples,
     save_model,
     smallest_orders,
     sweep_lines,
@@ -383,7 +384,7 @@ def run_all(
             if len(names) == 1:
                 raise
             outcomes.append(Outcome(name, error=str(error)))
-    return outcomes
+    return on_the_same_samples(outcomes)
 
 
 def run_one(
@@ -438,7 +439,18 @@ def run_sweep(
                 rows.append((value, Outcome(name, error=str(error))))
     if failure is not None and all(one.error for _, one in rows):
         raise failure
-    return rows
+    return [row for group in _of_the_same_data(rows, sweep) for row in group]
+
+
+def _of_the_same_data(rows: Sequence[tuple[float, Outcome]], sweep: Sweep) -> list[list[tuple[float, Outcome]]]:
+    """Rows whose AIC and BIC can be held against one another: all, but on other grids only those of each."""
+    values = list(dict.fromkeys(value for value, _ in rows)) if sweep.name == "sample-time" else [None]
+    groups = [[row for row in rows if value is None or row[0] == value] for value in values]
+    told = [on_the_same_samples([one for _, one in group]) for group in groups]
+    return [
+        [(value, one) for (value, _), one in zip(group, outcomes, strict=True)]
+        for group, outcomes in zip(groups, told, strict=True)
+    ]
 
 
 def run_records(
@@ -472,6 +484,8 @@ def run_records(
                 failure = failure or error
                 one = Outcome(name, error=str(error))
             rows.append((value, replace(one, record=data[0].name)))
+        last = on_the_same_samples([one for _, one in rows[-len(names) :]])
+        rows[-len(names) :] = [(value, one) for one in last]
     if failure is not None and all(one.error for _, one in rows):
         raise failure
     return sorted(rows, key=lambda row: row[0])

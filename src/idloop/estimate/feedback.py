@@ -24,6 +24,7 @@ _SHARE = 0.02  # of a command's news that noise must explain: less, and a nonlin
 _LEAST = 5e-3  # of a command's power without a reference: a smooth command can be told so well from any signal
 _ROUNDING = 1e-13  # of the largest eigenvalue of normal equations: less is none of the data's
 _DIGITS = 1e-7  # of an output that normal equations keep
+_INSIDE = 1e-6  # that a root lies within the unit circle at least
 _NEWS = 1e-8  # of a command's power: less is rounding of a command that is known ahead
 
 
@@ -36,7 +37,8 @@ class Loop:
     reference : bool
         Whether a reference is recorded and moves.
     fed_back : float
-        Share of the command's power that comes from the newest noise of the outputs; NaN where too few samples tell.
+        Share of the command's power that the noise of the outputs makes, as it comes back through the loop; NaN where
+        too few samples tell.
     p_value : float
         Probability of so much by chance.
     depends : bool
@@ -89,6 +91,7 @@ def loop_of(data: SampledData | Sequence[SampledData]) -> Loop:
     known: list[Array] = []
     news: list[Array] = []
     target: list[Array] = []
+    noise: list[Array] = []
     for one, errors in zip(used, _news(used), strict=True):
         if errors is None:
             continue
@@ -101,11 +104,12 @@ def loop_of(data: SampledData | Sequence[SampledData]) -> Loop:
         # Row t of the errors is that of sample t + _LAGS.
         news.append(_past(errors, 0 if reference else 1, _LAGS))
         target.append(command[first:, 0])
+        noise.append(errors)
     if not target or sum(map(len, target)) < 4 * (known[0].shape[1] + news[0].shape[1]):
         return nothing
     wanted, plain, added = np.concatenate(target), np.vstack(known), np.vstack(news)
-    left = _left(plain, wanted)
-    rest = _left(np.hstack([plain, added]), wanted)
+    left, _ = _left(plain, wanted)
+    rest, weights = _left(np.hstack([plain, added]), wanted)
     power, before, after = (float(part @ part) for part in (wanted, left, rest))
     if not before > _NEWS * power:
         return nothing
@@ -117,7 +121,13 @@ def loop_of(data: SampledData | Sequence[SampledData]) -> Loop:
     # What so many columns explain by chance is no feedback.
     explained = max(before - after - extra * after / degrees, 0.0)
     sure = p_value < _SURE and explained > max(_SHARE * before, 0.0 if reference else _LEAST * power)
-    return Loop(reference, explained / power, p_value, sure)
+    share = explained / power
+    if p_value < _DOUBT:
+        # The first columns are a constant and the command's own past, the last are the news from the newest on.
+        answer = weights[plain.shape[1] :].reshape(-1, experiments[0].output.shape[1])
+        back = _returned(weights[1 : 1 + _LAGS], answer if reference else np.vstack([0.0 * answer[:1], answer]), noise)
+        share = min(max(share, back / power), 1.0)
+    return Loop(reference, share, p_value, sure)
 
 
 def bears_feedback(method: Method, choices: Choices) -> bool:
@@ -145,7 +155,7 @@ def _news(data: Sequence[SampledData]) -> list[Array | None]:
         for one in kept
     ]
     targets = np.vstack([one.output[_LAGS:] for one in kept])
-    errors = _left(np.vstack(rows), targets)
+    errors, _ = _left(np.vstack(rows), targets)
     # Of an output that has grown beyond all noise, rounding is all that is left.
     errors[:, np.std(errors, axis=0) < _DIGITS * np.std(targets, axis=0)] = 0.0
     following = iter(np.split(errors, np.cumsum([len(part) for part in rows])[:-1]))
@@ -157,9 +167,36 @@ def _past(signals: Array, least: int, first: int) -> Array:
     return np.hstack([signals[first - lag : len(signals) - lag] for lag in range(least, _LAGS + 1)])
 
 
-def _left(rows: Array, target: Array) -> Array:
-    """What least squares leave of a target; by the normal equations, whose digits are enough to weigh news."""
+def _returned(own: Array, answer: Array, noise: Sequence[Array]) -> float:
+    """Power of the command that noise makes as it goes round the loop.
+
+    Parameters
+    ----------
+    own : array, shape (k,)
+        Weights of the command's past, 1 to k samples ago.
+    answer : array, shape (l, p)
+        Weights of the outputs' news, 0 to l - 1 samples ago.
+    noise : sequence of array, shape (n, p)
+        The news.
+    """
+    from scipy.signal import lfilter
+
+    roots = np.roots(np.r_[1.0, -own])
+    # A loop that holds runs away by an error of its estimate alone.
+    roots = np.where(np.abs(roots) > 1.0, 1.0 / np.conj(roots), roots) * (1.0 - _INSIDE)
+    denominator = np.real(np.poly(roots))
+    power = 0.0
+    for news in noise:
+        pairs = zip(answer.T, news.T, strict=True)
+        command = np.sum([lfilter(weights, denominator, one) for weights, one in pairs], axis=0)[_LAGS:]
+        power += float(command @ command)
+    return power
+
+
+def _left(rows: Array, target: Array) -> tuple[Array, Array]:
+    """What least squares leave of a target, and their weights, by normal equations: digits enough to weigh news."""
     scale = np.linalg.norm(rows, axis=0)
     scaled = rows / np.where(scale > 0.0, scale, 1.0)
     solution = np.linalg.lstsq(scaled.T @ scaled, scaled.T @ target, rcond=_ROUNDING)[0]
-    return np.asarray(target - scaled @ solution)
+    weights = (solution.T / np.where(scale > 0.0, scale, 1.0)).T
+    return np.asarray(target - scaled @ solution), np.asarray(weights)

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.information import Information, independent_share, of_errors
+from idloop.estimate.information import Information, comparable, independent_share, of_errors
 from idloop.estimate.method import Choices, Identified, Method, Trial
 from idloop.estimate.methods import find_method
 
@@ -132,7 +132,7 @@ def _criteria(models: Sequence[Identified], data: Sequence[SampledData]) -> list
     import numpy as np
 
     if models[0].method.selects == "prediction":
-        return [information(one, data).bic for one in models]
+        return [one.bic for one in comparable([information(one, data) for one in models])]
     told: list[tuple[Information, Any]] = []
     for found in models:
         model: Any = found.model

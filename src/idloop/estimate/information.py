@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,26 @@ def of_errors(errors: Array, free: int) -> Information:
     """Criteria of one-step errors, shape (N, p)."""
     covariance = errors.T @ errors / max(len(errors), 1)
     return Information(float(np.linalg.det(covariance)), free, len(errors))
+
+
+def comparable(several: Sequence[Information]) -> list[Information]:
+    """Informations whose AIC and BIC differ by what the models are worth, not by how many samples they begin with.
+
+    Of models of the same data one begins a sample later than another. That sample's ln V counts in N ln V, and ln V
+    goes with the unit of the outputs.
+
+    Parameters
+    ----------
+    several : sequence of Information
+        Of models of the same data.
+
+    Returns
+    -------
+    list of Information
+        With the samples of that which rests on the fewest.
+    """
+    fewest = min((one.samples for one in several), default=0.0)
+    return [replace(one, samples=fewest) for one in several]
 
 
 def independent_share(errors: Array) -> float:
