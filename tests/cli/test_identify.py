@@ -21,7 +21,7 @@ from idloop.estimate.method import Identified
 from idloop.estimate.methods import METHODS
 from idloop.estimate.sampled import SampledData
 from idloop.physics import load_model, simulate
-from idloop.records import Record, write_bag
+from idloop.records import Record, make_stream, write_bag
 from idloop.validate.score import Score
 
 # The preset's velocity: J dv/dt + B v = drive gain u.
@@ -431,6 +431,49 @@ def test_a_best_linear_approximation_tells_noise_from_nonlinearity(tmp_path, cap
     assert bent > 20.0 * straight
     assert noise < 3.0 * quiet
     assert odd > 20.0 * max(even, quiet)
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_another_command_that_moves_is_told_to_be_left_out(tmp_path, capsys, moves):
+    random = np.random.default_rng(4)
+    stamps = 10**9 + 2 * 10**7 * np.arange(600)
+    one, other = (np.repeat(random.choice([-1.0, 1.0], 60), 10) for _ in range(2))
+    speed = lfilter([0.0, 0.1], [1.0, -0.9], one + moves * other) + 1e-2 * random.normal(size=600)
+    command = {"m": {"effort": one}, "m2": {"effort": other if moves else np.zeros(600)}}
+    streams = [
+        make_stream("/axis/joint_command", stamps, command),
+        make_stream("/axis/joint_states", stamps, {"m": {"velocity": speed}}),
+    ]
+    bag = write_bag(tmp_path / "two", streams)
+    code, out, err = run(capsys, bag, "--joint", "m", "--method", "arx", "--order", 1, "--json")
+    assert code == 0
+    notes = json.loads(out)["notes"]
+    assert err.splitlines() == notes
+    assert len(notes) == moves
+    if moves:
+        assert notes[0].startswith("two: the bag holds the effort of joint m2 as well, which is left out")
+
+
+def test_a_linear_plant_is_said_to_show_no_nonlinearity(tmp_path, capsys):
+    random = np.random.default_rng(6)
+    time = np.arange(1200) * 0.01
+    lines = np.arange(1, 60)
+    bags = []
+    for number in range(4):
+        angles = 2.0 * np.pi * (0.5 * np.outer(time, lines) + random.uniform(size=len(lines)))
+        command = np.sum(np.cos(angles), axis=1) / 3.0
+        speed = lfilter([0.1], [1.0, -0.9], command) + 1e-2 * random.normal(size=1200)
+        record = Record(
+            f"r{number}", time, command, time, speed[:, None], "motor.effort", "V", ("motor.velocity",), ("rad/s",)
+        )
+        bags.append(write_bag(tmp_path / f"r{number}", record))
+    words = ("--method", "bla", "--period", "2.0")
+    code, out, _ = run(capsys, *bags, *words)
+    assert code == 0
+    assert re.search(r"bla, motor\.velocity: nonlinear: not seen \(p = 0\.\d+\)", out)
+    (result,) = json.loads(run(capsys, *bags, *words, "--json")[1])["results"]
+    (p_value,) = result["model"]["distortion"]["p_values"]["stochastic"]
+    assert p_value == result["model"]["distortion"]["shares"][0]["p_stochastic"] > 0.05
 
 
 def test_a_bag_that_the_fit_sees_judges_nothing(bags, capsys):

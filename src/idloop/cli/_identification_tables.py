@@ -21,6 +21,8 @@ _AWAY = -999.0  # FIT [%]
 _AT_ZERO = 1e-12
 _SURE = 0.3  # of a response's size, its standard error where the response is known
 _LOUD = 1e-3  # share of the command's power that is noise: less biases no more than other errors do
+_SEEN = 0.05  # probability of so much by chance below which nonlinearity is seen
+_LEAST_P = 1e-3  # less is not spelled out
 _EDGE = 1e-3  # a pole this close to the unit circle is as good as on it
 
 
@@ -119,7 +121,7 @@ def print_followed(outcomes: Sequence[Outcome]) -> None:
 
 def print_distortion(outcomes: Sequence[Outcome]) -> None:
     """Print how much of each best linear approximation is noise, and how much the nonlinearity scatters."""
-    rows = []
+    rows, verdicts = [], []
     for one in outcomes:
         model: Any = None if one.found is None else one.found.model
         told = getattr(model, "distortion", None)
@@ -128,13 +130,32 @@ def print_distortion(outcomes: Sequence[Outcome]) -> None:
         for name, parts in zip(told.output_names, told.shares(model.response[:, :, 0]), strict=True):
             sizes = (parts[kind] for kind in ("noise", "stochastic", "odd", "even"))
             rows.append((one.label, name, *(number(100.0 * size, 3) for size in sizes)))
+            verdicts.append(f"{one.label}, {name}: {nonlinearity_text(parts)}")
     if rows:
         click.echo()
         print_table(["method", "output", "noise %", "nonlinear %", "odd lines %", "even lines %"], rows)
         click.echo(
-            "of the linear response: noise of the average; scatter by the nonlinearity in one experiment; of the"
-            " output, what odd and even nonlinearity make at lines left empty"
+            "of the linear response, noise and scatter by the nonlinearity in one experiment each; of the output, what"
+            " odd and even nonlinearity make at lines left empty"
         )
+        for line in verdicts:
+            click.echo(line)
+
+
+def nonlinearity_text(parts: Mapping[str, float]) -> str:
+    """Whether each kind of nonlinearity stands out of the noise, from `Distortion.shares`."""
+    texts = []
+    for kind, name in (("stochastic", "nonlinear"), ("odd", "odd lines"), ("even", "even lines")):
+        level, p_value = parts[kind], parts[f"p_{kind}"]
+        if not math.isfinite(p_value):
+            continue
+        chance = "p < 0.001" if p_value < _LEAST_P else f"p = {p_value:.2g}"
+        if p_value >= _SEEN:
+            texts.append(f"{name}: not seen ({chance})")
+        else:
+            # A few quiet lines may show what the average over all of them does not.
+            texts.append(f"{name}: {f'{100.0 * level:.3g} %' if level > 0.0 else 'seen at some lines'} ({chance})")
+    return "; ".join(texts)
 
 
 def print_details(one: Outcome) -> None:

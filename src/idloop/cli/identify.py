@@ -262,6 +262,9 @@ def command(
     note_unused(list(chosen), choices, Choices())
     signals = named_signals(bags[0], model, joint, outputs)
     train, unseen = read_fitted_and_unseen(bags, validate, signals)
+    notes = left_out_notes(bags, signals)
+    for note in notes:
+        log(note)
 
     def grids(period: float) -> tuple[list[SampledData], list[SampledData]]:
         fitted = even_grids(train, period, detrend, drop)
@@ -291,6 +294,7 @@ def command(
         "steps": steps,
         "plot": plot,
         "save": save,
+        "notes": notes,
     }
     title = judged_title(unseen or train, seen=not unseen)
     with progress("identifying") as update:
@@ -349,6 +353,22 @@ def named_signals(bag: Path, model: Model | None, joint: str | None, outputs: Se
     given: tuple[Signal, ...] = (model.input, *model.outputs)
     signals = [AxisSignal(s.topic, s.joint, s.field, s.unit) for s in given]
     return chosen_outputs(AxisSignals(signals[0], tuple(signals[1:])), outputs)
+
+
+def left_out_notes(bags: Sequence[Path], signals: AxisSignals) -> list[str]:
+    """One note for each bag in which other joints are commanded to move as well."""
+    from idloop.records.axis_signals import moving_commands
+
+    notes = []
+    for bag in bags:
+        others = moving_commands(bag, signals.input)
+        if others:
+            joints = f"joint{'s' if len(others) > 1 else ''} {', '.join(others)}"
+            notes.append(
+                f"{bag.name}: the bag holds the {signals.input.field} of {joints} as well, which is left out beside"
+                f" that of {signals.input.joint}: from Python several are taken at once (docs/identification.md)"
+            )
+    return notes
 
 
 def judged_title(records: Sequence[Record], *, seen: bool) -> str:

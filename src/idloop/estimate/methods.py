@@ -291,6 +291,12 @@ def _tracked(
         for one in estimators
         if one.projections > _SHORTENED * total
     ]
+    notes += [
+        f"{one.output_name}: C or F is hardly positive real, so pseudo-linear regression converges slowly and its"
+        " standard errors leave out what is left of the start; take rpem"
+        for one in estimators
+        if one.slow
+    ]
     model = assemble("recursive", data, [h.final for h in histories], [[h.innovations] for h in histories], notes=notes)
     # The loss is that of the last model on all data, as of the other methods; not that of its way there.
     with np.errstate(all="ignore"):

@@ -111,6 +111,30 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
     )
 
 
+def moving_commands(bag: Path | str, chosen: AxisSignal) -> tuple[str, ...]:
+    """Other joints that the topic of a command moves by the same field.
+
+    Parameters
+    ----------
+    bag : Path or str
+        rosbag2 directory, ``.mcap`` or ``.db3`` file.
+    chosen : AxisSignal
+        The command that is read.
+
+    Returns
+    -------
+    tuple of str
+        Joints in the order of the topic.
+    """
+    with Bag(bag) as opened:
+        topic = resolve_topic(chosen.topic, opened.topics, bag)
+        stream = read_streams(opened, {topic})[topic]
+    if not stream.is_joint_state:
+        return ()
+    moving = [name.rpartition(".") for name, moves in _known(stream).items() if moves]
+    return tuple(joint for joint, _, field in moving if field == chosen.field and joint != chosen.joint)
+
+
 def chosen_outputs(signals: AxisSignals, outputs: Sequence[str]) -> AxisSignals:
     """Leave only some outputs, in the order given; all of them where none is named.
 

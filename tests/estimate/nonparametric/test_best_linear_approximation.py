@@ -27,6 +27,57 @@ def test_a_linear_plant_has_noise_only(plant):
     assert np.mean(square) / np.mean(total) == pytest.approx(1.0, abs=0.1)
 
 
+def told(estimate):
+    (shares,) = estimate.distortion.shares(estimate.response[:, :, 0])
+    return shares
+
+
+@pytest.mark.parametrize(("realisations", "periods"), [(7, 5), (2, 2)])
+def test_of_a_linear_plant_the_robust_method_sees_no_nonlinearity_but_by_chance(plant, realisations, periods):
+    shares = []
+    for trial in range(300):
+        data = [plant.periodic(100 * trial + i, periods=periods + 1)[0] for i in range(realisations)]
+        shares.append(told(robust_best_linear_approximation(data, PERIOD)))
+    # Of 300 at 5 %, 6 to 26 by chance (three standard deviations and more).
+    assert 6 <= np.sum([one["p_stochastic"] < 0.05 for one in shares]) <= 26
+    # Noise and nonlinearity are both of one experiment, and about half of the averages are cut at 0.
+    assert 0.4 < np.mean([one["stochastic"] == 0.0 for one in shares]) < 0.6
+    assert np.max([one["stochastic"] / one["noise"] for one in shares]) < 1.0
+
+
+@pytest.mark.parametrize("periods", [5, 2])
+def test_of_a_linear_plant_the_fast_method_sees_no_nonlinearity_but_by_chance(plant, periods):
+    shares = []
+    for trial in range(400):
+        data, _ = plant.periodic(trial, "odd_random", periods=periods + 1)
+        shares.append(told(fast_best_linear_approximation(data, PERIOD)))
+    for kind in ("odd", "even"):
+        assert 7 <= np.sum([one[f"p_{kind}"] < 0.05 for one in shares]) <= 34
+        assert 0.4 < np.mean([one[kind] == 0.0 for one in shares]) < 0.6
+    np.testing.assert_array_equal([one["p_stochastic"] for one in shares], [one["p_odd"] for one in shares])
+
+
+@pytest.mark.parametrize(("kind", "size"), [("cubic", 0.15), ("square", 0.1)])
+def test_a_nonlinearity_that_is_there_is_seen_every_time(plant, kind, size):
+    shown = "odd" if kind == "cubic" else "even"
+    for trial in range(50):
+        data = [plant.periodic(100 * trial + i, **{kind: size})[0] for i in range(4)]
+        assert told(robust_best_linear_approximation(data, PERIOD))["p_stochastic"] < 1e-3
+        data, _ = plant.periodic(trial, "odd_random", noise=0.005, **{kind: size})
+        estimate = fast_best_linear_approximation(data, PERIOD)
+        assert told(estimate)[f"p_{shown}"] < 1e-3
+        assert estimate.to_dict()["distortion"]["p_values"][shown][0] == told(estimate)[f"p_{shown}"]
+
+
+def test_rounding_is_no_nonlinearity(plant):
+    data = [plant.periodic(seed, noise=0.0)[0] for seed in range(3)]
+    assert told(robust_best_linear_approximation(data, PERIOD, skip=3))["p_stochastic"] > 0.05
+    data, _ = plant.periodic(3, "odd_random", noise=0.0)
+    assert (
+        min(told(fast_best_linear_approximation(data, PERIOD, skip=3))[f"p_{kind}"] for kind in ("odd", "even")) > 0.05
+    )
+
+
 def test_a_cube_changes_the_gain_and_adds_distortion_that_is_no_noise(plant):
     data = [plant.periodic(seed, cubic=0.2, noise=0.001)[0] for seed in range(30)]
     estimate = robust_best_linear_approximation(data, PERIOD)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import IdloopError, InputError
+from idloop.estimate.collinear import together_notes
 from idloop.estimate.linear.error_covariance import Focus, error_covariance
 from idloop.estimate.linear.instability import instability_notes
 from idloop.estimate.linear.model import Coefficient, LinearModel
@@ -177,7 +178,8 @@ def finished(
         coefficient_covariance=covariance if len(names) else None,
         notes=(*notes, *instability_notes(matrices.a)),
     )
-    return replace(model, covariance=error_covariance(model, experiments, focus))
+    model = replace(model, covariance=error_covariance(model, experiments, focus))
+    return replace(model, notes=(*model.notes, *together_notes(experiments, model)))
 
 
 def overflowing(name: str, focus: Focus) -> InputError:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.nonparametric.distortion import Distortion, LineLevels
+from idloop.estimate.nonparametric.distortion import Distortion, LineLevels, combined_p_value
 from idloop.estimate.nonparametric.frequency_response import FrequencyResponse
 from idloop.estimate.nonparametric.periodic import PeriodicSpectra, by_period
 from idloop.estimate.sampled import SampledData
@@ -85,7 +85,8 @@ def robust_best_linear_approximation(
     scatter = np.sum(np.abs(own) ** 2, axis=0, where=excited)
     total = scatter / (count - 1) / count
     from_noise = np.sum(noise, axis=0, where=excited) / count**2
-    stochastic = np.sqrt(np.maximum(count * (total - from_noise), 0.0))
+    periods = np.array([len(one) for one in spectra.output])
+    excess = count * (total - from_noise)
     notes = _drowned(spectra, kept)
     left_out = int(np.sum(np.sum(spectra.excited, axis=0) == 1))
     if left_out:
@@ -101,7 +102,16 @@ def robust_best_linear_approximation(
             frequency=spectra.frequency[kept],
             noise=np.sqrt(from_noise),
             total=np.sqrt(total),
-            stochastic=stochastic,
+            stochastic=np.sqrt(np.maximum(excess, 0.0)),
+            single_noise=np.sqrt(count * from_noise),
+            excess=excess,
+            p_values=combined_p_value(
+                count * total,
+                count * from_noise,
+                2.0 * (count - 1.0),
+                2.0 * np.sum(spectra.excited[:, kept] * (periods - 1)[:, None], axis=0)[:, None],
+                np.abs(response),
+            ),
             realisations=realisations,
             periods=spectra.periods,
             output_names=spectra.data[0].output_names,
@@ -171,8 +181,9 @@ def fast_best_linear_approximation(
     odd = _levels(spectra, empty & (harmonic % 2 == 1), levels, scatter)
     even = _levels(spectra, empty & (harmonic % 2 == 0), levels, scatter)
     through = np.sqrt(np.sum(_mean_input(spectra, any_excited) ** 2, axis=0, where=excited[:, :, 0]) / count[:, 0])
-    nearby, averaged = _nearby(odd, spectra.frequency[any_excited])
-    single = nearby / through[:, None]
+    nearby, averaged = _nearby(odd.frequency, odd.level**2, spectra.frequency[any_excited])
+    above, _ = _nearby(odd.frequency, odd.level**2 - odd.noise**2, spectra.frequency[any_excited])
+    single = np.sqrt(nearby) / through[:, None]
     total = np.maximum(single / np.sqrt(count), np.sqrt(from_noise))
     stochastic = np.sqrt(np.maximum(total**2 - from_noise, 0.0) * count)
     seen = _levels(spectra, spectra.excited, *_levels_of_output(spectra))
@@ -188,6 +199,9 @@ def fast_best_linear_approximation(
             noise=np.sqrt(from_noise),
             total=total,
             stochastic=stochastic,
+            single_noise=np.sqrt(count * from_noise),
+            excess=above / through[:, None] ** 2,
+            p_values=odd.p_values,
             realisations=len(spectra.data),
             periods=spectra.periods,
             output_names=first.output_names,
@@ -275,17 +289,21 @@ def _levels(spectra: PeriodicSpectra, lines: Mask, level: Array, noise: Array) -
     count = np.sum(lines, axis=0)
     where = np.flatnonzero(count)
     weight = lines[:, where, None]
-    mean = [np.sqrt(np.sum(value[:, where], axis=0, where=weight) / count[where, None]) for value in (level, noise)]
-    return LineLevels(spectra.frequency[where], mean[0], mean[1])
+    power, left = (np.sum(value[:, where], axis=0, where=weight) / count[where, None] for value in (level, noise))
+    periods = np.array([len(one) for one in spectra.output])
+    degrees = 2.0 * np.sum(lines[:, where] * (periods - 1)[:, None], axis=0)[:, None]
+    size = np.sqrt(np.max([np.mean(np.abs(one) ** 2, axis=0) for one in spectra.output], axis=(0, 1)))
+    p_values = combined_p_value(power, left, 2.0 * count[where, None], degrees, size[None, :])
+    return LineLevels(spectra.frequency[where], np.sqrt(power), np.sqrt(left), p_values)
 
 
-def _nearby(odd: LineLevels, frequency: Array) -> tuple[Array, int]:
-    """Root mean square of the empty lines nearest to each frequency, shape (f, p), and how many they are."""
-    count = min(_NEIGHBOURS, odd.frequency.size)
-    middle = np.searchsorted(odd.frequency, frequency)
-    start = np.clip(middle - count // 2, 0, odd.frequency.size - count)
+def _nearby(lines: Array, power: Array, frequency: Array) -> tuple[Array, int]:
+    """Mean of the lines nearest to each frequency, shape (f, p), and how many they are."""
+    count = min(_NEIGHBOURS, lines.size)
+    middle = np.searchsorted(lines, frequency)
+    start = np.clip(middle - count // 2, 0, lines.size - count)
     index = start[:, None] + np.arange(count)
-    return np.sqrt(np.mean(odd.level[index] ** 2, axis=1)), count
+    return np.asarray(np.mean(power[index], axis=1)), count
 
 
 def _result(

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-9  # of a signal: what noise-free records scatter by rounding counts as their noise
+
 
 @dataclass(frozen=True, eq=False)
 class LineLevels:
@@ -24,11 +26,14 @@ class LineLevels:
         Peak amplitude of the line, averaged over the periods [output unit].
     noise : ndarray, shape (g, p)
         What noise alone leaves of it, root mean square [output unit].
+    p_values : ndarray, shape (p,)
+        Probability that noise alone makes the lines stand out so much.
     """
 
     frequency: Array
     level: Array
     noise: Array
+    p_values: Array
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
@@ -50,6 +55,13 @@ class Distortion:
     stochastic : ndarray, shape (f, p)
         Root mean square of the stochastic nonlinear distortion in a single realisation
         [output unit / input unit].
+    single_noise : ndarray, shape (f, p)
+        Noise in a single realisation, averaged over its periods [output unit / input unit].
+    excess : ndarray, shape (f, p)
+        Unbiased estimate of the distortion's variance in a single realisation, negative by chance: `stochastic`
+        before it is cut at 0 [(output unit / input unit)²].
+    p_values : ndarray, shape (p,)
+        Probability that noise alone makes so much of it.
     realisations, periods : int
         Experiments, and periods averaged in the shortest of them.
     excited, odd, even : LineLevels or None
@@ -62,6 +74,9 @@ class Distortion:
     noise: Array
     total: Array
     stochastic: Array
+    single_noise: Array
+    excess: Array
+    p_values: Array
     realisations: int
     periods: int
     output_names: tuple[str, ...]
@@ -77,6 +92,14 @@ class Distortion:
             "noise": self.noise,
             "total": self.total,
             "stochastic": self.stochastic,
+            "single_noise": self.single_noise,
+            "p_values": {
+                "stochastic": self.p_values,
+                **{
+                    name: None if lines is None else lines.p_values
+                    for name, lines in (("odd", self.odd), ("even", self.even))
+                },
+            },
             "realisations": self.realisations,
             "periods": self.periods,
             **{
@@ -96,8 +119,10 @@ class Distortion:
         Returns
         -------
         list of dict
-            For each output ``noise`` (of the average), ``stochastic`` (of one experiment), and ``odd`` and ``even`` of
-            the output at the excited lines, where lines were left empty; NaN elsewhere.
+            For each output ``noise`` and ``stochastic``, both of one experiment, and ``odd`` and ``even`` of the output
+            at the excited lines, where lines were left empty; NaN elsewhere. Differences to the noise are averaged over
+            the lines before they are cut at 0; ``p_stochastic``, ``p_odd`` and ``p_even`` are the probabilities that
+            noise alone makes so much.
         """
 
         def rms(values: NDArray[Any]) -> float:
@@ -114,10 +139,13 @@ class Distortion:
             size = max(rms(response[:, index]), 1e-300)
             found.append(
                 {
-                    "noise": rms(self.noise[:, index]) / size,
-                    "stochastic": rms(self.stochastic[:, index]) / size,
+                    "noise": rms(self.single_noise[:, index]) / size,
+                    "stochastic": math.sqrt(max(float(np.mean(self.excess[:, index])), 0.0)) / size,
                     "odd": above_noise(self.odd, index),
                     "even": above_noise(self.even, index),
+                    "p_stochastic": float(self.p_values[index]),
+                    "p_odd": math.nan if self.odd is None else float(self.odd.p_values[index]),
+                    "p_even": math.nan if self.even is None else float(self.even.p_values[index]),
                 }
             )
         return found
@@ -172,3 +200,33 @@ class Distortion:
             axes.set_xlabel(drawing.label("frequency", "Hz"))
             axes.legend()
         return axes
+
+
+def combined_p_value(total: Array, noise: Array, degrees: Array, noise_degrees: Array, size: Array) -> Array:
+    """Probability that noise alone makes a variance stand so far above that of the noise, all lines together.
+
+    At each line the ratio is F-distributed under linearity, whatever the noise there; the lines' probabilities are
+    combined by Fisher's method (-2 ln p of independent ones adds up to a chi-square), so that a few clear lines are not
+    lost among noisy ones.
+
+    Parameters
+    ----------
+    total, noise : ndarray, shape (g, p)
+        Variance with the distortion, and of noise alone.
+    degrees, noise_degrees : ndarray, shape (g, 1)
+        Degrees of freedom of each.
+    size : ndarray, shape (g, p) or (1, p)
+        Of the signal, for its rounding.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        NaN where there is no line.
+    """
+    from scipy.stats import chi2, f
+
+    if not len(total):
+        return np.full(total.shape[1], np.nan)
+    rounding = np.maximum((_ROUNDING * np.max(size, axis=0)) ** 2, 1e-300)
+    logarithm = f.logsf((total + rounding) / (noise + rounding), degrees, noise_degrees)
+    return np.asarray(chi2.sf(-2.0 * np.sum(logarithm, axis=0), 2 * len(total)))

@@ -137,7 +137,9 @@ class FrequencyResponse:
             "coherence": self.coherence,
             "disturbance": self.disturbance,
             "disturbance_stderr": self.disturbance_stderr,
-            "distortion": None if self.distortion is None else self.distortion.to_dict(),
+            "distortion": None
+            if self.distortion is None
+            else self.distortion.to_dict() | {"shares": self.distortion.shares(self.response[:, :, 0])},
             "notes": list(self.notes),
         }
 

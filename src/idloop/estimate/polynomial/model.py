@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimate.collinear import together_notes
+from idloop.estimate.collinear import moving_together, together_notes
 from idloop.estimate.linear import Coefficient, LinearModel
 from idloop.estimate.linear.instability import instability_notes
 from idloop.estimate.polynomial.excitation import excitation_notes
@@ -71,6 +71,7 @@ def assemble(
         for parts in zip(*errors, strict=True)
     ]
     innovations = np.vstack(common)
+    polynomials = _without_chance(polynomials, moving_together(np.vstack([one.input for one in data])))
     form = stack([p.realization for p in polynomials]) if realization is None else realization
     prefix = [f"{p.output_name}." if len(polynomials) > 1 else "" for p in polynomials]
     coefficients = tuple(
@@ -80,7 +81,7 @@ def assemble(
     )
     known = [p.covariance for p in polynomials if p.covariance is not None]
     first = data[0]
-    return PolynomialModel(
+    model = PolynomialModel(
         method=method, a=form.a, b=form.b, c=form.c, d=form.d, gain=form.gain,
         covariance=innovations.T @ innovations / len(innovations),
         sample_time=first.sample_time,
@@ -90,8 +91,29 @@ def assemble(
         # Between outputs the errors may correlate, which leaves each output's own block as it is.
         coefficient_covariance=block_diag(*known) if len(known) == len(polynomials) else None,
         notes=(
-            *dict.fromkeys(notes), *excitation_notes(data, polynomials, method == "iv4"), *together_notes(data),
-            *instability_notes(form.a),
+            *dict.fromkeys(notes), *excitation_notes(data, polynomials, method == "iv4"), *instability_notes(form.a),
         ),
         polynomials=tuple(polynomials),
     )  # fmt: skip
+    return replace(model, notes=(*model.notes, *together_notes(data, model)))
+
+
+def _without_chance(polynomials: Sequence[Polynomials], together: NDArray[np.bool_]) -> Sequence[Polynomials]:
+    """Polynomials without standard errors of inputs that are combinations of each other.
+
+    A search that ends at one of the many equal choices sees the curvature there only.
+    """
+    if not np.any(together):
+        return polynomials
+    found = []
+    for one in polynomials:
+        if one.covariance is not None:
+            covariance = one.covariance.copy()
+            for index in np.flatnonzero(together):
+                for place in (one.orders.b(int(index)), one.orders.f(int(index))):
+                    covariance[place, :] = np.nan
+                    covariance[:, place] = np.nan
+            found.append(replace(one, covariance=covariance))
+        else:
+            found.append(one)
+    return found

@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 Method = Literal["gradient", "pseudo-linear"]
 
 NEVER = np.iinfo(np.int64).max
+# Lines of a frequency response, and the real part below which C or F hardly are positive real.
+_LINES, _POSITIVE = 1024, 0.1
+_SILENT = 1e-100  # signals below count as 0: squares of their units would not be numbers
 
 
 class RecursivePolynomial:
@@ -57,8 +60,9 @@ class RecursivePolynomial:
         The first coefficients weigh as much as 1 / prior^2 samples of signals of typical size: 100 by default for
         ARX models, and 3 for the others, whose first steps must not be too wild.
     input_scale, output_scale : float or one per input, float, optional
-        Typical sizes of the signals, so that `prior` means the same for every coefficient. Otherwise the first
-        samples tell: they are gone over once more when enough are there.
+        Typical sizes of the signals, so that `prior` means the same for every coefficient. Otherwise the samples so
+        far tell, so that units do not matter: the first are gone over once more when the root mean square of a
+        signal leaves the size in use by a factor of e, and when enough are there.
     warm_up : float, optional
         In [0, 1): the first samples, predicted by a model that is still wrong, are forgotten at the rate 0.95, and
         this is the share of that rate which is left from each sample to the next; 0 for none. By default 0 for
@@ -121,6 +125,7 @@ class RecursivePolynomial:
         self.sample_time, self.input_names, self.output_name = sample_time, tuple(names), output_name
         self.innovation = float("nan")
         self._growth, self._radius = growth, float(radius)
+        self._carries = method == "pseudo-linear" and not linear
         walk = np.zeros(orders.size) if random_walk is None else np.asarray(random_walk, dtype=float)
         walk = np.broadcast_to(walk, (orders.size,))
         if not (np.all(np.isfinite(walk)) and np.all(walk >= 0.0)):
@@ -134,6 +139,8 @@ class RecursivePolynomial:
         self._past = np.zeros((INPUTS + ROWS_PER_INPUT * m + ROWS_OF_NOISE, lags + 1))
         # Samples that are kept until they tell the scales.
         self._unknown = np.array([input_scale is None] * m + [output_scale is None])
+        self._untold = self._unknown.copy()
+        self._mute = False
         self._first_samples = np.zeros((5 * orders.size + 20 if np.any(self._unknown) else 0, m + 1))
         self._held = 0
         counts = [np.array(numbers, dtype=np.int64) for numbers in (orders.nb, orders.nf, orders.nk)]
@@ -152,6 +159,7 @@ class RecursivePolynomial:
         self._past[:] = 0.0
         self._scalars = np.zeros(SCALARS)
         self._upper, self._diagonal = np.eye(orders.size), self._most.copy()
+        self._errors = np.diag(self._most) if self._carries else np.zeros((0, 0))
         self._scalars[FORGETTING] = self.forgetting if self._growth == 0.0 else 0.95 * self.forgetting
 
     # -- what it knows ----------------------------------------------------------------
@@ -170,10 +178,15 @@ class RecursivePolynomial:
     def covariance(self) -> Array:
         """Covariance of the coefficients, shape (k, k), around what the remembered data say.
 
-        By the asymptotics of the gradient; pseudo-linear regression is less efficient than it claims.
+        Of the prediction error method the inverse of the information. Steps of a pseudo-linear regression go along
+        the regressor phi and not the gradient psi, so that errors follow (I - K psi^T) from sample to sample: their
+        covariance is carried along with the gains K that were taken.
         """
-        scaled = (self._upper * self._diagonal) @ self._upper.T
-        return np.asarray(spread(self._scalars) * scaled * np.outer(self._unit, self._unit))
+        if len(self._errors):
+            scaled = self._scalars[VARIANCE] * self._errors
+        else:
+            scaled = spread(self._scalars) * (self._upper * self._diagonal) @ self._upper.T
+        return np.asarray(scaled * np.outer(self._unit, self._unit))
 
     @property
     def stderr(self) -> Array:
@@ -184,6 +197,19 @@ class RecursivePolynomial:
     def innovation_variance(self) -> float:
         """Variance of the innovations [output unit squared]."""
         return float(self._scalars[VARIANCE]) * self._output_scale**2
+
+    @property
+    def slow(self) -> bool:
+        """Whether a pseudo-linear regression nears its model too slowly for standard errors that hold.
+
+        They hold where C and F are positive real. In simulations beside that limit what is left of the start
+        outweighs the noise in records of any usual length; it is no part of a covariance.
+        """
+        if not self._carries:
+            return False
+        places = [self.orders.c, *(self.orders.f(i) for i in range(self.orders.inputs))]
+        tails = [self.coefficients[place] for place in places]
+        return any(np.min(np.fft.rfft([1.0, *tail], _LINES).real) < _POSITIVE for tail in tails)
 
     @property
     def samples(self) -> int:
@@ -272,15 +298,16 @@ class RecursivePolynomial:
 
     def forget_signals(self) -> None:
         """Begin another experiment: the past signals count as 0, the coefficients stay."""
-        if self._held:
-            self._rescale()
+        self._end_start()
         self._past[:] = 0.0
+        self._held = 0
 
     def widen(self) -> None:
         """Make the coefficients as uncertain as at the start, as after a tool change; their values stay."""
-        if self._held:
-            self._rescale()
+        self._end_start()
         self._upper, self._diagonal = np.eye(self.orders.size), self._most.copy()
+        if self._carries:
+            self._errors = np.diag(self._most)
 
     # -- inside -----------------------------------------------------------------------
 
@@ -298,22 +325,18 @@ class RecursivePolynomial:
         innovations = np.empty(len(outputs))
         rows = len(outputs) // every
         values, variances = np.empty((rows, self.orders.size)), np.empty((rows, self.orders.size))
-        first = min(len(self._first_samples) - self._held, len(outputs))
-        if first > 0:
-            kept = slice(self._held, self._held + first)
-            self._first_samples[kept, :-1], self._first_samples[kept, -1] = inputs[:first], outputs[:first]
-            self._held += first
-        # Rows that are remembered do not care where the scales change.
-        done = first // every
-        if first > 0:
-            row, part = slice(0, done), slice(0, first)
-            innovations[part] = self._run(inputs[part], outputs[part], values[row], variances[row], every, 0)
-            if self._held == len(self._first_samples):
-                self._rescale()
-        if first < len(outputs):
-            row, part = slice(done, None), slice(first, None)
-            offset = first - done * every
-            innovations[part] = self._run(inputs[part], outputs[part], values[row], variances[row], every, offset)
+        done = 0
+        while done < len(outputs):
+            told = done // every
+            starting = self._held < len(self._first_samples)
+            mute = self._still(inputs[done:], outputs[done:]) if starting and self._mute else 0
+            starting &= mute == 0
+            count = mute or (1 if starting else self._silent(inputs[done:]))
+            part, row = slice(done, done + count), slice(told, (done + count) // every)
+            offset = done - told * every
+            take = self._take_first if starting else self._run
+            innovations[part] = take(inputs[part], outputs[part], values[row], variances[row], every, offset)
+            done += count
         if len(innovations):
             self.innovation = float(innovations[-1])
         return innovations, values, variances
@@ -321,7 +344,7 @@ class RecursivePolynomial:
     def _run(self, inputs: Array, outputs: Array, values: Array, variances: Array, every: int, offset: int) -> Array:
         innovations = np.empty(len(outputs))
         advance(
-            *self._numbers, self._theta, self._upper, self._diagonal, self._past, self._scalars,
+            *self._numbers, self._theta, self._upper, self._diagonal, self._errors, self._past, self._scalars,
             np.ascontiguousarray(inputs / self._input_scale), outputs / self._output_scale, self.forgetting,
             self._growth, self._steps, self._most, self.method == "gradient", self._radius,
             innovations, values, variances, every, offset,
@@ -330,16 +353,101 @@ class RecursivePolynomial:
         variances *= self._unit**2
         return np.asarray(innovations * self._output_scale)
 
+    def _take_first(
+        self, inputs: Array, outputs: Array, values: Array, variances: Array, every: int, offset: int
+    ) -> Array:
+        """Take one of the samples that tell the sizes, as `_run`; its command is known before its prediction."""
+        row = self._first_samples[self._held]
+        row[:-1], row[-1] = inputs[0], np.nan
+        self._resize(self._held + 1, self._held)
+        innovations = self._run(inputs, outputs, values, variances, every, offset)
+        row[-1] = outputs[0]
+        self._held += 1
+        if self._held == len(self._first_samples):
+            self._end_start()
+        elif self._resize(self._held, self._held) and len(values):
+            values[0], variances[0] = self.coefficients, np.diag(self.covariance)
+        return innovations
+
+    def _sizes(self, samples: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Sizes of the signals: given, told by these samples, or as they were; and which of them tell theirs."""
+        present = np.array([*self._input_scale, self._output_scale])
+        known = np.isfinite(samples)
+        size = np.sqrt(np.sum(np.where(known, samples, 0.0) ** 2, axis=0) / np.maximum(known.sum(axis=0), 1))
+        tells = self._unknown & (size > _SILENT)
+        return np.where(tells, size, present), tells
+
+    def _resize(self, count: int, replayed: int) -> bool:
+        """Go over the first samples once more where they tell other sizes than are in use."""
+        present = np.array([*self._input_scale, self._output_scale])
+        sizes, tells = self._sizes(self._first_samples[:count])
+        # Whole samples of equal size have rational ratios: e is none, so that rounding decides nothing.
+        if not np.any(tells & (self._untold | (np.abs(np.log(sizes / present)) > 1.0))):
+            return False
+        self._untold &= ~tells
+        self._replay(self._first_samples[:replayed], sizes)
+        return True
+
+    def _end_start(self) -> None:
+        """Have done with the first samples, but for an output that has not moved: it has taught nothing."""
+        if not self._held:
+            return
+        _, tells = self._sizes(self._first_samples[: self._held])
+        self._mute = bool(self._unknown[-1] and not tells[-1])
+        if self._mute:
+            self._keep(self._first_samples[: self._held])
+        else:
+            self._rescale()
+
+    def _keep(self, samples: Array) -> None:
+        """Hold the newest of these samples as the first."""
+        self._held = min(len(self._first_samples) // 2, len(samples))
+        self._first_samples[: self._held] = samples[len(samples) - self._held :].copy()
+
+    def _still(self, inputs: Array, outputs: Array) -> int:
+        """Samples that can be run at once: up to the first in which an output moves that did not so far."""
+        moving = np.flatnonzero(np.isfinite(outputs) & (np.abs(outputs) > _SILENT))
+        count = int(moving[0]) if len(moving) else len(outputs)
+        newest = np.column_stack([inputs[:count], outputs[:count]])[-len(self._first_samples) :]
+        self._keep(np.concatenate([self._first_samples[: self._held], newest]))
+        self._mute = count == len(outputs)
+        return count
+
     def _rescale(self) -> None:
         """Go over the first samples once more, now that they have told how large the signals are."""
         samples = self._first_samples[: self._held]
         self._first_samples, self._held = np.zeros((0, samples.shape[1])), 0
-        known = np.isfinite(samples)
-        size = np.sqrt(np.sum(np.where(known, samples, 0.0) ** 2, axis=0) / np.maximum(known.sum(axis=0), 1))
-        scales = np.where(self._unknown & (size > 0.0), size, [*self._input_scale, self._output_scale])
-        self._begin(scales[:-1], float(scales[-1]))
+        sizes, tells = self._sizes(samples)
+        self._untold &= ~tells
+        self._replay(samples, sizes)
+
+    def _replay(self, samples: Array, sizes: Array) -> None:
+        self._begin(sizes[:-1].copy(), float(sizes[-1]))
         nothing = np.empty((0, self.orders.size))
         self._run(samples[:, :-1], samples[:, -1], nothing, nothing, NEVER, 0)
+
+    def _silent(self, inputs: Array) -> int:
+        """Samples that can be run at once: up to the first of an input that was silent among the first samples."""
+        if not np.any(self._untold):
+            return len(inputs)
+        moving = self._untold[:-1] & np.isfinite(inputs) & (np.abs(inputs) > _SILENT)
+        rows = np.flatnonzero(np.any(moving, axis=1))
+        if len(rows) == 0:
+            return len(inputs)
+        if rows[0] > 0:
+            return int(rows[0])
+        for i in np.flatnonzero(moving[0]):
+            self._admit(int(i), abs(float(inputs[0, i])))
+        return self._silent(inputs)
+
+    def _admit(self, index: int, size: float) -> None:
+        """Measure an input in its first value: nothing is known of its coefficients, so only their units change."""
+        place = self.orders.b(index)
+        self._untold[index] = False
+        self._input_scale[index] = size
+        self._unit[place] = self._output_scale / size
+        self._theta[place] = self._start[place] / self._unit[place]
+        self._steps[place] = (self._walk[place] / self._unit[place]) ** 2 + self._drift**2
 
     def _first(self, start: Polynomials | ArrayLike | None) -> Array:
         if start is None:

@@ -17,8 +17,9 @@ from idloop.estimate.recursion.step import stable
 
 Array = NDArray[np.float64]
 
-# Relative to the size of the output: before the first samples have told, and the least that is believed.
-_UNTOLD, _LEAST = 0.1, 1e-4
+# Relative to the size of the output: before the first samples have told, and the least that is believed. A filter that
+# trusts its first samples more runs away in some starts: its linearization does not hold yet.
+_UNTOLD, _LEAST = 1.0, 1e-4
 # Samples after which the wander of a coefficient weighs as much as what has been learnt of it.
 _MEMORY = 1e5
 # Times its standard error by which the start from the first samples may be wrong: they are gone over once more.
@@ -208,8 +209,7 @@ class ExtendedKalman(RecursivePolynomial):
 
     def widen(self) -> None:
         """Make the coefficients as uncertain as their prior, as after a tool change; their values stay."""
-        if self._held:
-            self._rescale()
+        self._end_start()
         self._upper, self._diagonal = np.eye(len(self._most)), self._most.copy()
         restart(np.zeros(self._states), self._upper, self._diagonal)
 
@@ -226,6 +226,11 @@ class ExtendedKalman(RecursivePolynomial):
         values *= self._unit
         variances *= self._unit**2
         return np.asarray(innovations * self._output_scale)
+
+    def _admit(self, index: int, size: float) -> None:
+        super()._admit(index, size)
+        if self._walks:
+            self._noise[self._states :] = self._steps
 
     def _rescale(self) -> None:
         samples = self._first_samples[: self._held]

@@ -106,4 +106,6 @@ def _least_squares(rows: Array, y: Array) -> tuple[Array, Array, Array] | None:
     errors = np.where(known, y - np.where(np.isfinite(rows), rows, 0.0) @ solution, np.nan)
     variance = float(np.sum(errors[known] ** 2)) / spare
     stderr = np.sqrt(variance * np.maximum(np.diag(np.linalg.pinv(rows[known].T @ rows[known])), 0.0))
+    # Of a command that has not come yet nothing is known, though the pseudo-inverse has 0 there.
+    stderr[np.all(rows[known] == 0.0, axis=0)] = np.inf
     return solution, errors, stderr

@@ -98,9 +98,37 @@ def _remember(value: float, f: Array, c: Array, d: Array, over_f: Array, filtere
 
 
 @njit(cache=True, nogil=True)
+def _carry(covariance: Array, gain: Array, gradient: Array, step: float, most: Array, work: Array) -> None:
+    """(I - K psi^T) P (I - K psi^T)^T + K K^T, for errors of variance 1, in O(k^2).
+
+    Large first gains make that grow without end where the projection keeps the coefficients in: hence the limits.
+    """
+    size = len(gain)
+    total = 1.0
+    for i in range(size):
+        along = 0.0
+        for j in range(size):
+            along += covariance[i, j] * gradient[j]
+        work[i] = along
+        total += gradient[i] * along
+    for i in range(size):
+        own = step * gain[i]
+        for j in range(i + 1):
+            other = step * gain[j]
+            covariance[i, j] += own * other * total - own * work[j] - work[i] * other
+            covariance[j, i] = covariance[i, j]
+    for i in range(size):
+        if covariance[i, i] > most[i]:
+            factor = np.sqrt(most[i] / covariance[i, i])
+            for j in range(size):
+                covariance[i, j] *= factor
+                covariance[j, i] *= factor
+
+
+@njit(cache=True, nogil=True)
 def advance(
     na: int, nc: int, nd: int, nb: Whole, nf: Whole, nk: Whole,
-    theta: Array, upper: Array, diagonal: Array, past: Array, scalars: Array,
+    theta: Array, upper: Array, diagonal: Array, carried: Array, past: Array, scalars: Array,
     inputs: Array, outputs: Array,
     final_forgetting: float, growth: float, walk: Array, most: Array, gradient: bool, radius: float,
     innovations: Array, values: Array, errors: Array, every: int, offset: int,
@@ -118,7 +146,9 @@ def advance(
     theta : ndarray, shape (k,)
         Coefficients in the order of `Orders.names`.
     upper, diagonal : ndarray, shapes (k, k), (k,)
-        Covariance over the variance of the innovations.
+        Covariance over the variance of the innovations; of a pseudo-linear regression what its gain comes from.
+    carried : ndarray, shape (k, k), or (0, 0) for none
+        Covariance of a pseudo-linear regression over the variance of the innovations.
     past : ndarray, shape (rows, lags)
         Signals, the newest first.
     scalars : ndarray, shape (7,)
@@ -185,8 +215,7 @@ def advance(
         for k in range(nd):
             phi[first_d + k] = -past[noise + DISTURBANCE, k]
             psi[first_d + k] = -past[noise + DISTURBANCE_FILTERED, k]
-        if not gradient:
-            psi[:] = phi
+        along = psi if gradient else phi
         predicted = 0.0
         for k in range(size):
             predicted += theta[k] * phi[k]
@@ -196,7 +225,7 @@ def advance(
         known = np.isfinite(error)
         if known:
             forgetting = scalars[FORGETTING]
-            total = measured(upper, diagonal, psi, forgetting, gain)
+            total = measured(upper, diagonal, along, forgetting, gain)
             scalars[FORGETTING] = growth * forgetting + (1.0 - growth) * final_forgetting
             if forgetting < 1.0:
                 diagonal /= forgetting
@@ -214,6 +243,8 @@ def advance(
                 if halving == 0:
                     scalars[PROJECTED] += 1.0
                 step = 0.0 if halving == _HALVINGS - 1 else 0.5 * step
+            if len(carried):
+                _carry(carried, gain, psi, step, most, work)
         elif not np.isfinite(y):
             y = predicted if np.isfinite(predicted) else 0.0
         if walking and scalars[COUNT] > 2.0 * size and scalars[VARIANCE] > 0.0:
@@ -221,6 +252,8 @@ def advance(
             index = int(scalars[TURN]) % size
             scalars[TURN] = float((index + 1) % size)
             widened(upper, diagonal, index, size * walk[index] / scalars[VARIANCE], work)
+            if len(carried):
+                carried[index, index] += size * walk[index] / scalars[VARIANCE]
         recorded = (offset + t + 1) % every == 0
         if recorded or forgets or walking:
             variances(upper, diagonal, variance)
@@ -229,7 +262,11 @@ def advance(
         if recorded:
             row = (offset + t) // every
             values[row] = theta
-            errors[row] = variance * spread(scalars)
+            if len(carried):
+                for k in range(size):
+                    errors[row, k] = scalars[VARIANCE] * carried[k, k]
+            else:
+                errors[row] = variance * spread(scalars)
         # What goes into the memory is computed with the new coefficients.
         c, d = theta[first_c:first_d], theta[first_d:first_f]
         after = y

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimate.collinear import together_notes
 from idloop.estimate.linear.error_covariance import error_covariance
 from idloop.estimate.linear.instability import instability_notes
 from idloop.estimate.linear.model import LinearModel
@@ -63,6 +64,6 @@ def assembled(
         singular_values=singular_values,
         notes=notes,
     )
-    if covariance is not None:
-        return model
-    return replace(model, covariance=error_covariance(model, compression.experiments))
+    if covariance is None:
+        model = replace(model, covariance=error_covariance(model, compression.experiments))
+    return replace(model, notes=(*model.notes, *together_notes(compression.experiments, model)))
