@@ -59,6 +59,16 @@ def test_canonical_order_keeps_what_is_not_due():
     assert len(sorter) == 1
 
 
+def test_what_is_said_again_is_there_once():
+    sorter = CanonicalOrder()
+    for stamp, payload in ((1, b"a"), (2, b"b"), (2, b"b"), (3, b"b")):
+        sorter.add(stamp, 0, payload)
+    assert [one[0] for one in sorter.take(until=3)] == [1, 2]
+    sorter.add(2, 0, b"b")
+    sorter.add(3, 0, b"c")
+    assert [one[0] for one in sorter.take()] == [3, 3]
+
+
 def test_results_come_after_everything_of_their_stamp():
     ranks = rank_topics([*TOPICS])
     assert max(ranks[name] for name in ("reference", "joint_states", "estimator/residual")) < ranks["estimator/fit"]

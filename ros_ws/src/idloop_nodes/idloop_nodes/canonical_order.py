@@ -18,11 +18,15 @@ def rank_topics(topics: Sequence[str]) -> dict[str, int]:
 
 
 class CanonicalOrder:
-    """Sorts messages by stamp, then topic, with a delay that covers how far streams run apart."""
+    """Sorts messages by stamp, then topic, with a delay that covers how far streams run apart.
+
+    A message that was said again, because its answer did not come, is there once.
+    """
 
     def __init__(self) -> None:
         self._heap: list[Entry] = []
         self._arrival = 0
+        self._newest: tuple[int, int, bytes] | None = None
 
     def __len__(self) -> int:
         return len(self._heap)
@@ -38,5 +42,8 @@ class CanonicalOrder:
         heap = self._heap
         while heap and (until is None or heap[0][0] < until):
             stamp, rank, _, payload = heapq.heappop(heap)
-            result.append((stamp, rank, payload))
+            one = stamp, rank, payload
+            if one != self._newest:
+                result.append(one)
+            self._newest = one
         return result
