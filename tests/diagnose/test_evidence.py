@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, may_decide
 
 
-def fitted(contributions: NDArray[np.float64], parameters: int = 2) -> Any:
+def fitted(contributions: NDArray[np.float64], choices: int = 2) -> Any:
     return SimpleNamespace(
-        log_likelihood=float(np.sum(contributions)), parameters=parameters, contributions=lambda: [contributions]
+        log_likelihood=float(np.sum(contributions)), choices=choices, contributions=lambda: [contributions]
     )
 
 

@@ -14,7 +14,7 @@ from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
 from idloop.diagnose.disturbance import LONG_MEMORY
-from idloop.diagnose.evidence import consistent, holds, may_decide, rank, statistic, tied
+from idloop.diagnose.evidence import consistent, holds, may_decide, rank, statistic
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
@@ -33,6 +33,7 @@ from idloop.diagnose.pairs import (
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.reach import at_its_bound
 from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.rivals import with_rivals
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.slight import same_motion, too_slight
@@ -50,8 +51,6 @@ from idloop.records import Record
 
 Progress = Callable[[float, str], None]
 
-# Correlation of two traces from which on they are taken for one.
-ALIKE = 0.95
 # A whitening of so many lags that makes the errors' deviations smaller by more than this [log] has swallowed
 # an effect; what an effect's refit must then gain beyond the usual threshold, as a multiple of it.
 MANY_LAGS, MUCH_COLOUR, ALLOWANCE = 6, 0.05, 3.0
@@ -355,15 +354,12 @@ def diagnose_fitted(
     best, slight = _missing(setting, parent, significant, rungs=rungs)
     significant.sort(key=lambda c: c is not best)
     ranked.sort(key=lambda c: c is not best)
-    rivals = tied(best, significant[1:]) if best is not None else []
+    rivals: list[Confirmed] = []
     if best is not None:
-        # What leaves the same trace is as likely, whatever the score said of the two.
-        alike = {s.proposal.name for s in _alike(best, screened)} - {c.proposal.name for c in significant}
-        tried = [c for c in confirmed if c.proposal.name in alike]
-        rest = alike - {c.proposal.name for c in tried}
-        untried = confirm(setting, parent, [s for s in screened if s.proposal.name in rest])
-        rivals += tied(best, beside_the_noise_of(best, setting, parent, tried + untried))
-        ranked = _with_refits(ranked, rivals)
+        best, rivals = with_rivals(
+            setting, parent, best, significant[1:], screened, confirmed, bar=bar, held_out=held_out
+        )
+        ranked = _with_refits(ranked, best, rivals)
     pair: MissingPair | None = None
     if best is None and share < 1.0 and not any(learnt.shape.coefficient for learnt, _ in left):
         pairs = Pairs(screened, seed + 2)
@@ -441,22 +437,6 @@ def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
     return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]
 
 
-def _alike(best: Confirmed, screened: list[Screened]) -> list[Screened]:
-    """Effects that can leave the trace of the best one, by one direction or by several together."""
-    own = [
-        t.direction
-        for s in screened
-        if s.proposal.name == best.proposal.name
-        for t in s.traces
-        if t.direction is not None
-    ]
-    return [
-        s
-        for s in screened
-        if s.proposal.name != best.proposal.name and any(t.reaches(d) > ALIKE for t in s.traces for d in own)
-    ]
-
-
 def _missing(
     setting: Setting, parent: Refit, significant: list[Confirmed], *, rungs: bool
 ) -> tuple[Confirmed | None, dict[str, str]]:
@@ -479,11 +459,11 @@ def _missing(
     return None, slight
 
 
-def _with_refits(ranked: list[Confirmed], rivals: list[Confirmed]) -> list[Confirmed]:
-    """The list with the fits of rivals that it has not, or has worse ones of; the best stays in front."""
+def _with_refits(ranked: list[Confirmed], best: Confirmed, rivals: list[Confirmed]) -> list[Confirmed]:
+    """The best, the fits of rivals that the list has not, or has worse ones of, and the list."""
     latest = {c.proposal.name: c for c in rivals}
-    listed = [latest.pop(c.proposal.name, c) for c in ranked]
-    return [*listed[:1], *latest.values(), *listed[1:]]
+    listed = [latest.pop(c.proposal.name, c) for c in ranked if c.proposal.name != best.proposal.name]
+    return [best, *latest.values(), *listed]
 
 
 def _plainest(significant: list[Confirmed]) -> Confirmed:

@@ -136,7 +136,8 @@ def rank(confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confi
     """
 
     def merit(c: Confirmed) -> float:
-        return c.gain - 0.5 * null.own_threshold(c.proposal.name, level)
+        # The first instants count for all alike, or a force that is judged by them would pass for better than others.
+        return c.fit.whole - 0.5 * null.own_threshold(c.proposal.name, level)
 
     ranked = sorted(confirmed, key=lambda c: -merit(c))
     if not ranked:
@@ -172,8 +173,8 @@ def _contains(rich: Confirmed, plain: Confirmed) -> bool:
 
 
 def distinguishable(better: Refit, worse: Refit) -> bool:
-    """Whether the data prefers one model to the other beyond doubt, less what its further parameters gain by chance."""
-    difference = better.log_likelihood - worse.log_likelihood - (better.parameters - worse.parameters)
+    """Whether the data prefers one model to the other beyond doubt, less what its further choices gain by chance."""
+    difference = better.log_likelihood - worse.log_likelihood - (better.choices - worse.choices)
     return _beyond_chance(difference, better, worse)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.diagnose.refit import Refit, felt
 from idloop.diagnose.weighing import residual_or_infinite
@@ -32,6 +33,25 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
     if isinstance(fit.criterion, ForceCriterion):
         # Instruments make the force balance consistent in the closed loop; the ranking does not need them.
         return fit_model(fit.model, records, criterion="force").model
+    spread = np.sqrt(np.maximum(np.diag(parameter_covariance(fit)), 0.0))
+    names = fit.model.free
+    values = {name: float(v) for name, v in zip(names, fit.point, strict=False)}
+    errors = {name: float(s) for name, s in zip(names, spread, strict=True) if np.isfinite(s)}
+    return fit.model.with_values(values, errors)
+
+
+def parameter_covariance(fit: Refit) -> NDArray[np.float64]:
+    """Covariance of the free parameters of a fit by prediction or simulation, for errors of any colour.
+
+    Parameters
+    ----------
+    fit : Refit
+
+    Returns
+    -------
+    array, shape (k, k)
+        In the order of ``fit.model.free``; not finite where the data do not tell.
+    """
     problem, point, k = fit.problem, fit.point, fit.parameters
     lower, upper = fit.model.bounds
     _, low, high, size = fit.criterion.nuisance()
@@ -48,9 +68,4 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
     )
     jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
     jacobian = jacobian[:, (np.arange(jacobian.shape[1]) < k) | felt(jacobian, k, size)]
-    covariance = problem_covariance(problem, point, residual, jacobian)
-    spread = np.sqrt(np.maximum(np.diag(covariance)[:k], 0.0))
-    names = fit.model.free
-    values = {name: float(v) for name, v in zip(names, point, strict=False)}
-    errors = {name: float(s) for name, s in zip(names, spread, strict=True) if np.isfinite(s)}
-    return fit.model.with_values(values, errors)
+    return np.asarray(problem_covariance(problem, point, residual, jacobian)[:k, :k])

@@ -86,6 +86,11 @@ class Refit:
         return self.problem.parameters
 
     @property
+    def choices(self) -> int:
+        """Number of free model parameters and of whole numbers, such as harmonics, that a search chose."""
+        return self.parameters + sum(spec.integer for active in self.model.effects for spec in active.effect.parameters)
+
+    @property
     def nuisance(self) -> Array:
         """Nuisance parameters."""
         return self.point[self.parameters :]
@@ -108,6 +113,11 @@ class Refit:
     def at_start(self) -> float:
         """Log-likelihood of the first instants, beyond what `log_likelihood` counts for them."""
         return start_log_likelihood(self.problem, self.point)
+
+    @property
+    def whole(self) -> float:
+        """Log-likelihood with that of the first instants, by which models of the same data are ranked."""
+        return self.log_likelihood + self.at_start
 
     def contributions(self) -> list[Array]:
         """Log-likelihood of every instant, by group of outputs and record.

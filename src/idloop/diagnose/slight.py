@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.confirm import Confirmed
-from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.intervals import parameter_covariance, with_stderr
 from idloop.diagnose.lattice import rounding_step
 from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import Refit
@@ -36,6 +36,8 @@ NEGLIGIBLE = 2e-5
 _HOLDS_NONE = "the 95 % interval of {} holds the value at which it does nothing"
 # Half width of the 95 % interval in standard errors.
 _HALF_WIDTH = 1.96
+# What two squared standard normal values together exceed once in twenty times.
+_TWO_SQUARES = 5.991
 
 
 def too_slight(parent: Refit, confirmed: Confirmed, records: Sequence[Record]) -> str:
@@ -65,7 +67,10 @@ def too_slight(parent: Refit, confirmed: Confirmed, records: Sequence[Record]) -
         return f"it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
     if proposal.effect.site == OUTPUT and _within_rounding(fitted, without, proposal.at, records):
         return "it moves the reading by less than half a step of its rounding"
-    if not _tells_from_none(with_stderr(confirmed.fit, records), proposal):
+    phase = f"{proposal.name}.phase"
+    is_wave = phase in fitted.free and f"{proposal.name}.{proposal.effect.strength}" in fitted.free
+    tells = _wave_tells_from_none if is_wave else _tells_from_none
+    if not tells(confirmed.fit, proposal, records):
         return _HOLDS_NONE.format(
             "its strength" if proposal.replaces is None else f"what it has beyond {proposal.replaces}"
         )
@@ -119,13 +124,28 @@ def _apart(model: Model, other: Model, records: Sequence[Record]) -> Iterator[tu
         yield data, one - two
 
 
-def _tells_from_none(fitted: Model, proposal: Proposal) -> bool:
+def _wave_tells_from_none(fit: Refit, proposal: Proposal, _: Sequence[Record]) -> bool:
+    """Whether the region of a wave's two components leaves out the origin.
+
+    Over a short arc the data tell one combination of strength and phase: the interval of the strength by itself reaches
+    down to nothing, while no wave at all is far from what they say. The distance of (a cos, a sin) from the origin, in
+    its own covariance, is that of the strength at the phase that was found.
+    """
+    places = [fit.model.free.index(f"{proposal.name}.{name}") for name in (proposal.effect.strength, "phase")]
+    covariance = parameter_covariance(fit)[np.ix_(places, places)]
+    if not np.all(np.isfinite(covariance)):
+        return True
+    strength = fit.model.values[fit.model.free[places[0]]]
+    return bool(strength**2 * np.linalg.pinv(covariance)[0, 0] > _TWO_SQUARES)
+
+
+def _tells_from_none(fit: Refit, proposal: Proposal, records: Sequence[Record]) -> bool:
     """Whether the interval of an effect's strength leaves out the value at which it does nothing.
 
     Of an effect that takes a plainer one's place, whether that holds for anything that it has beyond the plainer one.
     True where nothing says what the strength is, or how sure. The standard errors hold for errors of any colour.
     """
-    effect = proposal.effect
+    effect, fitted = proposal.effect, with_stderr(fit, records)
     names = {effect.strength} if proposal.replaces is None else proposal.beyond
     found = effect_parameters(fitted, proposal.name)
     if not any(names & found.keys()) or names & set(proposal.held):
