@@ -7,6 +7,7 @@ import pytest
 
 from idloop.diagnose import diagnose
 from idloop.diagnose.confirm import Confirmed
+from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import Refit, refit
 from idloop.diagnose.setting import prepare_setting
@@ -80,6 +81,22 @@ def test_a_richer_effect_must_be_told_from_the_plainer_one_whose_place_it_takes(
     fit = refit(setting, proposal.model({"level": 0.05, "ratio": ratio + 0.01}), None, parent)
     confirmed = Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0)
     assert (f"what it has beyond {plain}" in too_slight(parent, confirmed, records)) is not told
+
+
+@pytest.mark.parametrize(("amplitude", "told"), [(0.0, False), (0.02, True)])
+def test_a_wave_over_a_short_arc_is_judged_by_both_its_components(amplitude: float, told: bool) -> None:
+    name, start = "sensor_ripple@velocity[axis]", with_noise(load_model("axis"), 0.1)
+    command = 0.02 * np.sin(2.0 * np.pi * 2.0 * np.arange(1600) / 200.0)
+    machine = start.with_effects([f"{name}(amplitude={amplitude},harmonic=1,phase=0.6)"])
+    records = [record_of(machine, 4, command=command)]
+    setting = prepare_setting(start, records, "prediction")
+    parent = refit(setting, start)
+    (proposal,) = proposals(parent.model, [name])
+    fit = refit(setting, proposal.model({"amplitude": 0.02, "harmonic": 1.0, "phase": 0.6}), None, parent)
+    strength = with_stderr(fit, records).parameter(f"{name}.amplitude")
+    assert strength.value < 1.96 * (strength.stderr or 0.0), "over so short an arc its own interval reaches nothing"
+    why = too_slight(parent, Confirmed(proposal, fit, fit.log_likelihood - parent.log_likelihood, 0.0), records)
+    assert (why == "") is told
 
 
 @pytest.mark.parametrize(("amplitude", "named"), [(3e-4, False), (0.05, True)])
