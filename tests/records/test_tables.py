@@ -125,6 +125,27 @@ def test_empty_cells_are_not_measured(tmp_path):
     np.testing.assert_array_equal(table.numbers("u"), [np.nan, 3.0])
 
 
+def test_the_entries_of_structure_and_cell_arrays_are_columns_of_their_own(tmp_path):
+    from scipy.io import savemat
+
+    runs = np.array([(np.arange(3.0), np.ones(3), 100.0), (np.arange(4.0), np.zeros(4), 200.0)],
+                    dtype=[("t", "O"), ("u", "O"), ("rate", "O")])  # fmt: skip
+    cells = np.empty(2, dtype=object)
+    cells[:] = [np.arange(3.0), np.arange(5.0)]
+    savemat(tmp_path / "a.mat", {"runs": runs, "logs": cells, "grid": np.ones((3, 2))})
+    (tmp_path / "a.json").write_text(json.dumps({
+        "runs": [{"t": [0, 1, 2], "u": [1, 1, 1], "rate": 100}, {"t": [0, 1, 2, 3], "u": [0, 0, 0, 0], "rate": 200}],
+        "logs": [[0, 1, 2], [0, 1, 2, 3, 4]], "grid": [[1, 1], [1, 1], [1, 1]],
+    }))  # fmt: skip
+    for name in ("a.mat", "a.json"):
+        table = read_table(tmp_path / name)
+        assert set(table.columns) == {
+            "runs[0].t", "runs[0].u", "runs[1].t", "runs[1].u", "logs[0]", "logs[1]", "grid[0]", "grid[1]"
+        }  # fmt: skip
+        assert table.attributes["runs[1].rate"] == 200.0
+        assert [len(table.columns[c]) for c in ("runs[1].t", "logs[1]", "grid[1]")] == [4, 5, 3]
+
+
 def test_mat_npz_and_json_agree(tmp_path):
     from scipy.io import savemat
 

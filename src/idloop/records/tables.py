@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.spelling import did_you_mean, listed
 
+# Entries of a structure or cell array that become columns of their own; a longer one is a list of samples.
+_MOST_PARTS = 256
 FORMATS = {".csv": "csv", ".txt": "csv", ".tsv": "csv", ".dat": "csv", ".mat": "mat", ".npz": "npz", ".json": "json"}
 
 
@@ -367,7 +369,7 @@ def _read_json(path: Path, options: dict[str, Any]) -> Table:
 
 
 def _from_tree(path: Path, tree: Mapping[str, Any], prefix: str = "") -> Table:
-    """Flatten nested arrays into columns named ``a.b`` and ``a[0]``, single values into attributes."""
+    """Flatten nested arrays into columns named ``a.b``, ``a[0]`` and ``a[0].b``, single values into attributes."""
     table = Table(path, {})
     for name, value in tree.items():
         full = prefix + str(name)
@@ -378,6 +380,11 @@ def _from_tree(path: Path, tree: Mapping[str, Any], prefix: str = "") -> Table:
             continue
         if isinstance(value, str):
             table.attributes[full] = value
+            continue
+        if (parts := _parts(value)) is not None:
+            inner = _from_tree(path, {f"{name}[{place}]": part for place, part in enumerate(parts)}, prefix)
+            table.columns |= inner.columns
+            table.attributes |= inner.attributes
             continue
         try:
             array = np.asarray(value)
@@ -395,3 +402,15 @@ def _from_tree(path: Path, tree: Mapping[str, Any], prefix: str = "") -> Table:
             tall = array if array.shape[0] >= array.shape[1] else array.T
             table.columns |= {f"{full}[{index}]": tall[:, index] for index in range(tall.shape[1])}
     return table
+
+
+def _parts(value: Any) -> list[Any] | None:
+    """Entries of a structure array, or of a cell array of series of several lengths; None for anything else."""
+    if isinstance(value, np.ndarray) and (value.dtype.kind != "O" or value.ndim != 1):
+        return None
+    if not isinstance(value, list | tuple | np.ndarray) or not 0 < len(value) <= _MOST_PARTS:
+        return None
+    if all(isinstance(part, Mapping) for part in value):
+        return list(value)
+    several = all(isinstance(part, list | np.ndarray) and np.ndim(part) == 1 for part in value)
+    return list(value) if several and len({len(part) for part in value}) > 1 else None
