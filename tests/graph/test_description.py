@@ -7,7 +7,7 @@ import re
 import pytest
 
 from idloop.errors import InputError
-from idloop.graph import graph_names, load_graph
+from idloop.graph import graph_names, graph_summary, load_graph
 from idloop.graph.command import parameter_document
 
 LAUNCH = """
@@ -140,6 +140,14 @@ def test_our_graphs_have_five_nodes_and_end_with_the_plant(name):
     assert len(graph.nodes) == 5
     assert all(file.is_file() for node in graph.nodes for file in node.parameter_files)
     assert name in graph_names()
+
+
+def test_every_graph_says_in_one_sentence_what_it_runs():
+    for name in graph_names():
+        said = graph_summary(name)
+        assert 20 < len(said) < 140
+        assert said[0].isupper()
+        assert "ros2 launch" not in said
 
 
 def test_parameter_files_keep_the_types_of_values():

@@ -51,14 +51,14 @@ def command(graph: str | None, arguments: tuple[str, ...], show_args: bool, doma
 
     GRAPH is the name of a graph that comes with idloop (none: they are listed) or a ROS 2 YAML launch file.
     """
-    from idloop.graph import graph_names, load_graph, run_graph
+    from idloop.graph import graph_names, graph_summary, load_graph, run_graph
 
     if graph is None:
         names = graph_names()
         if as_json:
             _common.print_json({"schema": "idloop/launch/1", "graphs": names})
         else:
-            click.echo("\n".join(names))
+            _common.print_table(("graph", "what it runs"), [(name, graph_summary(name)) for name in names])
         return
     description = load_graph(graph, parse_arguments(arguments), to_run=not show_args)
     if show_args:

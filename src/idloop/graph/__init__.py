@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from idloop.graph.description import Argument, Graph, NodeEntry, load_graph
-from idloop.graph.find import graph_names, graph_path
+from idloop.graph.find import graph_names, graph_path, graph_summary
 from idloop.graph.findings import Findings, read_findings
 from idloop.graph.processes import GraphRun, run_graph
 from idloop.graph.replaying import Windows, replay_bag
@@ -19,6 +19,7 @@ __all__ = [
     "Windows",
     "graph_names",
     "graph_path",
+    "graph_summary",
     "load_graph",
     "read_findings",
     "read_results",

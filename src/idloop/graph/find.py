@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import takewhile
 from pathlib import Path
 
 from idloop.errors import InputError
@@ -34,6 +35,19 @@ def graph_names() -> list[str]:
     """Return the names of the graphs that come with idloop."""
     folder = package_share(PACKAGE) / "launch"
     return sorted(path.name.removesuffix(SUFFIX) for path in folder.glob(f"*{SUFFIX}"))
+
+
+def graph_summary(name: str) -> str:
+    """Return the first sentence of the comment at the head of a launch file.
+
+    Parameters
+    ----------
+    name : str
+        As for `graph_path`.
+    """
+    lines = graph_path(name).read_text(encoding="utf-8").splitlines()
+    head = " ".join(line.lstrip("# ") for line in takewhile(lambda line: line.startswith("#"), lines))
+    return head.partition(". ")[0].removesuffix(".")
 
 
 def graph_path(name: str) -> Path:
