@@ -81,7 +81,7 @@ def test_a_seed_hides_the_same_effect_each_time_and_another_seed_another_one() -
 def test_the_story_is_told_from_the_log() -> None:
     head = "[INFO] [1795268556.931469003] [estimator]: "
     fit = "FIT motor.position 86.7 % on 5.0 s not used in the fit: drive.gain = 8.2539 ± 0.0087 N·m/V"
-    assert retell("estimator", head + fit) == "error    FIT motor.position 86.7 % on 5.0 s not used in the fit"
+    assert retell("estimator", head + fit) == "model    FIT motor.position 86.7 % on 5.0 s not used in the fit"
     assert retell("estimator", head + "diagnosis: slip@motor is missing") == "missing  slip@motor is missing"
     assert (
         retell("estimator", head + "the residual is not white: diagnose on 30 s")

@@ -36,7 +36,7 @@ AT_THE_FLOOR = 1.25
 LOG_LINE = re.compile(r"^\[(?:INFO|WARN|ERROR)\] \[[\d.]+\] \[[^\]]+\]: (.*)$")
 # How the estimator's log begins, and the word that the story puts before it.
 TOLD = {
-    "FIT ": "error",
+    "FIT ": "model",
     "the residual is not white": "why",
     "where: ": "where",
     "diagnosis: ": "missing",
@@ -123,7 +123,7 @@ def retell(label: str, line: str) -> str | None:
         if text.startswith(begin):
             told = text.removeprefix(begin) if begin.endswith(": ") else text
             # Of a fit the story needs the error, not the parameters.
-            told = told.partition(": ")[0] if word in ("error", "why", "then") else told
+            told = told.partition(": ")[0] if word in ("model", "why", "then") else told
             return f"{word:<8} {told}"
     return None
 
