@@ -101,3 +101,16 @@ def test_an_effect_that_explains_more_by_what_is_significant_takes_the_place(
     best, rivals = with_rivals(setting, parent, drag, [], screened, [drag, friction], bar=bar)
     assert best.proposal.name == name
     assert [c.proposal.name for c in rivals] == ([] if best is friction else ["coulomb_friction@axis"])
+
+
+def test_a_richer_effect_does_not_take_the_place_of_the_plainer_one_that_it_contains(start: Model) -> None:
+    machine = load_model("axis").with_effects(["stribeck_friction@axis(coulomb=0.1,static=0.3,velocity=0.5)"])
+    setting = prepare_setting(start, [record_of(machine, 4)], "prediction")
+    parent = refit(setting, start)
+    plain = refitted(setting, parent, "coulomb_friction", {"level": 0.1})
+    rich = refitted(setting, parent, "stribeck_friction", {"coulomb": 0.1, "static": 0.3, "velocity": 0.5})
+    assert rich.fit.log_likelihood > plain.fit.log_likelihood + 20.0
+    screened = [leaving_one_trace(c.proposal) for c in (plain, rich)]
+    best, rivals = with_rivals(setting, parent, plain, [], screened, [plain, rich], bar=20.0)
+    assert best is plain
+    assert rivals == []

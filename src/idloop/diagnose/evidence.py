@@ -164,10 +164,11 @@ def tied(best: Confirmed, others: Sequence[Confirmed]) -> list[Confirmed]:
     list of Confirmed
         Without the best.
     """
-    return [c for c in others if not _contains(c, best) and not distinguishable(best.fit, c.fit)]
+    return [c for c in others if not contains(c, best) and not distinguishable(best.fit, c.fit)]
 
 
-def _contains(rich: Confirmed, plain: Confirmed) -> bool:
+def contains(rich: Confirmed, plain: Confirmed) -> bool:
+    """Whether the one effect is the other and more, or ends as it at the edge of its values."""
     effect, name = rich.proposal.effect, plain.proposal.effect.name
     return (name in effect.contains and rich.proposal.at == plain.proposal.at) or name in effect.degenerates_to
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.diagnose.confirm import Confirmed, confirm, points
-from idloop.diagnose.evidence import distinguishable, holds, tied
+from idloop.diagnose.evidence import contains, distinguishable, holds, tied
 from idloop.diagnose.footing import beside_the_noise_of
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.reach import at_its_bound
@@ -74,8 +74,10 @@ def with_rivals(
         lead = c.fit.log_likelihood - best.fit.log_likelihood - (c.fit.choices - best.fit.choices)
         if 2.0 * lead < bar:
             break
+        # A richer effect is a later step of the ladder, which it has to earn.
         if (
-            distinguishable(c.fit, best.fit)
+            not contains(c, best)
+            and distinguishable(c.fit, best.fit)
             and not at_its_bound(c.fit.model, c.proposal)
             and (held_out is None or holds(held_out, parent, c))
         ):
