@@ -338,7 +338,7 @@ def diagnose_fitted(
     if swallowed:
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = same_footing(setting, parent, confirmed, bar)
-    ranked = rank(confirmed, null, share * level)
+    ranked = rank(parent, confirmed, null, share * level)
     significant, refused = [], {}
     testable = [c for c in ranked if p_value_of(null, statistic(c), share) < level]
     left = remaining(screen, level)

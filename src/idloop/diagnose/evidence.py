@@ -119,11 +119,12 @@ def holds(held_out: Setting, parent: Refit, confirmed: Confirmed) -> bool:
     return there * here > 0.0 and max(there / here, here / there) < _ALIKE
 
 
-def rank(confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confirmed]:
+def rank(parent: Refit, confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confirmed]:
     """Order by gain, less what each effect gains by chance.
 
     Parameters
     ----------
+    parent : Refit
     confirmed : sequence of Confirmed
     null : Null
     level : float
@@ -136,8 +137,10 @@ def rank(confirmed: Sequence[Confirmed], null: Null, level: float) -> list[Confi
     """
 
     def merit(c: Confirmed) -> float:
-        # The first instants count for all alike, or a force that is judged by them would pass for better than others.
-        return c.fit.whole - 0.5 * null.own_threshold(c.proposal.name, level)
+        # What the first instants gain counts for all alike, or a force that is judged by them would pass for better
+        # than others. What they lose does not: bodies that are new with an effect start somewhere.
+        start = max(c.fit.at_start - parent.at_start, 0.0)
+        return c.fit.log_likelihood + start - 0.5 * null.own_threshold(c.proposal.name, level)
 
     ranked = sorted(confirmed, key=lambda c: -merit(c))
     if not ranked:

@@ -114,11 +114,6 @@ class Refit:
         """Log-likelihood of the first instants, beyond what `log_likelihood` counts for them."""
         return start_log_likelihood(self.problem, self.point)
 
-    @property
-    def whole(self) -> float:
-        """Log-likelihood with that of the first instants, by which models of the same data are ranked."""
-        return self.log_likelihood + self.at_start
-
     def contributions(self) -> list[Array]:
         """Log-likelihood of every instant, by group of outputs and record.
 
