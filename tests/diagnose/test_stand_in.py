@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from changing_machines import CHANGING, INERTIA, changing, recorded, uneven_inertia
+from changing_machines import CHANGING, FRICTION, INERTIA, changing, recorded, uneven_inertia
 
 from idloop.diagnose import diagnose, refine
 from idloop.diagnose.factors import factor_shapes
@@ -24,6 +24,19 @@ def test_no_cogging_is_named_where_the_inertia_changes_over_the_turn(start: Mode
     assert found.unknown.of == "inertia"
     assert found.passed_over
     assert all("stands in" in why for why in found.passed_over.values())
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_wave_is_named_where_an_end_stop_is_met(seed: int) -> None:
+    def stopped(_: float, torque: float, position: float, velocity: float) -> float:
+        return (torque - 0.3 * position - FRICTION * velocity - 2.0 * max(position - 1.0, 0.0)) / INERTIA
+
+    start = load_model("axis").with_effects(["cable_spring@axis(stiffness=0.3)"])
+    found = diagnose(start, [recorded(stopped, seed)])
+    assert found.verdict == "unknown_structure"
+    assert found.unknown is not None
+    assert (found.unknown.of, found.unknown.variable) == ("force", "axis.position")
+    assert any("stays beside it" in why for why in found.passed_over.values())
 
 
 def test_a_changing_inertia_is_learnt(start: Model) -> None:

@@ -339,12 +339,14 @@ def diagnose_fitted(
         confirmed = [replace(c, allowance=ALLOWANCE * bar) for c in confirmed]
     parent, confirmed = same_footing(setting, parent, confirmed, bar)
     ranked = rank(parent, confirmed, null, share * level)
-    significant, refused = [], {}
+    significant, refused, stand_ins = [], {}, False
     testable = [c for c in ranked if p_value_of(null, statistic(c), share) < level]
     left = remaining(screen, level)
     for c in testable:
-        if why := at_its_bound(c.fit.model, c.proposal) or stands_in(screen, left, c, bar):
+        if why := at_its_bound(c.fit.model, c.proposal):
             refused[c.proposal.name] = why
+        elif why := stands_in(screen, left, c, bar):
+            refused[c.proposal.name], stand_ins = why, True
         elif not consistent(parent, c, setting.kind):
             refused[c.proposal.name] = "what it explains is not steady from one stretch of the data to the next"
         elif held_out is not None and not holds(held_out, parent, c):
@@ -361,7 +363,8 @@ def diagnose_fitted(
         )
         ranked = _with_refits(ranked, best, rivals)
     pair: MissingPair | None = None
-    if best is None and share < 1.0 and not any(learnt.shape.coefficient for learnt, _ in left):
+    # Two effects stand in for something else as well as one does.
+    if best is None and share < 1.0 and not stand_ins and not any(learnt.shape.coefficient for learnt, _ in left):
         pairs = Pairs(screened, seed + 2)
         joined = promising_pairs(screen, screened, pairs, level, bar)
         refitted = confirm_pairs(

@@ -4,6 +4,8 @@ Where the inertia changes over the turn, a cogging of the right harmonics makes 
 motion worse; where a drag grows with the third power of the speed, a lag does. Two things tell such a stand-in: a
 learnt curve explains far more than the effect does, and beside it nothing of the effect is left. An effect that is
 itself little else than such a force over velocity, position or command is not judged so: it may be one of several.
+Of these the best explains a good part. Where it explains next to nothing of a curve of its own kind, and the curve
+stays as it was when it is added, it is none of them: a wave stands in for an end stop.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.confirm import Confirmed
-from idloop.diagnose.learnt import Learnt
+from idloop.diagnose.curves import force_shapes
+from idloop.diagnose.learnt import Learnt, learn
 from idloop.diagnose.screen import Screen
 from idloop.diagnose.unevenness import unevenness
 
@@ -26,6 +29,9 @@ _FAR_MORE = 1.5
 # Part of what it explains that a curve of few heights, for small changes, may leave for others to explain, and part of
 # an effect's own evidence that must be gone then.
 _ROUGH, _MOSTLY = 0.05, 0.5
+# Of several effects of a curve's kind the best explains more than this part of what the curve does, and once it is in
+# the model less than this part of the curve is left.
+_A_GOOD_PART, _AS_IT_WAS = 0.2, 0.5
 # Part of its trace's power beyond a force's curve from which on an effect is none of the curve's kind.
 _OF_ITS_KIND = 0.5
 
@@ -57,19 +63,46 @@ def stands_in(screen: Screen, found: Sequence[tuple[Learnt, float]], confirmed: 
     change = screen.moved(proposal, {name: float(entry["value"]) for name, entry in fitted.items()})
     if change is None:
         return ""
-    own = change - screen.basis @ (screen.basis.T @ change)
-    alone, power = _score(own, screen.errors), float(own @ own)
+    own = _own_part(screen, change)
+    alone = _score(own, screen.errors)
     for learnt in stronger:
-        rest = own - learnt.span @ (learnt.span.T @ own)
-        if not learnt.shape.coefficient and float(rest @ rest) < _OF_ITS_KIND * power:
+        if not learnt.shape.coefficient and _is_of_its_kind(own, learnt):
+            if _is_none_of_several(screen, confirmed, learnt):
+                return f"it stands in for something else: {learnt.shape.text} explains far more, and stays beside it"
             continue
-        beside = _score(rest, screen.errors)
+        beside = _score(_beyond(own, learnt), screen.errors)
         if beside < bar or (beside < _MOSTLY * alone and beside < _ROUGH * learnt.merit):
             return (
                 f"it stands in for something else: {learnt.shape.text} explains far more, and beside it next to nothing"
                 " is left of this effect"
             )
     return ""
+
+
+def _own_part(screen: Screen, change: Array) -> Array:
+    """What of a change of the errors the free parameters and the noise cannot make."""
+    return np.asarray(change - screen.basis @ (screen.basis.T @ change))
+
+
+def _is_of_its_kind(own: Array, force: Learnt) -> bool:
+    """Whether an effect's trace, as of `_own_part`, is little else than such a force over one variable."""
+    rest = _beyond(own, force)
+    return float(rest @ rest) < _OF_ITS_KIND * float(own @ own)
+
+
+def _beyond(own: Array, force: Learnt) -> Array:
+    return np.asarray(own - force.span @ (force.span.T @ own))
+
+
+def _is_none_of_several(screen: Screen, confirmed: Confirmed, learnt: Learnt) -> bool:
+    """Whether an effect of a curve's kind explains next to nothing of it, and leaves it as it was."""
+    if 2.0 * confirmed.gain >= _A_GOOD_PART * learnt.merit:
+        return False
+    beside = Screen(screen.setting, confirmed.fit, 0)
+    same = [shape for shape in force_shapes(beside) if (shape.over, shape.of) == (learnt.shape.over, learnt.shape.of)]
+    return any(
+        found is not None and found.merit > _AS_IT_WAS * learnt.merit for found in (learn(beside, one) for one in same)
+    )
 
 
 def _score(trace: Array, errors: Array) -> float:
