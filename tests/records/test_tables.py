@@ -146,6 +146,11 @@ def test_the_entries_of_structure_and_cell_arrays_are_columns_of_their_own(tmp_p
         assert [len(table.columns[c]) for c in ("runs[1].t", "logs[1]", "grid[1]")] == [4, 5, 3]
 
 
+def test_what_is_no_series_in_a_list_is_left_alone(tmp_path):
+    (tmp_path / "a.json").write_text(json.dumps({"u": [1, 2], "odd": [[[1], [1, 2]], [3]], "mixed": [[1], {"a": 2}]}))
+    assert set(read_table(tmp_path / "a.json").columns) == {"u"}
+
+
 def test_mat_npz_and_json_agree(tmp_path):
     from scipy.io import savemat
 

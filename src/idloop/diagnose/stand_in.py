@@ -63,35 +63,21 @@ def stands_in(screen: Screen, found: Sequence[tuple[Learnt, float]], confirmed: 
     change = screen.moved(proposal, {name: float(entry["value"]) for name, entry in fitted.items()})
     if change is None:
         return ""
-    own = _own_part(screen, change)
-    alone = _score(own, screen.errors)
+    own = change - screen.basis @ (screen.basis.T @ change)
+    alone, power = _score(own, screen.errors), float(own @ own)
     for learnt in stronger:
-        if not learnt.shape.coefficient and _is_of_its_kind(own, learnt):
+        rest = own - learnt.span @ (learnt.span.T @ own)
+        if not learnt.shape.coefficient and float(rest @ rest) < _OF_ITS_KIND * power:
             if _is_none_of_several(screen, confirmed, learnt):
                 return f"it stands in for something else: {learnt.shape.text} explains far more, and stays beside it"
             continue
-        beside = _score(_beyond(own, learnt), screen.errors)
+        beside = _score(rest, screen.errors)
         if beside < bar or (beside < _MOSTLY * alone and beside < _ROUGH * learnt.merit):
             return (
                 f"it stands in for something else: {learnt.shape.text} explains far more, and beside it next to nothing"
                 " is left of this effect"
             )
     return ""
-
-
-def _own_part(screen: Screen, change: Array) -> Array:
-    """What of a change of the errors the free parameters and the noise cannot make."""
-    return np.asarray(change - screen.basis @ (screen.basis.T @ change))
-
-
-def _is_of_its_kind(own: Array, force: Learnt) -> bool:
-    """Whether an effect's trace, as of `_own_part`, is little else than such a force over one variable."""
-    rest = _beyond(own, force)
-    return float(rest @ rest) < _OF_ITS_KIND * float(own @ own)
-
-
-def _beyond(own: Array, force: Learnt) -> Array:
-    return np.asarray(own - force.span @ (force.span.T @ own))
 
 
 def _is_none_of_several(screen: Screen, confirmed: Confirmed, learnt: Learnt) -> bool:

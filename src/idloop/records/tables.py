@@ -373,18 +373,18 @@ def _from_tree(path: Path, tree: Mapping[str, Any], prefix: str = "") -> Table:
     table = Table(path, {})
     for name, value in tree.items():
         full = prefix + str(name)
+        inside: tuple[Mapping[str, Any], str] | None = None
         if isinstance(value, Mapping):
-            inner = _from_tree(path, value, full + ".")
+            inside = value, full + "."
+        elif (parts := _parts(value)) is not None:
+            inside = {f"{name}[{place}]": part for place, part in enumerate(parts)}, prefix
+        if inside is not None:
+            inner = _from_tree(path, *inside)
             table.columns |= inner.columns
             table.attributes |= inner.attributes
             continue
         if isinstance(value, str):
             table.attributes[full] = value
-            continue
-        if (parts := _parts(value)) is not None:
-            inner = _from_tree(path, {f"{name}[{place}]": part for place, part in enumerate(parts)}, prefix)
-            table.columns |= inner.columns
-            table.attributes |= inner.attributes
             continue
         try:
             array = np.asarray(value)
@@ -412,5 +412,9 @@ def _parts(value: Any) -> list[Any] | None:
         return None
     if all(isinstance(part, Mapping) for part in value):
         return list(value)
-    several = all(isinstance(part, list | np.ndarray) and np.ndim(part) == 1 for part in value)
+    several = all(isinstance(part, list | np.ndarray) and not any(map(_has_entries, part)) for part in value)
     return list(value) if several and len({len(part) for part in value}) > 1 else None
+
+
+def _has_entries(value: Any) -> bool:
+    return isinstance(value, list | tuple | Mapping | np.ndarray)
