@@ -18,12 +18,12 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from idloop.errors import IdloopError
 from idloop_nodes import qos, stream_match, wiring
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
 from idloop_nodes.health_names import check_name
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, READY, Progress
+from idloop_nodes.start_barrier import StartBarrier
 
 TYPES: dict[str, type] = {
     wiring.JOINT_STATE: JointState,
@@ -33,6 +33,7 @@ TYPES: dict[str, type] = {
 }
 PROGRESS_DEPTH = 200
 RESULTS_KEPT = 100
+LOOK_PERIOD = 0.5  # seconds between two looks at who is missing
 SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
 SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
 
@@ -100,7 +101,8 @@ class StreamNode(Node):
         self._subscriptions_by_topic: dict[str, Any] = {}
         self._ready = False
         self._match = stream_match.StreamMatch()
-        self._born = time.monotonic()
+        self._barrier = StartBarrier(self.others, self.parameters["start_timeout"], time.monotonic())
+        self._next_look = 0.0
         self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", qos.health())
         self._progress_publisher = self.create_publisher(Header, "progress", qos.latched(PROGRESS_DEPTH))
         # Wall time may jump and simulated time may stand still; health goes on in either case.
@@ -177,20 +179,24 @@ class StreamNode(Node):
             while not publisher.wait_for_all_acked(Duration()) and time.monotonic() < limit:
                 time.sleep(SETTLE_PERIOD)
 
-    def partners(self) -> list[stream_match.Endpoints]:
-        """Look at the other side of every stream: how many there are, and how many the peers make expect."""
+    def partners(self) -> list[tuple[str, stream_match.Endpoints]]:
+        """Look at the other side of every stream: its topic, how many there are, and how many the peers make expect."""
         family = [*self.others, self.kind]
         return [
-            stream_match.subscribers(self, publisher, wiring.expected_subscribers(topic, family), family)
+            (topic, stream_match.subscribers(self, publisher, wiring.expected_subscribers(topic, family), family))
             for topic, publisher in self._publishers_by_topic.items()
         ] + [
-            stream_match.publishers(self, subscription, wiring.expected_publishers(topic, family), family)
+            (topic, stream_match.publishers(self, subscription, wiring.expected_publishers(topic, family), family))
             for topic, subscription in self._subscriptions_by_topic.items()
         ]
 
+    def apart(self) -> list[str]:
+        """Return the topics of the streams that have not met all of their partners."""
+        return [topic for topic, one in self.partners() if not one.complete]
+
     def matched(self) -> bool:
         """Whether every stream has met all the partners that the peers make expect, whoever else is there."""
-        return self._match.complete(self.partners(), time.monotonic())
+        return self._match.complete([one for _, one in self.partners()], time.monotonic())
 
     def announce_when_matched(self) -> bool:
         """Tell the others once that this node is ready; return whether it is.
@@ -209,7 +215,7 @@ class StreamNode(Node):
             self.get_logger().info(f"ready: {', '.join(about)}" if about else "ready")
             self.tell_progress(0, READY)
         else:
-            self.give_up_waiting()
+            self._look_out()
         return self._ready
 
     def peers_ready(self) -> bool:
@@ -218,17 +224,22 @@ class StreamNode(Node):
             return False
         if len(self.progress.ready - {self.get_name()}) >= len(self.others):
             return True
-        self.give_up_waiting()
+        self._look_out()
         return False
 
-    def give_up_waiting(self) -> None:
-        """Raise IdloopError when the peers have had their time."""
-        limit = self.parameters["start_timeout"]
-        if self.others and time.monotonic() - self._born > limit:
-            raise IdloopError(
-                f"not all of {', '.join(self.others)} were ready within {limit:g} s; check the parameter peers "
-                "and that all of them run in one ROS domain"
-            )
+    def _look_out(self) -> None:
+        """Say for whom this node waits; raise IdloopError when the peers have had their time."""
+        now = time.monotonic()
+        if not self.others or now < self._next_look:
+            return
+        self._next_look = now + LOOK_PERIOD
+        where = self.get_namespace()
+        there = {name for name, namespace in self.get_node_names_and_namespaces() if namespace == where}
+        # Who does not hear when the others are ready waits only for its own streams to meet them.
+        ready = self.progress.ready if "progress" in self._subscriptions_by_topic else there
+        notice = self._barrier.notice(ready, there, self.apart(), now)
+        if notice:
+            self.get_logger().warning(notice)
 
     # what a node fills in
 

@@ -30,7 +30,15 @@ PEERS = P(
     "Kinds of nodes in this graph; each waits until its streams are matched with all of them.",
     read_only=True,
 )
-START_TIMEOUT = P("start_timeout", "float", 30.0, "Longest wait for the peers.", unit="s", minimum=0.1, read_only=True)
+START_TIMEOUT = P(
+    "start_timeout",
+    "float",
+    30.0,
+    "Longest wait for peers that do not appear; those that are there (a first start compiles) have 20 times as long.",
+    unit="s",
+    minimum=0.1,
+    read_only=True,
+)
 MODEL = P("model", "str", "dc_motor", "Model: name of a preset or path of a model file.")
 EFFECTS = P("effects", "strs", (), "Effects added to the model: name@site or name@site(parameter=value,...).")
 AUTOSTART = P("autostart", "bool", True, "Configure and activate by itself.", read_only=True)

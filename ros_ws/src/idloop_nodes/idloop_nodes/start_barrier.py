@@ -1,0 +1,74 @@
+"""How long a node waits for the others at the start, and what it says about them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from idloop.errors import IdloopError
+
+# A node that is there already may need minutes before it is ready: on the first start it compiles.
+LONGER_FOR_THOSE_THERE = 20.0
+NOTICE = 10.0  # seconds after which a node says for whom it waits; then whenever that has changed
+
+
+class StartBarrier:
+    """Watches the time that the other nodes of a graph take to get ready.
+
+    Parameters
+    ----------
+    peers : sequence of str
+        Their names.
+    limit : float
+        Longest wait for one that does not appear [s]; one that is there has `LONGER_FOR_THOSE_THERE` times as long.
+    born : float
+        Beginning of the wait, of a clock that never jumps [s].
+    """
+
+    def __init__(self, peers: Sequence[str], limit: float, born: float) -> None:
+        self._peers = tuple(peers)
+        self._limit = limit
+        self._born = born
+        self._told = ""
+
+    def notice(self, ready: Collection[str], there: Collection[str], apart: Sequence[str], now: float) -> str:
+        """Return for whom the node waits, where that is news and worth a line; else nothing.
+
+        Parameters
+        ----------
+        ready, there : collection of str
+            Names of the nodes that have said that they are ready, and of those that run.
+        apart : sequence of str
+            Streams of this node that have not met all of their partners.
+        now : float
+            Time [s].
+
+        Raises
+        ------
+        IdloopError
+            When the others have had their time.
+        """
+        late = [name for name in self._peers if name not in ready]
+        absent = [name for name in late if name not in there]
+        slow = [name for name in late if name in there]
+        waited = now - self._born
+        if absent and waited > self._limit:
+            raise IdloopError(
+                f"{', '.join(absent)} did not appear within {self._limit:g} s (parameter start_timeout); check the "
+                "parameter peers, the names of the nodes, and that all of them run in one ROS domain and namespace"
+            )
+        what = "; ".join(
+            f"{', '.join(names)} {state}"
+            for names, state in (
+                (absent, "not there yet"),
+                (slow, "there, not ready (a first start compiles)"),
+                ([] if late else apart, "not connected with all who are there"),
+            )
+            if names
+        )
+        longest = LONGER_FOR_THOSE_THERE * self._limit
+        if waited > longest:
+            raise IdloopError(f"gave up after {longest:g} s (20 times start_timeout): {what or 'nobody is ready'}")
+        if waited < NOTICE or what in ("", self._told):
+            return ""
+        self._told = what
+        return f"waits: {what}"
