@@ -88,6 +88,7 @@ def test_the_story_is_told_from_the_log() -> None:
         == "why      the residual is not white"
     )
     assert retell("plant", "[INFO] [1.2] [plant]: start: dc_motor, 100 Hz") == "live     dc_motor, 100 Hz"
+    assert retell("plant", "[WARN] [1.2] [plant]: waits for estimator") == "!        plant: waits for estimator"
     assert retell("recorder", "[INFO] [1.2] [recorder]: recording 10 topics") is None
     assert retell("estimator", head + "something for the log alone") is None
 

@@ -33,7 +33,8 @@ HIDDEN = (
 SECONDS, WINDOW, VALIDATION, PERIOD, DIAGNOSED = 90.0, 15.0, 5.0, 10.0, 20.0
 # The free run of the last model may leave so much more than the sensors' noise.
 AT_THE_FLOOR = 1.25
-LOG_LINE = re.compile(r"^\[(?:INFO|WARN|ERROR)\] \[[\d.]+\] \[[^\]]+\]: (.*)$")
+TROUBLE = re.compile(r"^\[(?:WARN|ERROR|FATAL)\]")  # of a live graph, whoever says it: the story halts there
+LOG_LINE = re.compile(r"^\[(?:INFO|WARN|ERROR|FATAL)\] \[[\d.]+\] \[[^\]]+\]: (.*)$")
 # How the estimator's log begins, and the word that the story puts before it.
 TOLD = {
     "FIT ": "model",
@@ -115,6 +116,8 @@ def retell(label: str, line: str) -> str | None:
     """A line of the story from a line that a node has written; None for what only a log needs."""
     match = LOG_LINE.match(line)
     text = match[1] if match else line
+    if TROUBLE.match(line):
+        return f"{'!':<8} {label}: {text}"
     if label == "plant" and text.startswith("start: "):
         return f"{'live':<8} {text.removeprefix('start: ')}"
     if label != "estimator":

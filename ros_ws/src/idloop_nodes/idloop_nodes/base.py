@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -33,6 +33,7 @@ TYPES: dict[str, type] = {
 }
 PROGRESS_DEPTH = 200
 RESULTS_KEPT = 100
+DEAF = 3.0  # seconds of a run without a message after which a stream is subscribed anew
 LOOK_PERIOD = 0.5  # seconds between two looks at who is missing
 SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
 SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
@@ -59,6 +60,7 @@ class PolledStream:
 
     def __init__(self, subscription: Any) -> None:
         self.subscription = subscription
+        self.heard = False  # whether anything has ever come
         self._type = subscription.msg_type
         self.topic: str = subscription.topic_name
 
@@ -70,6 +72,7 @@ class PolledStream:
                 taken = handle.take_message(self._type, True)
                 if taken is None:
                     return
+                self.heard = True
                 yield taken
 
 
@@ -99,6 +102,9 @@ class StreamNode(Node):
         self.progress = Progress()
         self._publishers_by_topic: dict[str, Any] = {}
         self._subscriptions_by_topic: dict[str, Any] = {}
+        self._streams_by_topic: dict[str, PolledStream] = {}
+        self._running_since: float | None = None
+        self._renewed = False
         self._ready = False
         self._match = stream_match.StreamMatch()
         self._barrier = StartBarrier(self.others, self.parameters["start_timeout"], time.monotonic())
@@ -146,14 +152,44 @@ class StreamNode(Node):
 
     def poll_topic(self, topic: str, message_type: type | None = None) -> PolledStream:
         """Return a subscription that this node empties itself."""
+        stream = PolledStream(self._polled_subscription(topic, message_type or topic_type(topic)))
+        self._subscriptions_by_topic[topic] = stream.subscription
+        self._streams_by_topic[topic] = stream
+        return stream
+
+    def _polled_subscription(self, topic: str, message_type: type) -> Any:
         # A recorder that is late must not find a result replaced by the next.
         profile = topic_qos(topic, RESULTS_KEPT)
-        subscription = self.create_subscription(
-            message_type or topic_type(topic), topic, lambda data: None, profile, raw=True
-        )
+        subscription = self.create_subscription(message_type, topic, lambda data: None, profile, raw=True)
         self._polled.append(subscription)
-        self._subscriptions_by_topic[topic] = subscription
-        return PolledStream(subscription)
+        return subscription
+
+    def subscribe_again_if_deaf(self, topics: Sequence[str]) -> None:
+        """Replace, once each, subscriptions through which nothing has come although the run goes on.
+
+        A sender that does not know of its reader, while the reader knows of it, is met so anew.
+
+        Parameters
+        ----------
+        topics : sequence of str
+            Polled ones of which every run has messages.
+        """
+        if not self.progress.reached or self._renewed:
+            return
+        now = time.monotonic()
+        self._running_since = self._running_since or now
+        if now - self._running_since < DEAF:
+            return
+        self._renewed = True
+        for topic in topics:
+            stream = self._streams_by_topic[topic]
+            if stream.heard:
+                continue
+            self.get_logger().warning(f"nothing has come on {topic} since the run began: subscribes it again")
+            self._polled.remove(stream.subscription)
+            self.destroy_subscription(stream.subscription)
+            stream.subscription = self._polled_subscription(topic, stream.subscription.msg_type)
+            self._subscriptions_by_topic[topic] = stream.subscription
 
     # progress and barrier
 

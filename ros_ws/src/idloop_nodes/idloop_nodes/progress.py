@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+REPORT_EVERY = 100  # samples after which a listener tells anew how far it is; the first one it tells at once
 READY, END, DONE = "ready", "end", "done"
 EXPERIMENT, HANDED_BACK = "experiment", "handed_back"
 
@@ -47,6 +48,12 @@ class Progress:
             self.reached[name] = max(stamp, self.reached.get(name, stamp))
 
 
+def due(told: int | None, reached: int, period_ns: int) -> bool:
+    """Whether a listener that has told of the stamp `told` tells of the one that it has reached now."""
+    # A stamp before the told one belongs to another run.
+    return told is None or not told <= reached < told + REPORT_EVERY * period_ns
+
+
 class BackPressure:
     """Holds a sender back while a listener is too far behind.
 
@@ -56,11 +63,15 @@ class BackPressure:
         Names of the nodes that must not lose anything.
     window_ns : int
         How far behind they may be.
+    first_alone : bool
+        Nothing follows the first sample before all of them have told that they have it: whoever cannot hear the sender
+        yet misses nothing.
     """
 
-    def __init__(self, listeners: Iterable[str], window_ns: int) -> None:
+    def __init__(self, listeners: Iterable[str], window_ns: int, *, first_alone: bool = False) -> None:
         self.listeners = tuple(listeners)
         self.window_ns = window_ns
+        self.first_alone = first_alone
         self.progress = Progress()
         self.waits = 0
         self._limit = -1
@@ -69,6 +80,8 @@ class BackPressure:
         """Whether `stamp` may be sent in a run that began at `start`."""
         if not self.listeners or stamp <= self._limit:
             return True
+        if self.first_alone and self.unheard():
+            return stamp <= start
         reached = self.progress.reached
         slowest = min(reached.get(name, start) for name in self.listeners)
         self._limit = slowest + self.window_ns
@@ -77,7 +90,13 @@ class BackPressure:
     def slow(self, stamp: int, start: int) -> list[str]:
         """Listeners that hold `stamp` back in a run that began at `start`."""
         reached = self.progress.reached
+        if self.first_alone and self.unheard():
+            return self.unheard()
         return [name for name in self.listeners if stamp > reached.get(name, start) + self.window_ns]
+
+    def unheard(self) -> list[str]:
+        """Listeners that have not told of any sample."""
+        return [name for name in self.listeners if name not in self.progress.reached]
 
     def finished(self) -> bool:
         """Whether every listener has said that it is done."""

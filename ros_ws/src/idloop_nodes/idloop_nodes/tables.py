@@ -7,6 +7,7 @@ from functools import cache
 from idloop_nodes.bridge_table import bridge_table
 from idloop_nodes.parameters import NodeParameter as P
 from idloop_nodes.parameters import Table
+from idloop_nodes.progress import REPORT_EVERY
 from idloop_nodes.wiring import RECORDED
 from idloop_nodes.workbench_table import workbench_table
 
@@ -47,7 +48,7 @@ WINDOW = P(
     "int",
     1000,
     "Samples that a listener may lag behind before the loop waits for it.",
-    minimum=10,
+    minimum=REPORT_EVERY,
     maximum=4000,
     read_only=True,
 )

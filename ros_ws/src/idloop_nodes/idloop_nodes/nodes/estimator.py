@@ -35,7 +35,7 @@ from idloop_nodes.monitor_jobs import MonitorAnswer
 from idloop_nodes.monitoring import Monitoring
 from idloop_nodes.parameters import Values
 from idloop_nodes.prediction import Prediction, Sample
-from idloop_nodes.progress import DONE
+from idloop_nodes.progress import DONE, due
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.recursive_model import RecursiveModel
 from idloop_nodes.tables import ESTIMATOR
@@ -69,6 +69,7 @@ class EstimatorNode(StreamNode):
         self._command_stream = self.poll_topic(self._model.input.topic)
         self._output_stream = self.poll_topic(output_topic(self._model))
         self._reference_stream = self.poll_topic("reference")
+        self._always = [output_topic(self._model), *([self._model.input.topic] if self._lockstep else [])]
         self.hear_progress()
         self._prediction = Prediction(
             wanted=values["recursive"],
@@ -114,7 +115,7 @@ class EstimatorNode(StreamNode):
         )
         self._last: int | None = None
         self._forgot = 0
-        self._told = -1
+        self._told: int | None = None
         self._warned = 0
         self._done = False
         self._samples = RateCounter()
@@ -192,6 +193,7 @@ class EstimatorNode(StreamNode):
     def poll(self) -> None:
         """Take in what has arrived, predict, fit what is due, publish what the worker has finished."""
         super().poll()
+        self.subscribe_again_if_deaf(self._always)
         # An event such as somebody's progress must not cut the burst short.
         if self._bursts.due(time.monotonic()):
             before = self._last
@@ -275,9 +277,9 @@ class EstimatorNode(StreamNode):
         newest = self._pending[-1][0]
         limit = self._command_wait.known_until(self._held.newest, newest, self.progress.end, time.monotonic())
         count = sum(stamp <= limit for stamp, _ in block)
-        for due in (self._fits.due, self._diagnosing.due):
-            if due is not None:
-                count = min(count, 1 + sum(stamp < due - self._period_ns * 3 // 2 for stamp, _ in block))
+        for last in (self._fits.due, self._diagnosing.due):
+            if last is not None:
+                count = min(count, 1 + sum(stamp < last - self._period_ns * 3 // 2 for stamp, _ in block))
         return count
 
     def _process(self, block: list[Sample]) -> None:
@@ -356,7 +358,7 @@ class EstimatorNode(StreamNode):
         if last is None:
             return
         # While simulated time waits, everybody knows exactly where: what follows begins on the same sample each time.
-        if last - self._told >= 100 * self._period_ns or (self._holding and last > self._told):
+        if due(self._told, last, self._period_ns) or (self._holding and last != self._told):
             self._told = last
             self.tell_progress(last)
         end = self.progress.end

@@ -16,7 +16,8 @@ from idloop_nodes.pace import Pace
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, BackPressure
 from idloop_nodes.rates import RateCounter
-from idloop_nodes.stall_notice import StallNotice
+from idloop_nodes.stall_notice import FIRST, PATIENCE, StallNotice
+from idloop_nodes.start_barrier import LONGER_FOR_THOSE_THERE
 from idloop_nodes.stream_watch import JUMP_NS
 from idloop_nodes.tables import PLANT
 
@@ -81,7 +82,7 @@ class PlantNode(StreamNode):
         self._reader = JointReader([(model.input.joint, model.input.field)])
         self._start_ns: int = round(values["start_time"] * SECOND)
         self._index = 0
-        self._running = False
+        self._running, self._started = False, 0.0
         self._held_back: bytes | None = None
         self._newest, self._sent = b"", 0.0
         self._drain_until: float | None = None
@@ -91,12 +92,13 @@ class PlantNode(StreamNode):
         self._bad_commands = 0
         self._pace = Pace(values["real_time_factor"])
         self._clock_every = max(1, round(1.0 / (values["clock_rate"] * self._period)))
-        self._window = BackPressure(values["listeners"], values["listener_window"] * self._period_ns)
+        self._lockstep = values["mode"] == "lockstep"
+        window_ns = values["listener_window"] * self._period_ns
+        self._window = BackPressure(values["listeners"], window_ns, first_alone=self._lockstep)
         self._window.progress = self.progress
         self._stall = StallNotice()
         self.hear_progress()
         self._publish = self.publisher(output_topic(model))
-        self._lockstep = values["mode"] == "lockstep"
         if self._lockstep:
             self._publish_clock = self.publisher("/clock")
             self.listen(model.input.topic, self._on_command)
@@ -121,7 +123,8 @@ class PlantNode(StreamNode):
         elif self._lockstep:
             if self._held_back is not None:
                 self._send(self._held_back)
-            elif time.monotonic() - self._sent > REPEAT:
+            unanswered = self._held_back is None or self._window.unheard()
+            if unanswered and time.monotonic() - self._sent > REPEAT:
                 self._repeat()
             self._tell_stall()
 
@@ -133,9 +136,14 @@ class PlantNode(StreamNode):
 
     def _tell_stall(self) -> None:
         held = self._held_back is not None
-        if self._stall.due((self._index, held), time.monotonic()):
+        unheard = self._window.unheard() if held else []
+        if self._stall.due((self._index, held), time.monotonic(), FIRST if unheard else PATIENCE):
             who = ", ".join(self._window.slow(self._stamp(), self._start_ns)) if held else "the controller"
-            self.get_logger().warning(f"waits for {who} at {self._index * self._period:.3f} s of simulated time")
+            first = ", which told of no sample yet" if unheard else ""
+            self.get_logger().warning(f"waits for {who} at {self._index * self._period:.3f} s of simulated time{first}")
+        limit = LONGER_FOR_THOSE_THERE * self.parameters["start_timeout"]
+        if unheard and time.monotonic() - self._started > limit:
+            raise IdloopError(f"{', '.join(unheard)} told of no sample within {limit:g} s; start the graph again")
 
     def _partners(self) -> bool:
         """Without named peers: whether somebody listens and somebody commands."""
@@ -148,7 +156,8 @@ class PlantNode(StreamNode):
         )
 
     def _start(self) -> None:
-        self._running = True
+        self._running, self._started = True, time.monotonic()
+        self.tell_progress(self._start_ns)  # whoever hears this and no measurement does not hear right
         self.get_logger().info(f"start: {self._plant.model.name}, {1.0 / self._period:g} Hz, {self.parameters['mode']}")
         if self._lockstep:
             self._measure()

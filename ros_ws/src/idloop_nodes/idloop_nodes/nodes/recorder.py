@@ -11,7 +11,7 @@ from idloop_nodes.bag_writer import BagWriter, choose_folder
 from idloop_nodes.base import PolledStream, StreamNode
 from idloop_nodes.canonical_order import CanonicalOrder, rank_topics
 from idloop_nodes.codec import Level, Status, peek_stamp
-from idloop_nodes.progress import DONE
+from idloop_nodes.progress import DONE, due
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.sequence_check import SequenceCheck
 from idloop_nodes.tables import RECORDER
@@ -69,7 +69,7 @@ class RecorderNode(StreamNode):
         self._waiting = 0
         self._overflow = 0
         self._written = RateCounter()
-        self._told = -1
+        self._told: int | None = None
         self._done = False
         self._failure = ""
         self._thread = self.thread(self._write, "writer")
@@ -79,6 +79,8 @@ class RecorderNode(StreamNode):
     def poll(self) -> None:
         """Empty the subscriptions, pass on what is due, tell how far everything is."""
         super().poll()
+        if "joint_states" in self._streams:
+            self.subscribe_again_if_deaf(["joint_states"])
         if self._failure:
             raise IdloopError(self._failure)
         # Long bursts cost less than short ones; an event such as somebody's progress must not cut them short.
@@ -129,7 +131,7 @@ class RecorderNode(StreamNode):
 
     def _report(self) -> None:
         # Back-pressure asks what has been received: the rest is in this process and cannot be overrun.
-        if self._watermark >= 0 and self._watermark - self._told >= 100 * self._period_ns:
+        if self._watermark >= 0 and due(self._told, self._watermark, self._period_ns):
             self._told = self._watermark
             self.tell_progress(self._watermark)
         end = self.progress.end
