@@ -84,7 +84,7 @@ def command(
             # The drive side of all models in one band, that of the first.
             force = rows[0][1].force if rows else None
             rows.append((label, compare(model, record, steps=steps, cutoff=force.cutoff if force else None)))
-        documents = [{**comparison.to_dict(), "label": label} for label, comparison in rows]
+            rows[-1][1].compute()
     if plot is not None:
         save_figure([make_panel(records[0].name, rows)], rows[0][1], plot)
         log(f"written: {plot}")
@@ -92,6 +92,7 @@ def command(
         save_where(rows, plot_where)
         log(f"written: {plot_where}")
     if as_json:
+        documents = [{**comparison.to_dict(), "label": label} for label, comparison in rows]
         document = {"schema": "idloop/compare/1", "comparisons": documents, "plot": plot, "plot_where": plot_where}
         print_json(document)
         return

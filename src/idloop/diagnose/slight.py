@@ -31,8 +31,6 @@ from idloop.validate.free_run import free_runs
 
 Array = NDArray[np.float64]
 
-# Share of an output's deviation that an effect moves it by at least: 0.002 points of FIT.
-NEGLIGIBLE = 2e-5
 _HOLDS_NONE = "the 95 % interval of {} holds the value at which it does nothing"
 # Half width of the 95 % interval in standard errors.
 _HALF_WIDTH = 1.96

@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.slight import NEGLIGIBLE
-from idloop.diagnose.suggest_words import listed
-from idloop.diagnose.verdict import SAY_NOISE
 from idloop.errors import IdloopError
-from idloop.validate.measures import nrmse
+from idloop.validate.measures import NEGLIGIBLE, nrmse
 
 if TYPE_CHECKING:
     from idloop.diagnose import Candidate, Ladder
@@ -108,6 +105,8 @@ def remainder_lines(verdict: str, found: Sequence[Remainder]) -> list[str]:
     list of str
         What more is left, and of which outputs; empty where the verdict says so already.
     """
+    from idloop.diagnose.verdict import SAY_NOISE  # not before: a comparison needs no diagnosis
+
     if verdict not in SAY_NOISE:
         return []
     follows = [one for one in found if not one.test.input_free]
@@ -131,6 +130,8 @@ def _several(part: Sequence[Remainder]) -> bool:
 
 def _errors(part: Sequence[Remainder], whole: Sequence[Remainder]) -> str:
     """Whose errors, and in how many of the records."""
+    from idloop.diagnose.suggest_words import listed
+
     names = list(dict.fromkeys(one.test.name for one in part))
     records, all_ = len({one.record for one in part}), len({one.record for one in whole})
     where = f" in {records} of {all_} records" if all_ > 1 else ""

@@ -73,6 +73,10 @@ class Comparison(Runs):
         """Where the model fails: share of every error by time, frequency, velocity, position, command, ..."""
         return where(self)
 
+    @cached_property
+    def _tested(self) -> dict[int, list[ResidualTest]]:
+        return {}
+
     def residual_tests(self, lags: int = 25) -> list[ResidualTest]:
         """Whiteness of the one-step prediction errors, and their correlation with what drives the machine.
 
@@ -90,11 +94,17 @@ class Comparison(Runs):
         """
         if self._observer is None:
             return []
-        fed_back = may_be_fed_back(self.record)
-        outside = signals_from_outside(self.record, self.time) if fed_back else ()
-        return residual_tests(
-            self.innovation, self.data.held_input(), self.names, lags, outside=outside, fed_back=fed_back
-        )
+        if lags not in self._tested:
+            fed_back = may_be_fed_back(self.record)
+            outside = signals_from_outside(self.record, self.time) if fed_back else ()
+            self._tested[lags] = residual_tests(
+                self.innovation, self.data.held_input(), self.names, lags, outside=outside, fed_back=fed_back
+            )
+        return list(self._tested[lags])
+
+    def compute(self) -> None:
+        """Compute now what takes its time later: predictions, where they fail, and the tests of what is left."""
+        _ = self.ahead, self.where, self.residual_tests()
 
     def to_dict(self) -> dict[str, Any]:
         """Return all measures as plain numbers for JSON."""

@@ -11,6 +11,9 @@ from idloop.errors import InputError
 
 Array = NDArray[np.float64]
 
+# Share of an output's deviation that an effect moves it by at least: 0.002 points of FIT.
+NEGLIGIBLE = 2e-5
+
 
 def _columns(measured: ArrayLike, modelled: ArrayLike) -> tuple[Array, Array]:
     y = np.asarray(measured, dtype=float)
