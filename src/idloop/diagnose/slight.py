@@ -28,6 +28,7 @@ from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validate.free_run import free_runs
+from idloop.validate.measures import NEGLIGIBLE
 
 Array = NDArray[np.float64]
 
