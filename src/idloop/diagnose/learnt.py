@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -110,7 +111,7 @@ def significant(shapes: Sequence[Shape], screen: Screen, level: float) -> list[t
     """
     from scipy.stats import f as f_distribution
 
-    fits = [fit for shape in shapes if (fit := learn(screen, shape)) is not None]
+    fits = [fit for fit in in_parallel(partial(learn, screen), shapes) if fit is not None]
 
     def chance(fit: Learnt) -> float:
         return float(f_distribution.sf(fit.ratio, fit.directions, fit.freedom)) * len(fits) * fit.shape.tried
@@ -132,7 +133,7 @@ def learn(screen: Screen, shape: Shape) -> Learnt | None:
     Learnt or None
         None where the curve cannot be simulated, or the errors do not feel it.
     """
-    columns = list(in_parallel(shape.change, shape.hats()))
+    columns = [shape.change(hat) for hat in shape.hats()]
     if any(column is None for column in columns):
         return None
     raw = np.column_stack([column for column in columns if column is not None])

@@ -11,6 +11,7 @@ stays as it was when it is added, it is none of them: a wave stands in for an en
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.confirm import Confirmed
 from idloop.diagnose.curves import force_shapes
 from idloop.diagnose.learnt import Learnt, learn
+from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.screen import Screen
 from idloop.diagnose.unevenness import unevenness
 
@@ -86,9 +88,8 @@ def _is_none_of_several(screen: Screen, confirmed: Confirmed, learnt: Learnt) ->
         return False
     beside = Screen(screen.setting, confirmed.fit, 0)
     same = [shape for shape in force_shapes(beside) if (shape.over, shape.of) == (learnt.shape.over, learnt.shape.of)]
-    return any(
-        found is not None and found.merit > _AS_IT_WAS * learnt.merit for found in (learn(beside, one) for one in same)
-    )
+    again = in_parallel(partial(learn, beside), same)
+    return any(found is not None and found.merit > _AS_IT_WAS * learnt.merit for found in again)
 
 
 def _score(trace: Array, errors: Array) -> float:
