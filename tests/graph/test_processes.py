@@ -15,6 +15,7 @@ SCRIPTS = {
     "endless": "echo up; exec sleep 1000",
     "deaf": "trap '' INT TERM; echo up; while :; do sleep 0.1; done",
     "broken": "echo so sorry; exit 3",
+    "crashing": "trap 'kill -SEGV $$' INT; echo up; while :; do sleep 0.1; done",
     "misled": "echo no such model; exit 2",
     "family": "sleep 1000 & echo child $!; trap '' INT TERM; while :; do sleep 0.1; done",
     "words": 'echo "$@"; echo "$ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE"',
@@ -85,6 +86,15 @@ def test_what_does_not_listen_is_killed_with_its_children(graph):
     deadline = time.monotonic() + 200
     while not all(map(gone, [*processes, grandchild])):
         assert time.monotonic() < deadline
+
+
+def test_a_node_that_crashes_while_it_ends_is_told(graph):
+    lines = []
+    run = GraphRun(graph("endless", "crashing"), say=lambda label, line: lines.append((label, line)))
+    deadline = time.monotonic() + 200
+    run.wait(lambda: len(lines) == 2 or time.monotonic() > deadline)
+    run.stop()
+    assert lines[2:] == [("crashing", "died of signal 11")]
 
 
 def test_nothing_stays_when_a_node_cannot_be_started(graph):

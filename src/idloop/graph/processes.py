@@ -21,6 +21,7 @@ from idloop.graph.description import Graph, NodeEntry
 
 GRACE = 15.0  # seconds for a node to end after SIGINT; a recorder writes what it has
 FORCE = 3.0  # seconds after SIGTERM before SIGKILL
+SENT = signal.SIGINT, signal.SIGTERM, signal.SIGKILL  # to a node, one after the other
 POLL = 0.05
 BAD_INPUT = 2  # exit code of a node whose parameters or files are wrong
 
@@ -126,14 +127,17 @@ class GraphRun:
 
     def stop(self) -> None:
         """End every node: SIGINT, then SIGTERM, then SIGKILL to those that do not listen."""
-        for number, patience in ((signal.SIGINT, GRACE), (signal.SIGTERM, FORCE), (signal.SIGKILL, FORCE)):
+        for number, patience in zip(SENT, (GRACE, FORCE, FORCE), strict=True):
             alive = [child for child in self._children if child.process.poll() is None]
             for child in alive:
                 with contextlib.suppress(ProcessLookupError):
                     child.process.send_signal(number)
             self._wait_for(alive, patience)
         for child in self._children:
-            if child.process.returncode:
+            code = child.process.returncode
+            if code is not None and code < 0 and -code not in SENT:
+                self._say(child.label, f"died of signal {-code}")
+            if code:
                 # It did not end by itself: its group may still hold a child of its own.
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.killpg(child.process.pid, signal.SIGKILL)
