@@ -18,6 +18,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from idloop.errors import InputError
 from idloop_nodes import qos, stream_match, wiring
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
 from idloop_nodes.health_names import check_name
@@ -34,6 +35,7 @@ TYPES: dict[str, type] = {
 PROGRESS_DEPTH = 200
 RESULTS_KEPT = 100
 DEAF = 3.0  # seconds of a run without a message after which a stream is subscribed anew
+NEW = 1.0  # seconds after its start within which a node that meets another of its name is the one that has come to it
 LOOK_PERIOD = 0.5  # seconds between two looks at who is missing
 SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
 SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
@@ -105,12 +107,14 @@ class StreamNode(Node):
         self._streams_by_topic: dict[str, PolledStream] = {}
         self._running_since: float | None = None
         self._renewed = False
-        self._ready = False
+        self._ready, self._ready_since = False, 0.0
+        self._heard_ready = 0
         self._match = stream_match.StreamMatch()
         self._barrier = StartBarrier(self.others, self.parameters["start_timeout"], time.monotonic())
         self._next_look = 0.0
         self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", qos.health())
         self._progress_publisher = self.create_publisher(Header, "progress", qos.latched(PROGRESS_DEPTH))
+        self.listen("progress", self._hear)
         # Wall time may jump and simulated time may stand still; health goes on in either case.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._health_timer = self.create_timer(1.0, self._publish_health, clock=steady)
@@ -193,9 +197,22 @@ class StreamNode(Node):
 
     # progress and barrier
 
-    def hear_progress(self) -> None:
-        """Subscribe `progress`."""
-        self.listen("progress", lambda data: self.progress.hear(*decode_header(data)))
+    def _hear(self, data: bytes) -> None:
+        stamp, frame = decode_header(data)
+        self.progress.hear(stamp, frame)
+        name = self.get_name()
+        if frame != f"{name}/{READY}":
+            return
+        self._heard_ready += 1
+        # Who is there for longer goes on: the one that has come to it ends. What a dead one has said nobody hears.
+        new = not self._ready or time.monotonic() - self._ready_since < NEW
+        if new and self._heard_ready > int(self._ready):
+            where = f"{self.get_namespace().rstrip('/')}/{name}"
+            self.broken = InputError(
+                f"another node {where} runs in ROS domain {self.context.get_domain_id()}: two graphs in one domain and "
+                "namespace mix up; give this one a domain of its own (ROS_DOMAIN_ID, idloop launch --domain N) or a "
+                "namespace, or end the other"
+            )
 
     def tell_progress(self, stamp: int, word: str = "") -> None:
         """Publish this node's progress.
@@ -245,7 +262,7 @@ class StreamNode(Node):
         if self._ready:
             return True
         if self.matched():
-            self._ready = True
+            self._ready, self._ready_since = True, time.monotonic()
             values = self.parameters.values
             about = [str(values[name]) for name in ("model", "mode") if values.get(name)]
             self.get_logger().info(f"ready: {', '.join(about)}" if about else "ready")
@@ -271,9 +288,7 @@ class StreamNode(Node):
         self._next_look = now + LOOK_PERIOD
         where = self.get_namespace()
         there = {name for name, namespace in self.get_node_names_and_namespaces() if namespace == where}
-        # Who does not hear when the others are ready waits only for its own streams to meet them.
-        ready = self.progress.ready if "progress" in self._subscriptions_by_topic else there
-        notice = self._barrier.notice(ready, there, self.apart(), now)
+        notice = self._barrier.notice(self.progress.ready, there, self.apart(), now)
         if notice:
             self.get_logger().warning(notice)
 

@@ -70,7 +70,6 @@ class EstimatorNode(StreamNode):
         self._output_stream = self.poll_topic(output_topic(self._model))
         self._reference_stream = self.poll_topic("reference")
         self._always = [output_topic(self._model), *([self._model.input.topic] if self._lockstep else [])]
-        self.hear_progress()
         self._prediction = Prediction(
             wanted=values["recursive"],
             sample_time=values["sample_time"],

@@ -97,7 +97,6 @@ class PlantNode(StreamNode):
         self._window = BackPressure(values["listeners"], window_ns, first_alone=self._lockstep)
         self._window.progress = self.progress
         self._stall = StallNotice()
-        self.hear_progress()
         self._publish = self.publisher(output_topic(model))
         if self._lockstep:
             self._publish_clock = self.publisher("/clock")

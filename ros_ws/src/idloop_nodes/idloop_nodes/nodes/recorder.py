@@ -48,7 +48,6 @@ class RecorderNode(StreamNode):
         self._by_rank = {rank: topic for topic, rank in self._ranks.items()}
         self._checks = {topic: SequenceCheck(self._period_ns) for topic in self._topics}
         self._streams: dict[str, PolledStream] = {topic: self.poll_topic(topic) for topic in self._topics}
-        self.hear_progress()
         # full names, as every other recorder would write them
         self._names = {topic: stream.subscription.topic_name for topic, stream in self._streams.items()}
         types = {self._names[topic]: TOPICS.get(topic, (JOINT_STATE, ""))[0] for topic in self._topics}

@@ -34,7 +34,6 @@ class ReplayNode(StreamNode):
             raise InputError(f"no bag {self._bag}: check the path")
         self._messages = self._read(self._bag, set(values["topics"]))
         self._publish = {topic: self.publisher(topic) for topic in values["topics"]}
-        self.hear_progress()
         self._next = next(self._messages, None)
         if self._next is None:
             raise InputError(f"bag {self._bag} holds none of {', '.join(values['topics'])} as joint states")

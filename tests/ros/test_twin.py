@@ -1,0 +1,68 @@
+"""Two graphs in one ROS domain would mix up: the one that comes second ends with a line."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
+pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
+
+from idloop.errors import InputError
+from idloop.graph import GraphRun, load_graph, run_graph
+from idloop_nodes.codec import encode_header
+
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
+
+
+def test_a_node_that_meets_another_of_its_name_ends(bench):
+    one = bench("plant", model="dc_motor", sample_time=0.01)
+    other = one.talk("progress")
+    one.matched(other)
+    one.until(lambda: one.node._ready and one.node._heard_ready == 1)
+    assert one.node.broken is None
+    other.publish(encode_header(0, "plant/ready"))
+    one.until(lambda: one.node.broken is not None)
+    assert isinstance(one.node.broken, InputError)
+    assert "another node /plant runs in ROS domain" in str(one.node.broken)
+
+
+def test_a_node_that_has_run_for_a_while_goes_on_when_another_comes(bench, monkeypatch):
+    monkeypatch.setattr("idloop_nodes.base.NEW", 0.0)
+    one = bench("plant", model="dc_motor", sample_time=0.01)
+    other = one.talk("progress")
+    one.matched(other)
+    one.until(lambda: one.node._ready and one.node._heard_ready == 1)
+    other.publish(encode_header(0, "plant/ready"))
+    one.until(lambda: one.node._heard_ready == 2)
+    assert one.node.broken is None
+
+
+def lively(bag, factor):
+    """The smallest graph whose simulated time may be slowed."""
+    values = {"duration": "4.0", "auto_diagnose": "false", "auto_add": "false", "fit_period": "100.0"}
+    return load_graph("hidden", values | {"bag": str(bag), "real_time_factor": factor})
+
+
+def messages(bag):
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([bag]) as reader:
+        return [(connection.topic, stamp, bytes(data)) for connection, stamp, data in reader.messages()]
+
+
+@pytest.mark.whole_graph
+def test_a_second_graph_in_the_same_domain_ends_and_leaves_the_first_alone(tmp_path):
+    assert run_graph(lively(tmp_path / "alone", "0.0"), say=lambda label, line: None)
+    lines = []
+    first = GraphRun(lively(tmp_path / "first", "0.4"), say=lambda label, line: lines.append(f"{label}: {line}"))
+    try:
+        deadline = time.monotonic() + 200.0
+        first.wait(lambda: any("start: " in line for line in lines) or time.monotonic() > deadline)
+        with pytest.raises(InputError, match=r"another node /.* runs in ROS domain"):
+            run_graph(lively(tmp_path / "second", "0.0"), say=lambda label, line: None)
+        first.wait()
+    finally:
+        first.stop()
+    assert messages(tmp_path / "first") == messages(tmp_path / "alone"), lines
