@@ -35,7 +35,7 @@ TYPES: dict[str, type] = {
 PROGRESS_DEPTH = 200
 RESULTS_KEPT = 100
 DEAF = 3.0  # seconds of a run without a message after which a stream is subscribed anew
-NEW = 1.0  # seconds after its start within which a node that meets another of its name is the one that has come to it
+NEW = 1.0  # seconds before which a node that meets another of its name is the one that has come to it
 LOOK_PERIOD = 0.5  # seconds between two looks at who is missing
 SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
 SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
@@ -109,6 +109,7 @@ class StreamNode(Node):
         self._renewed = False
         self._ready, self._ready_since = False, 0.0
         self._heard_ready = 0
+        self._namesake_since: float | None = None
         self._match = stream_match.StreamMatch()
         self._barrier = StartBarrier(self.others, self.parameters["start_timeout"], time.monotonic())
         self._next_look = 0.0
@@ -141,12 +142,22 @@ class StreamNode(Node):
     # streams
 
     def publisher(self, topic: str) -> Callable[[bytes], None]:
-        """Create a raw publisher and return its publish function."""
+        """Create a raw publisher and return its publish function.
+
+        A sample of a node that has yet to find out whether it belongs to this graph stays unpublished.
+        """
         publisher: Any = self.create_publisher(topic_type(topic), topic, topic_qos(topic))
         self._publishers_by_topic[topic] = publisher
         # What rclpy does around it, to tell bytes from messages and to count users, costs as much as a step of a plant.
         publish: Callable[[bytes], None] = publisher.handle.publish_raw
-        return publish
+        if not self.others or topic in wiring.RESULTS:
+            return publish
+
+        def publish_when_ready(data: bytes) -> None:
+            if self._ready:
+                publish(data)
+
+        return publish_when_ready
 
     def listen(self, topic: str, callback: Callable[[bytes], None]) -> None:
         """Call back with the bytes of every message."""
@@ -196,6 +207,11 @@ class StreamNode(Node):
             self._subscriptions_by_topic[topic] = stream.subscription
 
     # progress and barrier
+
+    @property
+    def waiting(self) -> bool:
+        """Whether this node has yet to meet the graph it belongs to; a node without named peers belongs to any."""
+        return not self._ready and bool(self.others)
 
     def _hear(self, data: bytes) -> None:
         stamp, frame = decode_header(data)
@@ -251,6 +267,14 @@ class StreamNode(Node):
         """Whether every stream has met all the partners that the peers make expect, whoever else is there."""
         return self._match.complete([one for _, one in self.partners()], time.monotonic())
 
+    def _alone(self) -> bool:
+        """Whether no other node of this name is known, or it has had its time to speak; one that is dead never does."""
+        if self.get_node_names_and_namespaces().count((self.get_name(), self.get_namespace())) < 2:
+            return True
+        now = time.monotonic()
+        self._namesake_since = self._namesake_since or now
+        return now - self._namesake_since >= NEW
+
     def announce_when_matched(self) -> bool:
         """Tell the others once that this node is ready; return whether it is.
 
@@ -261,7 +285,7 @@ class StreamNode(Node):
         """
         if self._ready:
             return True
-        if self.matched():
+        if self.matched() and self._alone():
             self._ready, self._ready_since = True, time.monotonic()
             values = self.parameters.values
             about = [str(values[name]) for name in ("model", "mode") if values.get(name)]

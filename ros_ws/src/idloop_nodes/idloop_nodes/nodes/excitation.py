@@ -243,6 +243,8 @@ class ExcitationNode(ManagedNode):
             self._follow(time.time_ns() // self._period_ns * self._period_ns)
 
     def _follow(self, now: int) -> None:
+        if self.waiting:
+            return  # what would be published ahead now nobody would get
         self._publish_ahead(now)
         self._guard()
 
