@@ -156,4 +156,16 @@ def ros_environment(ros_domain_id: int, monkeypatch: pytest.MonkeyPatch, tmp_pat
     }
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
+    _use_sockets_only(monkeypatch)
     return dict(os.environ)
+
+
+def _use_sockets_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this process speak as its nodes do, until the end of the test."""
+    try:
+        from idloop_nodes.sockets_only import PROFILE_VARIABLES, use_sockets_only
+    except ImportError:
+        return
+    for name in PROFILE_VARIABLES:
+        monkeypatch.setenv(name, "")
+    use_sockets_only()

@@ -1,4 +1,4 @@
-"""A node that speaks through sockets only: no shared memory, and found all the same."""
+"""A process that speaks through sockets only: no shared memory, and a choice of the user's own stays."""
 
 from __future__ import annotations
 
@@ -6,61 +6,69 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
-from idloop.graph.command import OWN_PROFILES, PROFILE_VARIABLES, profile_variable
-from idloop_nodes.sockets_only import RANGE, use_sockets_only
+from idloop_nodes.sockets_only import PROFILE_VARIABLES, RANGE, TRANSPORTS, use_sockets_only
 
 pytestmark = [pytest.mark.ros]
 SCRIPT = """
 import rclpy
+from std_msgs.msg import Header
 from idloop_nodes.sockets_only import use_sockets_only
 use_sockets_only()
 rclpy.init()
-rclpy.create_node('alone')
+rclpy.create_node('alone').create_publisher(Header, 'alone', 1).publish(Header())
 print(open('/proc/self/maps').read())
 rclpy.shutdown()
 """
 
 
 @pytest.fixture
-def environment(monkeypatch):
+def environment(ros_environment, monkeypatch):
     from rclpy.utilities import get_rmw_implementation_identifier
 
     if "fastrtps" not in get_rmw_implementation_identifier():
         pytest.skip("shared memory is kept out of Fast DDS only")
-    for name in (*PROFILE_VARIABLES, "FASTDDS_BUILTIN_TRANSPORTS", RANGE):
+    for name in (*PROFILE_VARIABLES, TRANSPORTS, RANGE, "ROS_DISTRO"):
         monkeypatch.setenv(name, "")  # so that what the code under test sets is taken back
         monkeypatch.delenv(name)
     return monkeypatch
 
 
 @pytest.mark.parametrize("where", ["LOCALHOST", "SUBNET"])
-def test_no_shared_memory_is_opened(ros_environment, environment, where):
+def test_no_shared_memory_is_opened_and_fast_dds_understands_every_word(environment, where):
     environment.setenv(RANGE, where)
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, timeout=200)
     assert not re.findall(r"/dev/shm/fast\S+", done.stdout)
     assert "WARN" not in done.stderr
-    assert "XMLPARSER" not in done.stderr
+    assert "XML" not in done.stderr
 
 
-@pytest.mark.parametrize("profile", OWN_PROFILES)
-def test_our_own_profile_is_replaced(environment, profile):
-    environment.setenv(RANGE, "LOCALHOST")
-    environment.setenv(profile_variable(os.environ), profile)
+@pytest.mark.parametrize("where", ["LOCALHOST", "SUBNET"])
+@pytest.mark.parametrize(
+    ("distribution", "variable", "end"), [("humble", 1, "_2"), ("jazzy", 1, "_2"), ("kilted", 0, "")]
+)
+def test_each_fast_dds_gets_a_profile_whose_words_it_knows(environment, where, distribution, variable, end):
+    environment.setenv(RANGE, where)
+    environment.setenv("ROS_DISTRO", distribution)
     use_sockets_only()
-    assert os.environ[RANGE] == "SYSTEM_DEFAULT"
-    assert os.environ[profile_variable(os.environ)].endswith("loopback_udp.xml")
+    here = where == "LOCALHOST"
+    assert os.environ[RANGE] == ("SYSTEM_DEFAULT" if here else where)
+    (file,) = (Path(os.environ[name]) for name in PROFILE_VARIABLES if name in os.environ)
+    assert os.environ.get(PROFILE_VARIABLES[variable]) == str(file)
+    assert file.name == f"{'loopback' if here else 'network'}_udp{end}.xml"
+    assert file.is_file()
 
 
-def test_a_profile_of_the_users_own_stays(environment):
+@pytest.mark.parametrize("name", [*PROFILE_VARIABLES, TRANSPORTS])
+def test_a_choice_of_the_users_own_stays(environment, name):
     environment.setenv(RANGE, "LOCALHOST")
-    environment.setenv(PROFILE_VARIABLES[0], "mine.xml")
+    environment.setenv(name, "mine")
+    before = dict(os.environ)
     use_sockets_only()
-    assert os.environ[RANGE] == "LOCALHOST"
-    assert os.environ[PROFILE_VARIABLES[0]] == "mine.xml"
-    assert "FASTDDS_BUILTIN_TRANSPORTS" not in os.environ
+    assert dict(os.environ) == before

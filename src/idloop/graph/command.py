@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,6 @@ from idloop.errors import IdloopError
 from idloop.graph.description import NodeEntry
 
 OWN_PACKAGE = "idloop_nodes"
-# How Fast DDS is set: from Kilted on, and before.
-PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
-OWN_PROFILES = tuple(str(Path(__file__).with_name(f"{name}.xml")) for name in ("graph_profile", "fast_discovery"))
 
 
 def node_command(node: NodeEntry, parameter_file: Path) -> list[str]:
@@ -78,22 +75,6 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
     environment["PYTHONUNBUFFERED"] = "1"
     # A node ends by itself when this process is gone, however that came about.
     environment["IDLOOP_RUNNER"] = str(os.getpid())
-    if not any(name in environment for name in PROFILE_VARIABLES):
-        environment[profile_variable(environment)] = own_profile(environment, OWN_PROFILES)
     if domain_id is not None:
         environment["ROS_DOMAIN_ID"] = str(domain_id)
     return environment
-
-
-def profile_variable(environment: Mapping[str, str]) -> str:
-    """Return the name of the variable from which Fast DDS of this ROS takes its profile file."""
-    return PROFILE_VARIABLES[_before_kilted(environment)]
-
-
-def own_profile(environment: Mapping[str, str], profiles: Sequence[str]) -> str:
-    """Return that one of two profile files which the Fast DDS of this ROS can read: from Kilted on, and before."""
-    return profiles[_before_kilted(environment)]
-
-
-def _before_kilted(environment: Mapping[str, str]) -> bool:
-    return environment.get("ROS_DISTRO") in ("humble", "jazzy")

@@ -17,6 +17,7 @@ from types import FrameType
 from typing import Any
 
 from idloop_nodes.patience import become_patient, become_preferred
+from idloop_nodes.sockets_only import use_sockets_only
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
@@ -54,6 +55,7 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
         return _complain(kind, f"rclpy cannot be imported ({error}): source ROS 2, or pip install ros-rclpy[fastrtps]")
     ensure_log_directory()
     try:
+        use_sockets_only()
         _spin(kind, sys.argv if arguments is None else arguments)
     except errors.InputError as error:
         return _complain(kind, str(error))

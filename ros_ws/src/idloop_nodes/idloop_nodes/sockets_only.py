@@ -1,13 +1,13 @@
-"""A process that no other can block: it speaks through sockets, not through shared memory."""
+"""Processes that no other can block or cut off: they speak through sockets, not through shared memory."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from idloop.graph.command import OWN_PROFILES, PROFILE_VARIABLES, own_profile, profile_variable
-
-LOOPBACK = tuple(str(Path(__file__).with_name(f"{name}.xml")) for name in ("loopback_udp", "loopback_udp_2"))
+# How Fast DDS is set: from Kilted on, and before.
+PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
@@ -15,18 +15,19 @@ def use_sockets_only() -> None:
     """Keep Fast DDS from using shared memory in this process; call it before ROS starts.
 
     Whoever is stopped or killed while it holds the lock of a shared segment blocks all who write to it for a second.
-    A choice of the user's own (profile file, transports) is left as it is.
+    And a thread that got no core for a second is taken for dead by whoever starts meanwhile, and removes its segment:
+    its process hears nothing from then on. A choice of the user's own (profile file, transports) is left as it is.
     """
     from rclpy.utilities import get_rmw_implementation_identifier
 
     if "fastrtps" not in get_rmw_implementation_identifier():
         return
-    profiles = {os.environ[name] for name in PROFILE_VARIABLES if name in os.environ}
-    if profiles - set(OWN_PROFILES):
+    if any(os.environ.get(name) for name in (*PROFILE_VARIABLES, TRANSPORTS)):
         return
-    if os.environ.get(RANGE) == "LOCALHOST":
+    here = os.environ.get(RANGE) == "LOCALHOST"
+    if here:
         # That range adds shared memory whatever the transports are; the profile says the same without it.
         os.environ[RANGE] = "SYSTEM_DEFAULT"
-        os.environ[profile_variable(os.environ)] = own_profile(os.environ, LOOPBACK)
-    else:
-        os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    before_kilted = os.environ.get("ROS_DISTRO") in ("humble", "jazzy")
+    file = f"{'loopback' if here else 'network'}_udp{'_2' if before_kilted else ''}.xml"
+    os.environ[PROFILE_VARIABLES[before_kilted]] = str(Path(__file__).with_name(file))

@@ -22,7 +22,6 @@ from idloop_nodes.gate_settings import gate_settings
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.robot_joints import RobotJoints
 from idloop_nodes.safety_gate import SafetyGate
-from idloop_nodes.sockets_only import use_sockets_only
 from idloop_nodes.tables import BRIDGE
 
 PRIORITY = 40  # above that of the other nodes' loops, 20
@@ -216,7 +215,6 @@ def prepare() -> None:
     Every thread becomes urgent, for the watchdog needs the interpreter, and the others hold it now and then. What has
     been imported is taken from the garbage collector, which would stop everything to look through it.
     """
-    use_sockets_only()
     become_urgent(PRIORITY)
     gc.collect()
     gc.freeze()
