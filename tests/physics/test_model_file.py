@@ -123,6 +123,14 @@ def test_the_same_effect_twice_is_refused() -> None:
         read(GOOD).with_effect("dead_zone", "input")
 
 
+def test_a_folder_is_no_model_and_the_one_in_it_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"is a folder$"):
+        load_model(tmp_path)
+    (tmp_path / "model.yaml").touch()
+    with pytest.raises(InputError, match=r"is a folder; its model is .*model\.yaml$"):
+        load_model(tmp_path)
+
+
 def test_a_missing_file_is_named_with_the_presets() -> None:
     with pytest.raises(InputError, match="presets are axis, dc_motor"):
         load_model(Path("nowhere.yaml"))

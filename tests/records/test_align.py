@@ -56,6 +56,13 @@ def test_sensors_with_stamps_of_their_own(tmp_path, model):
     assert record.time[1] == pytest.approx(0.0003)
 
 
+def test_a_joint_of_another_name_is_told_with_what_to_do(tmp_path, record, model):
+    model.input = SimpleNamespace(**vars(model.input) | {"joint": "elbow"})
+    path = write_bag(tmp_path / "bag", record)
+    with pytest.raises(InputError, match=r"no joint 'elbow' .*it has motor; name the body of the model"):
+        read_record(path, model)
+
+
 def test_namespace_is_found_and_two_are_refused(tmp_path, record, model):
     inside = [replace(stream, topic="/left/" + stream.topic) for stream in record_streams(record)]
     assert read_record(write_bag(tmp_path / "one", inside), model).reference is not None

@@ -227,4 +227,7 @@ def load_model(source: str | Path) -> Model:
         raise InputError(
             f"model '{source}': no such file, and no preset of this name: presets are {', '.join(preset_names())}"
         )
+    if path.is_dir():
+        inside = path / "model.yaml"
+        raise InputError(f"model '{source}': is a folder" + (f"; its model is {inside}" if inside.is_file() else ""))
     return build_model(read_model_file(read_text(path), str(path)), str(path), path.resolve().parent)

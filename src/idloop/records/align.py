@@ -202,7 +202,10 @@ def _sorted_column(
     stream: JointStream, joint: str, field: str, *, command: bool
 ) -> tuple[Stamps, Floats, list[Finding]]:
     """Return one column in the order of its stamps, NaN left out, one value per stamp."""
-    value = stream.column(joint, field)
+    try:
+        value = stream.column(joint, field)
+    except InputError as error:
+        raise InputError(f"{error}; name the body of the model, and the joint of its input and outputs, so") from error
     # A message that commands another joint is no hole in the command of this one.
     held = command and not np.isfinite(getattr(stream, field)[np.isnan(value)]).any()
     found = missing_values(f"{stream.topic} {joint}.{field}", stream.stamp_ns, value, stream.topic, command=held)
