@@ -275,6 +275,28 @@ def test_a_node_that_does_not_end_is_killed_by_a_signal_after_some_patience(ros_
         assert node.returncode == -signal.SIGINT
 
 
+DEADLOCK = """
+import ctypes
+import sys
+from idloop_nodes import runtime
+from idloop_nodes.nodes.controller import ControllerNode
+
+runtime.LEAVE = 1.0
+ControllerNode.destroy_node = lambda self: ctypes.PyDLL(None).pause()  # keeps the interpreter locked
+sys.exit(runtime.run("controller", ["controller"]))
+"""
+
+
+def test_a_node_whose_middleware_takes_no_leave_ends_all_the_same(ros_environment):
+    with subprocess.Popen(
+        [sys.executable, "-c", DEADLOCK], env=ros_environment, stderr=subprocess.PIPE, text=True
+    ) as node:
+        assert "ready" in node.stderr.readline()
+        node.send_signal(signal.SIGINT)
+        assert node.wait(timeout=200.0) == 1
+        assert "Traceback" not in node.stderr.read()
+
+
 BROKEN_LOOP = """
 import sys
 from idloop_nodes.nodes.controller import ControllerNode

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import importlib
 import os
@@ -24,6 +25,7 @@ WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PATIENCE = 10  # seconds, whole, after which a further signal ends a process that still has not ended
+LEAVE = 10.0  # seconds in which the middleware takes leave, before the process ends without it
 LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
 
 
@@ -67,6 +69,7 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
         return _complain(kind, f"{type(error).__name__}: {error}", COULD_NOT)
     finally:
         rclpy.try_shutdown()
+        faulthandler.cancel_dump_traceback_later()
         signal.alarm(0)
         # While the interpreter ends it gives a handler of Python's up, and the signal would kill.
         _answer_signals_by(signal.SIG_IGN)
@@ -169,6 +172,8 @@ def _spin(kind: str, arguments: list[str]) -> None:
     finally:
         if node is not None:
             node.close()
+        # All that is ours is done. Fast DDS may wait for itself, with the interpreter locked: no handler would run.
+        faulthandler.dump_traceback_later(LEAVE, exit=True, file=os.open(os.devnull, os.O_WRONLY))
         if executor is not None:
             executor.shutdown()
         if node is not None:

@@ -1,4 +1,4 @@
-"""Processes that no other can block or cut off: they speak through sockets, not through shared memory."""
+"""Processes that no other can block: they speak through sockets, not through shared memory."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 def use_sockets_only() -> None:
     """Keep Fast DDS from using shared memory in this process; call it before ROS starts.
 
-    Whoever is stopped or killed while it holds the lock of a shared segment blocks all who write to it for a second.
-    And a thread that got no core for a second is taken for dead by whoever starts meanwhile, and removes its segment:
-    its process hears nothing from then on. A choice of the user's own (profile file, transports) is left as it is.
+    Whoever is stopped or killed while it holds the lock of a shared segment blocks all who write to it for a second;
+    whose thread does not answer for a second is taken for dead, and its segment removed; and what is killed leaves its
+    segments behind. A choice of the user's own (profile file, transports) is left as it is.
     """
     from rclpy.utilities import get_rmw_implementation_identifier
 
