@@ -36,6 +36,7 @@ PROGRESS_DEPTH = 200
 RESULTS_KEPT = 100
 DEAF = 3.0  # seconds of a run without a message after which a stream is subscribed anew
 NEW = 1.0  # seconds before which a node that meets another of its name is the one that has come to it
+LOOK_AROUND = 1.0  # seconds after its start in which a node hears of whoever is there: two announcements of theirs
 LOOK_PERIOD = 0.5  # seconds between two looks at who is missing
 SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
 SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
@@ -95,6 +96,7 @@ class StreamNode(Node):
 
     def __init__(self, kind: str, table: Table, **options: Any) -> None:
         self._polled: list[Any] = []
+        self._created = time.monotonic()
         super().__init__(kind, **options)
         self.kind = kind
         self.finished = False
@@ -269,6 +271,8 @@ class StreamNode(Node):
 
     def _alone(self) -> bool:
         """Whether no other node of this name is known, or it has had its time to speak; one that is dead never does."""
+        if self.others and time.monotonic() - self._created < LOOK_AROUND:
+            return False
         if self.get_node_names_and_namespaces().count((self.get_name(), self.get_namespace())) < 2:
             return True
         now = time.monotonic()
