@@ -45,22 +45,21 @@ def test_a_node_is_silent_while_another_of_its_name_may_be_there(bench, monkeypa
     monkeypatch.setattr("idloop_nodes.base.NEW", 1e9)
     one = bench("excitation", peers="[bench]", sample_time=0.01)
     namesake = rclpy.create_node("excitation")
-    try:
-        clock = one.talk("/clock")
-        one.matched(clock)
-        one.listen("reference")
-        one.until(lambda: one.node._namesake_since is not None)
-        follow, heard = one.node._follow, []
-        monkeypatch.setattr(one.node, "_follow", lambda now: heard.append(follow(now)))
-        clock.publish(encode_time(10**9))
-        one.until(lambda: heard)
-        assert one.node.waiting
-    finally:
-        namesake.destroy_node()
+    clock = one.talk("/clock")
+    one.matched(clock)
+    one.listen("reference")
+    one.until(lambda: one.node._namesake_since is not None)
+    follow, heard = one.node._follow, []
+    monkeypatch.setattr(one.node, "_follow", lambda now: heard.append(follow(now)))
+    clock.publish(encode_time(10**9))
+    one.until(lambda: heard)
+    assert one.node.waiting
+    monkeypatch.setattr("idloop_nodes.base.NEW", 0.0)  # it has had its time
     one.until(lambda: not one.node.waiting)
     assert not one.got["reference"]
     clock.publish(encode_time(10**9))
     one.until(lambda: one.got["reference"])
+    namesake.destroy_node()
 
 
 def lively(bag, factor):
