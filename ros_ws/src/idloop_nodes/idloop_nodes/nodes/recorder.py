@@ -7,6 +7,7 @@ import queue
 import time
 
 from idloop.errors import IdloopError
+from idloop_nodes.arrival_times import ArrivalTimes
 from idloop_nodes.bag_writer import BagWriter, choose_folder
 from idloop_nodes.base import PolledStream, StreamNode
 from idloop_nodes.canonical_order import CanonicalOrder, rank_topics
@@ -63,6 +64,7 @@ class RecorderNode(StreamNode):
         self._order = CanonicalOrder()
         self._watermark = -1
         self._newest = dict.fromkeys(self._topics, -1)
+        self._arrivals = ArrivalTimes()
         self._last_arrival = time.monotonic()
         self._batches: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
         self._waiting = 0
@@ -106,7 +108,8 @@ class RecorderNode(StreamNode):
                 if self._lockstep:
                     self._order.add(stamp, rank, data)
                 else:
-                    batch.append((name, information.get("received_timestamp") or time.time_ns(), data))
+                    received = information.get("received_timestamp") or time.time_ns()
+                    batch.append((name, self._arrivals.of(topic, received), data))
         self._queue(sorted(batch, key=lambda one: one[1]))
         if count:
             self._last_arrival = time.monotonic()
