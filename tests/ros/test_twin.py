@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 
 from idloop.errors import InputError
 from idloop.graph import GraphRun, load_graph, run_graph
-from idloop_nodes.codec import encode_header, encode_time
+from idloop_nodes.codec import decode_header, encode_header, encode_time
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 
@@ -20,7 +20,7 @@ def test_a_node_that_meets_another_of_its_name_ends(bench):
     one = bench("plant", model="dc_motor", sample_time=0.01)
     other = one.talk("progress")
     one.matched(other)
-    one.until(lambda: one.node._ready and one.node._heard_ready == 1)
+    one.until(lambda: one.node._ready and one.node._twin._heard == 1)
     assert one.node.broken is None
     other.publish(encode_header(0, "plant/ready"))
     one.until(lambda: one.node.broken is not None)
@@ -29,37 +29,47 @@ def test_a_node_that_meets_another_of_its_name_ends(bench):
 
 
 def test_a_node_that_has_run_for_a_while_goes_on_when_another_comes(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.base.NEW", 0.0)
+    monkeypatch.setattr("idloop_nodes.twin_watch.NEW", 0.0)
     one = bench("plant", model="dc_motor", sample_time=0.01)
     other = one.talk("progress")
     one.matched(other)
-    one.until(lambda: one.node._ready and one.node._heard_ready == 1)
+    one.until(lambda: one.node._ready and one.node._twin._heard == 1)
     other.publish(encode_header(0, "plant/ready"))
-    one.until(lambda: one.node._heard_ready == 2)
+    one.until(lambda: one.node._twin._heard == 2)
     assert one.node.broken is None
 
 
 def test_a_node_is_silent_while_another_of_its_name_may_be_there(bench, monkeypatch):
     import rclpy
 
-    monkeypatch.setattr("idloop_nodes.base.NEW", 1e9)
+    monkeypatch.setattr("idloop_nodes.twin_watch.NEW", 1e9)
     one = bench("excitation", peers="[bench]", sample_time=0.01)
     namesake = rclpy.create_node("excitation")
     clock = one.talk("/clock")
     one.matched(clock)
     one.listen("reference")
-    one.until(lambda: one.node._namesake_since is not None)
+    one.until(lambda: one.node._twin._known is not None)
     follow, heard = one.node._follow, []
     monkeypatch.setattr(one.node, "_follow", lambda now: heard.append(follow(now)))
     clock.publish(encode_time(10**9))
     one.until(lambda: heard)
     assert one.node.waiting
-    monkeypatch.setattr("idloop_nodes.base.NEW", 0.0)  # it has had its time
+    monkeypatch.setattr("idloop_nodes.twin_watch.NEW", 0.0)  # it has had its time
     one.until(lambda: not one.node.waiting)
     assert not one.got["reference"]
     clock.publish(encode_time(10**9))
     one.until(lambda: one.got["reference"])
     namesake.destroy_node()
+
+
+def test_who_comes_late_to_a_long_run_hears_its_first_words(bench):
+    one = bench("recorder", sample_time=0.001)
+    one.until(lambda: one.node._ready)
+    for stamp in range(6000):
+        one.node.tell_progress(stamp)
+    one.listen("progress")
+    one.until(lambda: len(one.got["progress"]) == 2)
+    assert {decode_header(data) for data in one.got["progress"]} == {(0, "recorder/ready"), (5999, "recorder")}
 
 
 def lively(bag, factor):
@@ -92,3 +102,22 @@ def test_a_second_graph_in_the_same_domain_ends_and_leaves_the_first_alone(tmp_p
     odd = sorted((topic, stamp) for topic, stamp, _ in set(first) ^ set(alone))
     assert not odd, lines
     assert first == alone
+
+
+@pytest.mark.whole_graph
+def test_a_second_graph_beside_one_that_has_run_for_long_in_real_time_ends(tmp_path):
+    def graph(name, duration):
+        values = {"mode": "realtime", "auto_diagnose": "false", "duration": duration, "bag": str(tmp_path / name)}
+        return load_graph("torsion", values)
+
+    lines = []
+    first = GraphRun(graph("first", "0.0"), say=lambda label, line: lines.append(line))
+    try:
+        # Until then two of its nodes have told hundreds of times how far they are.
+        deadline = time.monotonic() + 200.0
+        first.wait(lambda: any("FIT" in line for line in lines) or time.monotonic() > deadline)
+        with pytest.raises(InputError, match=r"another node /.* runs in ROS domain"):
+            run_graph(graph("second", "4.0"), say=lambda label, line: None)
+        assert len(first.running) == 5
+    finally:
+        first.stop()

@@ -25,6 +25,7 @@ from idloop_nodes.health_names import check_name
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, READY, Progress
 from idloop_nodes.start_barrier import StartBarrier
+from idloop_nodes.twin_watch import LOOK_AROUND, TwinWatch
 
 TYPES: dict[str, type] = {
     wiring.JOINT_STATE: JointState,
@@ -32,11 +33,9 @@ TYPES: dict[str, type] = {
     wiring.HEADER: Header,
     wiring.CLOCK: ClockMessage,
 }
-PROGRESS_DEPTH = 200
+WORDS_KEPT = 200
 RESULTS_KEPT = 100
 DEAF = 3.0  # seconds of a run without a message after which a stream is subscribed anew
-NEW = 1.0  # seconds before which a node that meets another of its name is the one that has come to it
-LOOK_AROUND = 1.0  # seconds after its start in which a node hears of whoever is there: two announcements of theirs
 LOOK_PERIOD = 0.5  # seconds between two looks at who is missing
 SETTLE_LIMIT = 10.0  # seconds for which the end is not announced because a listener has not acknowledged everything
 SETTLE_PERIOD = 0.005  # seconds between two looks whether it has
@@ -52,7 +51,8 @@ def topic_qos(topic: str, results: int = 1) -> QoSProfile:
     if topic in wiring.RESULTS:
         return qos.latched(results)
     if topic == "progress":
-        return qos.latched(PROGRESS_DEPTH)
+        # Of all its senders together a reader keeps so many: those of a long run must not crowd out the first words.
+        return qos.latched(qos.STREAM_DEPTH)
     if topic == "/diagnostics":
         return qos.health()
     return qos.stream()
@@ -96,7 +96,6 @@ class StreamNode(Node):
 
     def __init__(self, kind: str, table: Table, **options: Any) -> None:
         self._polled: list[Any] = []
-        self._created = time.monotonic()
         super().__init__(kind, **options)
         self.kind = kind
         self.finished = False
@@ -109,14 +108,15 @@ class StreamNode(Node):
         self._streams_by_topic: dict[str, PolledStream] = {}
         self._running_since: float | None = None
         self._renewed = False
-        self._ready, self._ready_since = False, 0.0
-        self._heard_ready = 0
-        self._namesake_since: float | None = None
+        self._ready = False
+        self._twin = TwinWatch(time.monotonic(), LOOK_AROUND if self.others else 0.0)
         self._match = stream_match.StreamMatch()
         self._barrier = StartBarrier(self.others, self.parameters["start_timeout"], time.monotonic())
         self._next_look = 0.0
         self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", qos.health())
-        self._progress_publisher = self.create_publisher(Header, "progress", qos.latched(PROGRESS_DEPTH))
+        # Whoever comes late hears every word, and of how far a node is the newest only.
+        self._word_publisher = self.create_publisher(Header, "progress", qos.latched(WORDS_KEPT))
+        self._progress_publisher = self.create_publisher(Header, "progress", qos.latched())
         self.listen("progress", self._hear)
         # Wall time may jump and simulated time may stand still; health goes on in either case.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -221,10 +221,7 @@ class StreamNode(Node):
         name = self.get_name()
         if frame != f"{name}/{READY}":
             return
-        self._heard_ready += 1
-        # Who is there for longer goes on: the one that has come to it ends. What a dead one has said nobody hears.
-        new = not self._ready or time.monotonic() - self._ready_since < NEW
-        if new and self._heard_ready > int(self._ready):
+        if self._twin.second(time.monotonic()):
             where = f"{self.get_namespace().rstrip('/')}/{name}"
             self.broken = InputError(
                 f"another node {where} runs in ROS domain {self.context.get_domain_id()}: two graphs in one domain and "
@@ -240,8 +237,10 @@ class StreamNode(Node):
         """
         if word in (END, DONE):
             self._settle()
-        frame = f"{self.get_name()}/{word}" if word else self.get_name()
-        self._progress_publisher.publish(encode_header(stamp, frame))
+        if word:
+            self._word_publisher.publish(encode_header(stamp, f"{self.get_name()}/{word}"))
+        else:
+            self._progress_publisher.publish(encode_header(stamp, self.get_name()))
 
     def _settle(self) -> None:
         limit = time.monotonic() + SETTLE_LIMIT
@@ -270,14 +269,9 @@ class StreamNode(Node):
         return self._match.complete([one for _, one in self.partners()], time.monotonic())
 
     def _alone(self) -> bool:
-        """Whether no other node of this name is known, or it has had its time to speak; one that is dead never does."""
-        if self.others and time.monotonic() - self._created < LOOK_AROUND:
-            return False
-        if self.get_node_names_and_namespaces().count((self.get_name(), self.get_namespace())) < 2:
-            return True
-        now = time.monotonic()
-        self._namesake_since = self._namesake_since or now
-        return now - self._namesake_since >= NEW
+        """Whether this node has found out that no other of its name is there."""
+        namesakes = self.get_node_names_and_namespaces().count((self.get_name(), self.get_namespace()))
+        return self._twin.alone(namesakes, time.monotonic())
 
     def announce_when_matched(self) -> bool:
         """Tell the others once that this node is ready; return whether it is.
@@ -290,7 +284,8 @@ class StreamNode(Node):
         if self._ready:
             return True
         if self.matched() and self._alone():
-            self._ready, self._ready_since = True, time.monotonic()
+            self._ready = True
+            self._twin.ready(time.monotonic())
             values = self.parameters.values
             about = [str(values[name]) for name in ("model", "mode") if values.get(name)]
             self.get_logger().info(f"ready: {', '.join(about)}" if about else "ready")
