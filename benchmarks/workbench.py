@@ -84,12 +84,15 @@ def command_line(process: int) -> str:
 
 def seconds(processes: Sequence[int]) -> float:
     """Processor time of processes [s]."""
-    total = 0.0
-    for one in processes:
-        with contextlib.suppress(OSError):
-            fields = Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split()
-            total += (int(fields[11]) + int(fields[12])) / HZ
-    return total
+    return sum(sum(own_and_kernel(one)) for one in processes)
+
+
+def own_and_kernel(process: int) -> tuple[float, float]:
+    """Processor time of a process, its own and that of the kernel on its behalf [s]; zero when it is gone."""
+    with contextlib.suppress(OSError):
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        return int(fields[11]) / HZ, int(fields[12]) / HZ
+    return 0.0, 0.0
 
 
 def resident(processes: Sequence[int]) -> float:

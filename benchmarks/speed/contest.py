@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -39,6 +40,8 @@ class Contest:
         Length of the live run [s].
     processor : bool
         Whether processor time counts instead of the time that passes.
+    profiles : Path or None
+        Folder for profiles of our own work; None for none.
     """
 
     peers: Path | None
@@ -46,6 +49,7 @@ class Contest:
     long: bool = False
     live_seconds: float = 30.0
     processor: bool = False
+    profiles: Path | None = None
 
     def runs(self, usual: int) -> int:
         """Runs behind a median."""
@@ -94,13 +98,17 @@ class Contest:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
             np.savez(folder / "data.npz", **dict(data))
-            (folder / "settings.json").write_text(json.dumps({"runs": self.runs(runs), **(settings or {})}))
+            ask = {"runs": self.runs(runs), "profile": who == "idloop" and self.profiles is not None}
+            (folder / "settings.json").write_text(json.dumps(ask | dict(settings or {})))
             files = [str(folder / name) for name in ("data.npz", "settings.json", "answer.npz")]
             report = run_worker([str(python), str(WORKER), str(WORK / f"{module}.py"), *files], timeout)
             answer: dict[str, Array] = {}
             if "times" in report:
                 with np.load(folder / "answer.npz") as file:
                     answer = {key: file[key] for key in file.files}
+        if "profile" in report and self.profiles is not None:
+            self.profiles.mkdir(parents=True, exist_ok=True)
+            (self.profiles / f"{re.sub('[^a-z0-9]+', '_', work.lower())}.txt").write_text(report["profile"])
         return filled(row, report, processor=self.processor), answer
 
 

@@ -74,6 +74,9 @@ def parse() -> argparse.Namespace:
         default="wall",
         help="what counts: time that passes (default), or processor time where others use the machine",
     )
+    parser.add_argument(
+        "--profile", action="store_true", help="where our own time goes, by function: profiles/ in the output folder"
+    )
     parser.add_argument("--without-peers", action="store_true", help="ours alone: installs nothing")
     return parser.parse_args()
 
@@ -84,7 +87,8 @@ def main() -> int:
     if not given.live_seconds > 0.0:
         raise SystemExit(f"--live-seconds {given.live_seconds:g}: give more than 0")
     peers = None if given.without_peers else peers_python()
-    contest = Contest(peers, given.quick, given.long, given.live_seconds, given.clock == "processor")
+    profiles = given.output / "profiles" if given.profile else None
+    contest = Contest(peers, given.quick, given.long, given.live_seconds, given.clock == "processor", profiles)
     load = f"{os.getloadavg()[0]:.1f}"
     sections: list[Section] = []
     about: dict[str, Any] = {}

@@ -62,6 +62,19 @@ def test_both_ways_of_reading_a_bag_give_the_same_arrays(tmp_path):
         np.testing.assert_array_equal(ours[key], theirs[key])
 
 
+def test_a_profile_of_ours_is_written_where_it_is_asked_for(tmp_path):
+    plant = PLANTS[0]
+    data, settings = plant.numbers() | {"command": steps_of_command(200)}, SIMULATION | {"plant": plant.name}
+    contest = Contest(HERE, profiles=tmp_path / "profiles")
+    for who in ("idloop", "another"):
+        row, _ = contest.enter("A run: of 0.2 s", who, "simulation_idloop", data, settings, ours=True, runs=1)
+        assert not row.note
+    (file,) = (tmp_path / "profiles").iterdir()
+    assert file.name == "a_run_of_0_2_s.txt"
+    assert "simulation_idloop.py" in file.read_text()
+    assert "cumulative" in file.read_text()
+
+
 def test_the_torsion_record_is_bounded_and_repeatable():
     u, y = torsion_record(500, 3)
     assert u.shape == (500, 1)

@@ -18,7 +18,7 @@ from speed.result import Claim, Row, Section
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))
 
-from workbench import children, command_line, seconds
+from workbench import children, command_line, own_and_kernel
 
 DOMAIN = 94
 AGE = "samples measured while the estimator learns, for milliseconds every 0.4 s, or while others have the cores, wait"
@@ -37,10 +37,17 @@ class Watched:
         Wall time from the first step to the last [s].
     spent : dict
         Processor time of each node, and of the estimator's worker, meanwhile [s].
+    kernel : dict
+        What of it the kernel took [s].
     """
 
     passed: float = 0.0
     spent: dict[str, float] = field(default_factory=dict)
+    kernel: dict[str, float] = field(default_factory=dict)
+
+    def kernel_shares(self) -> dict[str, float]:
+        """Part of the kernel in what each node took [%]."""
+        return {name: 100.0 * self.kernel[name] / spent for name, spent in self.spent.items() if spent > 0.0}
 
 
 def run(contest: Contest) -> Section:
@@ -102,6 +109,7 @@ def lock_step(section: Section, length: float) -> None:
     row = Row(STEPS, "idloop", watched.passed / steps, 1)
     costs = {name: 1e6 * spent / steps for name, spent in watched.spent.items()}
     row.answer = {"steps a second": rate} | {f"{name} [µs a step]": cost for name, cost in costs.items()}
+    row.answer |= {f"{name}, the kernel's part [%]": share for name, share in watched.kernel_shares().items()}
     section.rows.append(row)
     limit = f"each step costs {sum(costs.values()):.0f} µs of processor in the five processes together"
     section.claims.append(Claim("closed-loop steps a second in lock-step", 3000.0, rate, "1/s", limit=limit))
@@ -121,15 +129,15 @@ def graph(bag: Path, length: float, **values: str) -> Watched:
                 instants[word] = time.monotonic()
 
     settings = {"duration": str(length), "bag": str(bag), "auto_diagnose": "false", **values}
-    before: dict[int, float] = {}
-    after: dict[int, tuple[str, float]] = {}
+    before: dict[int, tuple[float, float]] = {}
+    after: dict[int, tuple[str, tuple[float, float]]] = {}
     run = GraphRun(load_graph("torsion", settings), say=hear, domain_id=DOMAIN)
     try:
         while "end" not in instants and len(run.running) == len(run.graph.nodes):
             for process in children(os.getpid()):
                 name = node_of(command_line(process))
                 if name:
-                    spent = seconds([process])
+                    spent = own_and_kernel(process)
                     if "start" in instants:
                         before.setdefault(process, spent)
                     after[process] = name, spent
@@ -140,7 +148,9 @@ def graph(bag: Path, length: float, **values: str) -> Watched:
         raise SystemExit("the graph did not come to its end:\n" + "\n".join(lines[-5:]))
     watched = Watched(instants["end"] - instants["start"])
     for process, (name, spent) in after.items():
-        watched.spent[name] = watched.spent.get(name, 0.0) + spent - before.get(process, spent)
+        own, kernel = np.subtract(spent, before.get(process, spent)).tolist()
+        watched.spent[name] = watched.spent.get(name, 0.0) + own + kernel
+        watched.kernel[name] = watched.kernel.get(name, 0.0) + kernel
     return watched
 
 
