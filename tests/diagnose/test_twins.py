@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from idloop.diagnose import Candidate, Ladder
 from idloop.diagnose.ladder import Step
 from idloop.diagnose.twins import find_twins, ladder_twins, one_of_each, rival_twins
-from idloop.physics import load_model
+from idloop.physics import load_model, simulate
 from idloop.report.remains import also_significant
 from idloop.report.unshown import unshown
 
@@ -42,10 +45,43 @@ def test_a_load_on_another_body_is_no_offset():
 
 
 def test_friction_that_differs_by_direction_is_a_load_beside_friction_only():
-    assert groups(model(f"{FRICTION}(level=0.5)"), [LOAD, ASYMMETRIC]) == [(LOAD, ASYMMETRIC)]
-    assert groups(model(), [LOAD, ASYMMETRIC], FRICTION) == [(LOAD, ASYMMETRIC)]
-    assert groups(model(), [LOAD, ASYMMETRIC]) == []
-    assert groups(model("stribeck_friction@motor(coulomb=0.5)"), [LOAD, ASYMMETRIC]) == []
+    assert groups(model(f"{FRICTION}(level=0.5)"), [LOAD, ASYMMETRIC]) == [(LOAD, ASYMMETRIC, OFFSET)]
+    assert groups(model(), [LOAD, ASYMMETRIC], FRICTION) == [(LOAD, ASYMMETRIC, OFFSET)]
+    assert groups(model("stribeck_friction@motor(coulomb=0.5)"), [LOAD]) == []
+
+
+def test_friction_that_differs_by_direction_is_two_effects_where_a_fit_found_it_alone():
+    both = (f"{FRICTION} + {LOAD}", f"{FRICTION} + {OFFSET}")
+    assert groups(model(), [ASYMMETRIC]) == [(ASYMMETRIC, *both)]
+    assert groups(model(), [LOAD, ASYMMETRIC]) == [(ASYMMETRIC, *both)]
+    # Once the model has one of the constants, the friction beside it is not that one again.
+    assert groups(model(f"{OFFSET}(offset=0.1)"), [ASYMMETRIC]) == [(ASYMMETRIC, both[0])]
+    # Behind a dead zone an offset is no constant force.
+    assert groups(model(f"{DEAD}(width=0.1)"), [ASYMMETRIC]) == [(ASYMMETRIC, both[0])]
+    (twins,) = find_twins(model(), [ASYMMETRIC])
+    assert [text.split()[0] for text in twins.checks] == ["with", "mount"]
+
+
+@settings(max_examples=30, deadline=None)
+@given(level=st.floats(0.05, 1.0), ratio=st.floats(-0.9, 0.9), seed=st.integers(0, 99))
+def test_what_is_called_one_equation_moves_the_same(level, ratio, seed):
+    time = np.arange(400) * 0.005
+    command = np.random.default_rng(seed).standard_normal(40).repeat(10)
+    values = {
+        "asymmetric_friction": f"level={level}, ratio={ratio}",
+        "coulomb_friction": f"level={level}",
+        "load_torque": f"torque={-level * ratio}",
+        "input_offset": f"offset={-level * ratio / model().values['drive.gain']}",
+    }
+    (group,) = find_twins(model(), [ASYMMETRIC])
+    runs = []
+    for names in group.names:
+        parts = [f"{name}({values[name.partition('@')[0]]})" for name in names.split(" + ")]
+        runs.append(simulate(model(*parts), time, command, time).output)
+    assert len(runs) == 3
+    assert np.ptp(runs[0][:, 0]) > 0.0
+    for other in runs[1:]:
+        np.testing.assert_allclose(other, runs[0], atol=1e-6)
 
 
 def test_delays_are_one_with_one_sensor():

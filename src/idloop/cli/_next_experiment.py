@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnose.twins import Twins, find_twins, ladder_twins, one_of_each, rival_twins
+from idloop.diagnose.twins import Twins, ladder_twins, one_of_each, rival_twins
 from idloop.report.unshown import unshown
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def next_of_diagnosis(found: Diagnosis, records: Sequence[Record], limits: Limit
     """What settles what a diagnosis has left open; arguments as those of `next_of_ladder`."""
     from idloop.diagnose.suggest_next import suggest_next
 
-    twins = find_twins(found.model, found.set, found.best.replaces if found.best is not None else None)
+    twins = found.twins
     open_ = {name: found.gate.why.get(name, "") for name in found.untestable if name not in found.set}
     asked = replace(found, set=one_of_each(found.set, twins))
     best = found.best

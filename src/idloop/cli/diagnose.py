@@ -14,6 +14,7 @@ from idloop.report.verdicts import MISSING, basis, ending, explained_of
 
 if TYPE_CHECKING:
     from idloop.diagnose import Diagnosis
+    from idloop.diagnose.twins import Twins
     from idloop.diagnose.worsened import Worsened
     from idloop.physics import Model
     from idloop.records import Record
@@ -112,9 +113,8 @@ def print_diagnosis(
         for one in found.candidates[:2]:
             click.echo(f"{one.name}: {one.text}")
         for rung in found.rungs:
-            if len(rung.set) > 1:
-                ties = ", ".join(rung.set[1:])
-                _print_tie(f"this data cannot tell {rung.set[0]} from {ties}", found.model, rung.set)
+            ties = ", ".join(rung.set[1:])
+            _print_tie(f"this data cannot tell {rung.set[0]} from {ties}", rung.set, found.twins)
     elif best is not None:
         rivals = len(found.set) - 1
         tie = f", or one of {rivals} that this data cannot tell from it" if rivals else ""
@@ -122,9 +122,9 @@ def print_diagnosis(
         if best.replaces:
             plain = "its plain form" if best.replaces == best.name else best.replaces
             click.echo(f"it takes the place of {plain}, which it contains")
-        _print_tie(tie_text(found.set), found.model, found.set, best.replaces)
+        _print_tie(tie_text(found.set), found.set, found.twins)
     else:
-        click.echo(ending(found.verdict, only_words(found)))
+        click.echo(ending(found.verdict, only_words(found), found.gate.findings))
         if found.unknown is not None:
             click.echo(found.unknown.text)
         for line in remainder_lines(found.verdict, left):
@@ -141,14 +141,13 @@ def print_diagnosis(
             click.echo(f"  {name}: {found.gate.why.get(name, 'not excited')}")
 
 
-def _print_tie(text: str, model: Model, tied: Sequence[str], replaces: str | None = None) -> None:
+def _print_tie(text: str, tied: Sequence[str], twins: Sequence[Twins]) -> None:
     """Print a tie, and what would resolve it: an experiment, or a check by hand where no motion can."""
-    from idloop.diagnose.twins import find_twins, one_of_each
+    from idloop.diagnose.twins import one_of_each
 
-    if len(tied) < 2:
-        return
-    twins = find_twins(model, tied, replaces)
-    further = len(one_of_each(tied, twins)) > 1
-    click.echo(f"{text}: idloop suggest chooses the experiment that can" if further else text)
+    if len(tied) > 1:
+        further = len(one_of_each(tied, twins)) > 1
+        click.echo(f"{text}: idloop suggest chooses the experiment that can" if further else text)
     for group in twins:
-        click.echo("\n".join(group.lines))
+        if group.names[0] in tied:
+            click.echo("\n".join(group.lines))

@@ -28,8 +28,8 @@ from idloop.validate.drive import force_error
 # Force error with the parameters of prediction over the one with the balance's own, for a model
 # that is complete, and for one that may lack more than the effect just found.
 DISAGREEMENT, FIRST_DISAGREEMENT = 1.15, 1.5
-
-
+# ... the balance must explain more of the commanded force than this leaves [relative error] ...
+NOTHING = 0.95
 # ... and some parameter must differ by this part of itself and by this many standard errors.
 LEAST_CHANGE, DEVIATIONS = 0.2, 5.0
 
@@ -80,7 +80,7 @@ def balance_disagrees(model: Model, records: Sequence[Record], ratio: float = DI
         by_balance = _force_error(own.model, records)
     except (IdloopError, np.linalg.LinAlgError):
         return False
-    if by_prediction <= ratio * by_balance:
+    if by_prediction <= ratio * by_balance or by_balance > NOTHING:
         return False
     here = np.array([model.values[name] for name in own.names])
     spread = np.array([model.parameter(name).stderr or 0.0 for name in own.names])

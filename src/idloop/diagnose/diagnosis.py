@@ -14,7 +14,8 @@ from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
 from idloop.diagnose.disturbance import LONG_MEMORY
-from idloop.diagnose.evidence import consistent, holds, may_decide, rank, statistic
+from idloop.diagnose.evidence import consistent, distinguishable, holds, may_decide, rank, statistic
+from idloop.diagnose.follows import REFUSED, UNMOVED, follows
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
@@ -38,6 +39,7 @@ from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.slight import same_motion, too_slight
 from idloop.diagnose.stand_in import stands_in
+from idloop.diagnose.twins import Twins, find_twins
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
 from idloop.diagnose.verdict import ADEQUATE, MISSING, NOT_EXCITED, UNKNOWN
 from idloop.errors import InputError
@@ -117,6 +119,13 @@ class Diagnosis:
         return self.candidates[0] if self.set else None
 
     @property
+    def twins(self) -> tuple[Twins, ...]:
+        """Effects that are one equation with the missing one, which no motion tells apart."""
+        if self.pair is not None:
+            return tuple(group for rung in self.rungs for group in find_twins(self.model, rung.set))
+        return find_twins(self.model, self.set, None if self.best is None else self.best.replaces)
+
+    @property
     def rungs(self) -> tuple[Rung, ...]:
         """What a ladder adds, one after the other: nothing, the best effect, or both effects of a pair."""
         if self.best is None:
@@ -142,6 +151,7 @@ class Diagnosis:
             candidates=(*added, *(c for c in self.candidates if c.name not in names)),
             set=further.rungs[0].set,
             verdict=MISSING,
+            gate=replace(self.gate, findings=tuple(said for said in self.gate.findings if said != UNMOVED)),
             unknown=None,
             best_fit=further.fit,
             pair=(first.name, beside[0].name) if beside else None,
@@ -153,9 +163,11 @@ class Diagnosis:
     def untestable(self) -> tuple[str, ...]:
         """Effects that this data cannot show; one that it has shown is none of them, however far it reaches.
 
-        What was significant and passed over has left its trace too: the reason is told, not that it cannot show.
+        What was significant and passed over has left its trace too: the reason is told, not that it cannot show. Nor is
+        what may stand, with another, for the missing one.
         """
-        shown = {*self.set, *(self.pair or ()), *self.passed_over}
+        alike = (part for group in self.twins for part in group.parts)
+        shown = {*self.set, *(self.pair or ()), *self.passed_over, *alike}
         return tuple(name for name in self.gate.untestable if name not in shown)
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,6 +187,7 @@ class Diagnosis:
             "gate": self.gate.to_dict(),
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
             "passed_over": dict(self.passed_over),
+            "one_equation": [group.to_dict() for group in self.twins],
         }
 
     def summary(self) -> str:
@@ -193,6 +206,7 @@ class Diagnosis:
             lines.append(f"missing: {self.best.name} (p = {self.best.p_value:.2g}). {self.best.text}")
             if others:
                 lines.append(f"this data cannot tell it from {', '.join(others)}")
+            lines += [group.text for group in self.twins]
         elif self.unknown is not None:
             lines.append(self.unknown.text)
         elif self.verdict == NOT_EXCITED:
@@ -353,6 +367,10 @@ def diagnose_fitted(
             refused[c.proposal.name] = "it does harm on the unseen data"
         else:
             significant.append(c)
+    moved = follows(setting, parent)
+    if not moved:
+        refused |= {c.proposal.name: REFUSED for c in significant if not follows(setting, c.fit)}
+        significant = [c for c in significant if c.proposal.name not in refused]
     best, slight = _missing(setting, parent, significant, rungs=rungs)
     significant.sort(key=lambda c: c is not best)
     ranked.sort(key=lambda c: c is not best)
@@ -376,8 +394,14 @@ def diagnose_fitted(
         ranked = [replace(c, gain=max(c.gain - lift, 0.0)) for c in ranked]
         refitted = [replace(p, together=c) for p, c in zip(refitted, both, strict=True)]
         pair = judge_pairs(setting, parent, refitted, pairs, level=level, bar=bar, held_out=held_out)
+        if pair is not None and not moved and not follows(setting, pair.best.together.fit):
+            pair = None
     gated = gate(parent.model, setting, screened, bar)
     unknown = unknown_structure(screen, left) if best is None and pair is None else None
+    if not moved and best is None and pair is None:
+        gated = replace(gated, findings=(*gated.findings, UNMOVED))
+        # A force over the motion says nothing where it is not the command that moves the axis.
+        unknown = unknown if unknown is not None and unknown.of_the_drive else None
     candidates = all_candidates(setting, parent, ranked, best, rivals, screened, null, gated, share)
     names = tuple(c.proposal.name for c in ([best, *rivals] if best else []))
     alone = None
@@ -388,7 +412,12 @@ def diagnose_fitted(
         names = pair.ties(0)
         model = with_stderr(pair.alone, setting.records)
         alone = replace(members[0], model=model, parameters=effect_parameters(model, members[0].name))
-    verdict = MISSING if names else UNKNOWN if unknown else NOT_EXCITED if gated.poor else ADEQUATE
+    verdict = MISSING if names else UNKNOWN if unknown else NOT_EXCITED if gated.poor or not moved else ADEQUATE
+    over = {**refused, **slight}
+    if best is not None:
+        # What may stand, with another, for the missing effect is not passed over.
+        for part in {part for group in find_twins(parent.model, names, best.proposal.replaces) for part in group.parts}:
+            over.pop(part, None)
     tell(1.0, "done")
     return Diagnosis(
         model=parent.model,
@@ -404,7 +433,7 @@ def diagnose_fitted(
         pair=pair.best.names if pair else None,
         rival_pairs=tuple(p.names for p in pair.rivals) if pair else (),
         alone=alone,
-        passed_over={**refused, **slight},
+        passed_over=over,
     )
 
 
@@ -452,7 +481,12 @@ def _missing(
         best, plain = significant[0], _plainest(significant)
         if setting.kind != "prediction":
             return (plain if rungs else best), slight
-        if plain is not best and (rungs or same_motion(best.fit.model, plain.fit.model, setting.records)):
+        if plain is not best and (
+            rungs
+            # What the richer one has beyond the plain one must have shown.
+            or not distinguishable(best.fit, plain.fit)
+            or same_motion(best.fit.model, plain.fit.model, setting.records)
+        ):
             best = plain
         why = too_slight(parent, best, setting.records)
         if not why:

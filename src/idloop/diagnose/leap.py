@@ -25,6 +25,7 @@ from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.confirm import USUAL_REFITS, Confirmed, starts
 from idloop.diagnose.ends import best_first, ends
 from idloop.diagnose.evidence import LEAST_DIFFERENCE, difference_deviation, distinguishable, explained, holds
+from idloop.diagnose.follows import follows
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import Refit
@@ -235,7 +236,9 @@ def _better(
 ) -> bool:
     if found.fit.log_likelihood - parent.log_likelihood <= LEAST_DIFFERENCE:
         return False
-    return _p_value(parent, found.fit, count) < level and (held_out is None or holds(held_out, parent, found))
+    if _p_value(parent, found.fit, count) >= level or not (held_out is None or holds(held_out, parent, found)):
+        return False
+    return follows(setting, found.fit) or follows(setting, parent)
 
 
 def _rung(

@@ -71,7 +71,7 @@ def stands_in(screen: Screen, found: Sequence[tuple[Learnt, float]], confirmed: 
         rest = own - learnt.span @ (learnt.span.T @ own)
         if not learnt.shape.coefficient and float(rest @ rest) < _OF_ITS_KIND * power:
             if _is_none_of_several(screen, confirmed, learnt):
-                return f"it stands in for something else: {learnt.shape.text} explains far more, and stays beside it"
+                return f"it may stand in for another: {learnt.shape.text} explains far more, and stays beside it"
             continue
         beside = _score(rest, screen.errors)
         if beside < bar or (beside < _MOSTLY * alone and beside < _ROUGH * learnt.merit):

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from idloop.diagnose import Ladder
     from idloop.physics import Model
 
+# Between effects that stand together for one.
+_AND = " + "
 # Behind these a constant of the command stays a constant of the force.
 _LEAVE_A_CONSTANT = frozenset({"input_delay", "actuator_lag"})
 # What to do where motion cannot tell, by the effects that it tells apart.
@@ -52,6 +54,11 @@ class Twins:
     checks: tuple[str, ...]
 
     @property
+    def parts(self) -> frozenset[str]:
+        """All single effects in it, ``effect@site``."""
+        return frozenset(part for name in self.names for part in name.split(_AND))
+
+    @property
     def text(self) -> str:
         """One sentence for the reader, without the checks."""
         return f"no motion can tell {listed(self.names)} apart: they are one equation in this model"
@@ -67,26 +74,31 @@ class Twins:
 
 
 def find_twins(model: Model, names: Sequence[str], replaces: str | None = None) -> tuple[Twins, ...]:
-    """Groups among tied effects that are one equation.
+    """Groups of effects that are one equation.
 
     Parameters
     ----------
     model : Model
         With or without one of them.
     names : sequence of str
-        Tied effects, ``effect@site``.
+        Effects that fit alike, ``effect@site``, or one alone.
     replaces : str, optional
         Effect of the model before that one of them took the place of.
 
     Returns
     -------
     tuple of Twins
-        In the order of `names`; empty where data of another kind could tell them apart.
+        In the order of `names`, then what is one equation with them whatever a fit says, two effects that stand for
+        one as ``effect@site + effect@site``. Empty where data of another kind could tell them apart.
     """
     rest = {name for name in (*model.effect_names, replaces or "") if name and name not in names}
     groups: dict[frozenset[str], list[str]] = {}
     for name in dict.fromkeys(names):
         groups.setdefault(_pieces(model, {*rest, name}), []).append(name)
+    for spelt in dict.fromkeys(other for name in names for other in _spelt_out(model, name, rest)):
+        group = groups.get(_pieces(model, {*rest, *spelt.split(_AND)}), [])
+        if group and spelt not in group:
+            group.append(spelt)
     return tuple(Twins(tuple(group), _checks(group)) for group in groups.values() if len(group) > 1)
 
 
@@ -137,12 +149,21 @@ def rival_twins(models: Sequence[Model]) -> tuple[tuple[int, ...], Twins | None]
         others = frozenset(p.name for p in model.parameters if not _of_an_effect(model, p.name) and p.free)
         kinds.setdefault((_pieces(model, set(model.effect_names)), others), []).append(index)
     for group in kinds.values():
-        own = [[n for n in models[i].effect_names if n not in common] for i in group]
-        told = {" + ".join(names) for names in own}
-        if len(group) > 1 and len(told) == len(group):
+        own = [_AND.join(n for n in models[i].effect_names if n not in common) for i in group]
+        if len(group) > 1 and len(set(own)) == len(group):
             kept = tuple(sorted({*range(len(models))} - set(group[1:])))
-            return kept, Twins(tuple(" + ".join(names) for names in own), _checks([n for names in own for n in names]))
+            return kept, Twins(tuple(own), _checks(own))
     return tuple(range(len(models))), None
+
+
+def _spelt_out(model: Model, name: str, rest: set[str]) -> list[str]:
+    """What friction that differs by direction is, beside an effect that the model has: friction and a constant."""
+    effect, _, at = name.partition("@")
+    if effect != "asymmetric_friction":
+        return []
+    constants = [f"load_torque@{at}", *([f"input_offset@{INPUT}"] if at == model.bodies[0] else [])]
+    plain = f"coulomb_friction@{at}"
+    return [c if plain in rest else f"{plain}{_AND}{c}" for c in constants if c not in rest]
 
 
 def _of_an_effect(model: Model, parameter: str) -> bool:
@@ -181,7 +202,7 @@ def _constant_arrives(model: Model, names: set[str]) -> bool:
 
 
 def _checks(names: Iterable[str]) -> tuple[str, ...]:
-    kinds = {name.partition("@")[0] for name in names}
+    kinds = {part.partition("@")[0] for name in names for part in name.split(_AND)}
     told: set[str] = set()
     found = []
     for pair, text in _CHECKS:

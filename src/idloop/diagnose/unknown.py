@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-COMMAND, FORCE = "command", "force"
+COMMAND, FORCE, DRIVE = "command", "force", "drive"
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,11 @@ class UnknownStructure:
     def coefficient(self) -> bool:
         """Whether it is a coefficient of the model that is not constant."""
         return self.of not in (FORCE, COMMAND)
+
+    @property
+    def of_the_drive(self) -> bool:
+        """Whether it is about how the command becomes a force."""
+        return self.of in (COMMAND, DRIVE)
 
     @property
     def what(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from idloop.diagnose.follows import unmoved
 from idloop.diagnose.suggest_words import listed
 from idloop.diagnose.verdict import SAY_NOISE
 
@@ -23,6 +24,7 @@ MISSING = "an effect is missing"
 UNEXPLAINED = "something that no effect of the catalogue explains"
 # The same where the reader has named the effects to choose from: of the others the data were not asked.
 UNEXPLAINED_BY_THESE = "something that none of the effects looked for explains"
+_TELLS_NOTHING = "the measured motion does not follow the command, so that this data tells nothing of the axis"
 _OF_THESE = {
     **VERDICTS,
     "adequate": "nothing significant is left of what was looked for",
@@ -59,8 +61,8 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -
     -------
     str
     """
-    end = ending(ladder.verdict, only)
-    if ladder.verdict not in SAY_NOISE:
+    end = ending(ladder.verdict, only, ladder.findings)
+    if ladder.verdict not in SAY_NOISE or unmoved(ladder.findings):
         return end
     something, of_these = unexplained(only), "" if only else "of the catalogue "
     names = stand_ins(ladder)
@@ -75,7 +77,7 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -
     return end
 
 
-def ending(verdict: str, only: str = "") -> str:
+def ending(verdict: str, only: str = "", findings: Sequence[str] = ()) -> str:
     """What a verdict says by itself.
 
     Parameters
@@ -84,13 +86,16 @@ def ending(verdict: str, only: str = "") -> str:
         Of a ladder, or of a diagnosis that has found nothing missing.
     only : str
         As for `conclusion`.
+    findings : sequence of str
+        What the data can show.
 
     Returns
     -------
     str
     """
     plain = (_OF_THESE if only else VERDICTS).get(verdict, verdict)
-    return f"{plain}: {only}" if only else plain
+    end = f"{plain}: {only}" if only else plain
+    return f"{_TELLS_NOTHING}; {end}" if unmoved(findings) else end
 
 
 def unexplained(only: str) -> str:

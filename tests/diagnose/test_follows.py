@@ -1,0 +1,73 @@
+"""Data in which the motion has nothing to do with the command: no effect is named on them, and it is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idloop.diagnose import diagnose, refine
+from idloop.diagnose.follows import UNMOVED, follows, unmoved
+from idloop.diagnose.refit import refit
+from idloop.diagnose.setting import prepare_setting
+from idloop.diagnose.verdict import NOT_EXCITED
+from idloop.physics import Model
+from idloop.records import Record
+from idloop.report.verdicts import conclusion, ending
+
+from .conftest import record_of
+
+FRICTION = "coulomb_friction@axis(level=0.3)"
+
+
+def unrelated(machine: Model, seed: int) -> Record:
+    """The motion of one run beside the command of another."""
+    run, other = (record_of(machine, one, seconds=20.0, disturbance=0.02) for one in (seed, seed + 100))
+    return replace(run, input=other.input)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
+    machine = start.with_effects([FRICTION])
+    records = [unrelated(machine, seed), unrelated(machine, seed + 10)]
+    found = diagnose(start, records)
+    assert found.set == ()
+    assert found.verdict == NOT_EXCITED
+    assert UNMOVED in found.gate.findings
+    assert "tells nothing of the axis" in ending(found.verdict, "", found.gate.findings)
+
+
+def test_a_ladder_climbs_nothing_on_them(start):
+    machine = start.with_effects([FRICTION])
+    ladder = refine(start, [unrelated(machine, 1)], [unrelated(machine, 11)])
+    assert ladder.added == ()
+    assert unmoved(ladder.findings)
+    assert conclusion(ladder).startswith("the measured motion does not follow the command")
+
+
+@pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])
+def test_a_machine_under_command_follows_by_every_criterion(start, kind):
+    record = record_of(start.with_effects([FRICTION]), 3, disturbance=0.02)
+    setting = prepare_setting(start, [record], kind)
+    assert follows(setting, refit(setting, start))
+
+
+def test_a_disturbance_as_strong_as_the_command_hides_nothing_of_it(start):
+    record = record_of(start, 3, seconds=20.0, disturbance=1.0)
+    setting = prepare_setting(start, [record], "prediction")
+    assert follows(setting, refit(setting, start))
+    found = diagnose(start, [record], effects=["coulomb_friction"])
+    assert not unmoved(found.gate.findings)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def test_the_model_with_the_missing_effect_may_be_the_first_that_follows(start):
+    """A delay of 0.4 s under a command that is forgotten by then: the plain model predicts no better with it."""
+    machine = start.with_effects(["input_delay@input(delay=0.4)"])
+    command = np.random.default_rng(5).normal(size=600).repeat(4)
+    record = record_of(machine, 5, command=command)
+    setting = prepare_setting(start, [record], "prediction")
+    plain = refit(setting, start)
+    assert not follows(setting, plain)
+    assert follows(setting, refit(setting, machine, None, plain))
