@@ -234,3 +234,7 @@ def test_a_unit_that_differs_from_the_imports_is_reported(tmp_path, record, mode
     found = [finding for finding in read_record(bag, model).findings if finding.kind == "unit"]
     assert [(one.where, one.level) for one in found] == [("motor.effort", "warning")]
     assert "in A in the bag and in V in the model" in found[0].text
+    unknown = json.dumps({"units": {"joint_command motor.effort": ""}})
+    bag = write_bag(tmp_path / "without", record, custom={"idloop.import": unknown})
+    (finding,) = (one for one in read_record(bag, model).findings if one.kind == "unit")
+    assert "in a unit that is not known in the bag and in V in the model" in finding.text

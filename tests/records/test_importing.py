@@ -80,6 +80,13 @@ def test_a_record_without_motion_is_imported_with_a_warning(tmp_path, more):
     assert "add `position:` or `velocity:` to the mapping" in finding.text
 
 
+def test_a_record_without_a_command_is_imported_with_a_warning(tmp_path):
+    source = _csv(tmp_path, t=[0, 1, 2], u=[1, 2, 3], y=[4, 5, 6])
+    (finding,) = import_bag(source, tmp_path / "bag", _mapping(command=[])).findings
+    assert (finding.kind, finding.level) == ("no_command", "warning")
+    assert "`command:`" in finding.text
+
+
 def test_two_joints(tmp_path):
     source = _csv(tmp_path, t=[0, 1, 2], u=[1, 2, 3], a=[4, 5, 6], b=[7, 8, 9])
     import_bag(source, tmp_path / "bag", _mapping(position=["a", {"column": "b", "joint": "load"}]))

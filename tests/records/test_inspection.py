@@ -82,6 +82,8 @@ def test_holes_are_told_with_their_places(make_bag):
 def test_bad_clocks_are_findings_here_not_errors(make_bag):
     backwards = inspect_bag(make_bag(np.r_[0:100, 0:100] / 100))
     assert "clock_reset" in {finding.kind for finding in backwards.findings}
+    assert backwards.verdict == "several_runs"
+    assert _said(backwards, "2 runs in one bag")
     apart = inspect_bag(make_bag(command_time=1e6 + np.arange(200) / 100, command_receive=np.arange(200) / 100))
     assert "two_clocks" in {finding.kind for finding in apart.findings}
     infinite = inspect_bag(make_bag(velocity=np.where(np.arange(200) == 3, np.inf, 0.0)))

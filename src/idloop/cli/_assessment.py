@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 # Of what stands out: so much of the first error, the drive force where there is one, and of every further one.
 _FIRST, _FURTHER = 2, 1
+# FIT of a free run below which a model is worth a diagnosis [%].
+_GOOD = 90.0
 
 
 def percent(value: float) -> str:
@@ -56,6 +58,19 @@ def print_comparisons(rows: Iterable[tuple[str, Comparison]]) -> None:
             )
     header = ("", "record", "output", "FIT %", "NRMSE", "RMSE", "unit", f"FIT % {steps} ahead", "force error %")
     print_table(header, table)
+
+
+def print_hint(rows: Iterable[tuple[str, Comparison]]) -> None:
+    """Say where to go on when a free run misses more of an output than a good model does."""
+    worst = min(
+        ((fit, name, comparison.record.name) for _, comparison in rows for name, fit in comparison.fit.items()),
+        default=(math.inf, "", ""),
+    )
+    if worst[0] < _GOOD:
+        click.echo(
+            f"the free run misses {worst[1]} of {worst[2]} (FIT {percent(worst[0])} %): idloop diagnose MODEL BAG..."
+            " names the physical effect that is missing"
+        )
 
 
 def print_verdicts(rows: Iterable[tuple[str, Comparison]]) -> None:

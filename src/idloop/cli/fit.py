@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._assessment import make_panel, print_comparisons, save_figure
+from idloop.cli._assessment import make_panel, print_comparisons, print_hint, save_figure
 from idloop.cli._common import (
     BAG,
     MODEL,
@@ -112,6 +112,7 @@ def command(
         click.echo(result.summary())
         click.echo()
         print_comparisons(labelled)
+        print_hint(labelled)
     for written in (output, plot):
         if written is not None:
             log(f"written: {written}")

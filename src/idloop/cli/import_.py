@@ -90,7 +90,7 @@ def command(words: tuple[str, ...], *, mapping: str | None, part: str | None, sh
         log(f"note: {note}")
     for finding in result.findings:
         log(f"{finding.level}: {finding.text}")
-    written = ", ".join(f"{channel} [{unit or '-'}]" for channel, unit in result.channels.items())
+    written = ", ".join(f"{channel} [{unit or 'unit not given'}]" for channel, unit in result.channels.items())
     click.echo(
         f"{result.bag}: {result.samples} samples, {result.duration:.6g} s, every {result.period * 1e3:.6g} ms;"
         f" {written}"

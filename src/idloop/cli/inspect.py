@@ -17,6 +17,7 @@ _VERDICTS = {
     "not_excited": "nothing can be identified: no excitation",
     "no_command": "no command found: nothing can be fitted without one",
     "contradictory": "not usable as it is: a position stands still beside its moving velocity",
+    "several_runs": "not usable as it is: several runs in one bag, the clock was set back in between",
     "too_short": "nothing can be identified: too few samples",
     "short": "hardly usable: few samples",
     "unreadable": "no signal could be read",

@@ -31,10 +31,10 @@ def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:
         if not part.strip():
             continue
         key, equals, number = part.partition("=")
+        if not equals:
+            raise InputError(form)
         try:
             values[key.strip()] = float(number)
         except ValueError as error:
-            raise InputError(form) from error
-        if not equals:
-            raise InputError(form)
+            raise InputError(f"effect '{text}': {key.strip()} = {number.strip()} is no number") from error
     return name, at, values

@@ -170,7 +170,11 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
 
 def _one_line(error: ValidationError, where: str) -> str:
     """Say the first thing that is wrong: file, key and cure."""
-    first = error.errors()[0]
+    first, *others = error.errors()
+    if first["type"] == "missing":
+        # A key that is written wrong is missing and unknown at once: the wrong one tells more.
+        wrong = (e for e in others if e["type"] == "extra_forbidden" and e["loc"][:-1] == first["loc"][:-1])
+        first = next(wrong, first)
     location = first["loc"]
     key = ""
     for part in location:

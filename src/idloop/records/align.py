@@ -184,8 +184,8 @@ def _unit_findings(model: ModelSignals, said: Mapping[str, str]) -> list[Finding
         unit = said.get(f"{signal.joint}.{signal.field}", signal.unit)
         if unit != signal.unit:
             text = (
-                f"{signal.joint}.{signal.field} is in {unit} in the bag and in {signal.unit} in the model;"
-                " its values are taken as they are"
+                f"{signal.joint}.{signal.field} is in {unit or 'a unit that is not known'} in the bag and in"
+                f" {signal.unit} in the model; its values are taken as they are"
             )
             found.append(Finding("unit", text, where=f"{signal.joint}.{signal.field}", level="warning"))
     return found

@@ -211,6 +211,9 @@ def _value_findings(signals: list[Signal]) -> list[Finding]:
                 " from this record"
             )
             found.append(Finding("constant_input", text, where=name, level="warning"))
+    if not any(signal.topic == "joint_command" for signal in signals):
+        text = "no column or field is the command, so nothing can be fitted to this record; name one as `command:`"
+        found.append(Finding("no_command", text, level="warning"))
     if not any(signal.topic == "joint_states" and signal.field in {"position", "velocity"} for signal in signals):
         text = (
             "neither a position nor a velocity is assigned: no model can be fitted to this record or compared with it;"

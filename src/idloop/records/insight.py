@@ -32,6 +32,8 @@ class Evidence:
         Of the measurements [Hz].
     coasting : float
         Longest time with zero command while the axis moves [s].
+    runs : int
+        Runs that the clock was set back between.
     """
 
     command: Excitation | None
@@ -40,6 +42,7 @@ class Evidence:
     closed_loop: bool
     sample_rate: float
     coasting: float
+    runs: int = 1
 
 
 def verdict(evidence: Evidence) -> str:
@@ -54,6 +57,8 @@ def verdict(evidence: Evidence) -> str:
         return "not_excited"
     if dead_positions(evidence.motions):
         return "contradictory"
+    if evidence.runs > 1:
+        return "several_runs"
     if _count(evidence) < FEWEST_SAMPLES:
         return "too_short"
     return "short" if _few(evidence) else "usable"
@@ -79,6 +84,8 @@ def insights(evidence: Evidence) -> list[str]:
             "Nothing moves: every measured signal is constant or noise about one value, so nothing can be identified."
         ]
     said = dead_positions(evidence.motions)
+    if evidence.runs > 1:
+        said.append(f"Time is set back in between: {evidence.runs} runs in one bag, and a fit takes one run per bag.")
     if few := _few(evidence):
         said.append(few[:1].upper() + few[1:] + ".")
     if evidence.command is None:

@@ -94,7 +94,8 @@ class Inspection:
     insights : tuple of str
         What this data can show, in sentences.
     verdict : str
-        ``usable``, ``short``, ``too_short``, ``contradictory``, ``not_excited``, ``no_command`` or ``unreadable``.
+        ``usable``, ``short``, ``too_short``, ``contradictory``, ``several_runs``, ``not_excited``, ``no_command`` or
+        ``unreadable``.
     streams : dict of str to JointStream
         The data itself, for plots.
     command_topic : str
@@ -347,14 +348,17 @@ def _evidence(
     motions = {name: motion for found in signals.values() for name, motion in found.items()}
     # Of several driven joints the strongest command speaks for the recording.
     name = max(commands, key=lambda key: commands[key].rms, default=None)
-    rates = [stamp_statistics(measured[topic].stamp_ns).rate for topic in signals]
+    stamps = [stamp_statistics(measured[topic].stamp_ns) for topic in signals]
+    if command_topic:
+        stamps.append(stamp_statistics(streams[command_topic].stamp_ns))
     return Evidence(
         command=commands[name] if name is not None else None,
         motions=motions,
         units=units,
         closed_loop=any(topic.rsplit("/", 1)[-1] == "reference" for topic in streams),
-        sample_rate=max(rates, default=float("nan")),
+        sample_rate=max((one.rate for one in stamps[: len(signals)]), default=float("nan")),
         coasting=_coasting(streams[command_topic], name, measured) if name is not None else 0.0,
+        runs=1 + max((len(one.resets) for one in stamps), default=0),
     )
 
 
