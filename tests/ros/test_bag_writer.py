@@ -105,6 +105,17 @@ def test_metadata_is_what_rosbag2_expects(tmp_path):
     assert "&" not in (tmp_path / "bag" / "metadata.yaml").read_text()
 
 
+def test_a_bag_without_a_message_is_not_kept(tmp_path):
+    writer = BagWriter(tmp_path / "bag", TOPICS, "kilted")
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+    writer.close()
+    assert not (tmp_path / "bag").exists()
+    again = BagWriter(tmp_path / "bag", TOPICS, "kilted")
+    (tmp_path / "bag" / "notes.txt").write_text("mine")
+    again.close()
+    assert [file.name for file in (tmp_path / "bag").iterdir()] == ["notes.txt"]
+
+
 def test_nothing_is_written_over(tmp_path):
     (tmp_path / "bag").mkdir()
     with pytest.raises(InputError, match="not written over"):

@@ -58,6 +58,8 @@ def print_comparisons(rows: Iterable[tuple[str, Comparison]]) -> None:
             )
     header = ("", "record", "output", "FIT %", "NRMSE", "RMSE", "unit", f"FIT % {steps} ahead", "force error %")
     print_table(header, table)
+    for reason in dict.fromkeys(comparison.no_force for _, comparison in known if comparison.no_force):
+        click.echo(f"no force error: {reason}")
 
 
 def print_hint(rows: Iterable[tuple[str, Comparison]]) -> None:

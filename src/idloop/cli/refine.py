@@ -293,6 +293,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
         Residual tests of the last model on the fitted data.
     """
     from idloop.diagnose.twins import ladder_twins
+    from idloop.report.estimates import fit_text
     from idloop.report.remains import also_significant, remainder_lines
     from idloop.report.tried import only_words
     from idloop.report.unshown import unshown
@@ -312,7 +313,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
             (
                 "start" if added is None else f"+ {added.name}",
                 "-" if added is None else "own choice" if step.chosen_by == "user" else p_text(step.p_value),
-                *(number(measures.get("fit", {}).get(name)) for name in names),
+                *(fit_text(measures.get("fit", {}).get(name)) for name in names),
                 *(["-" if force is None else number(100.0 * force, 3)] if forces else []),
                 "" if added is None else parameters_text(added.parameters),
             )

@@ -80,8 +80,8 @@ def before_fit(balances: list[Balance | None]) -> Choice:
     if share > QUIET_SHARE:
         return Choice(
             "prediction",
-            f"differentiated twice, {100 * min(share, 1.0):.3g} % of the acceleration would be measurement noise, "
-            f"and a force balance bears {100 * QUIET_SHARE:g} %",
+            f"of the acceleration that a force balance needs {100 * min(share, 1.0):.3g} % would be measurement noise, "
+            f"and it bears {100 * QUIET_SHARE:g} %",
         )
     if any(b.explained is None for b in known):
         return Choice(

@@ -101,13 +101,22 @@ class Runs:
         start = rule.initial.state(rule.initial.values, 0, theta)
         return steps_ahead(self._engine, self.data, rule.observer.gain, self.steps, start)
 
-    @cached_property
+    @property
     def force(self) -> ForceError | None:
         """Drive side, or None when some body is not measured steadily."""
+        return self._force[0]
+
+    @property
+    def no_force(self) -> str:
+        """Why there is no drive side; empty where there is one."""
+        return self._force[1]
+
+    @cached_property
+    def _force(self) -> tuple[ForceError | None, str]:
         try:
-            return force_error(self.model, self.record, self.cutoff)
-        except InputError:
-            return None
+            return force_error(self.model, self.record, self.cutoff), ""
+        except InputError as error:
+            return None, str(error)
 
     @cached_property
     def _engine(self) -> RememberingEngine:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -144,15 +145,24 @@ class BagWriter:
         self.count += 1
 
     def close(self) -> None:
-        """Finish the last file and write the metadata."""
+        """Finish the last file and write the metadata; a bag without a message goes again, its name stays free."""
         if self._closed:
             return
         self._closed = True
         # After a split for which no new file could be made there is no file to finish, but what to say of the last.
         self._close_file()
         self._syncing.shutdown()
+        if not self.count:
+            self._discard()
+            return
         self._write_metadata()
         self._check_synced()
+
+    def _discard(self) -> None:
+        for name in (*(file.path for file in self._files), "metadata.yaml"):
+            (self.folder / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # what somebody else has put there stays
+            self.folder.rmdir()
 
     def _is_full(self, file: _File, log_time: int) -> bool:
         if not file.count:

@@ -194,6 +194,9 @@ class RecorderNode(StreamNode):
         if self._failure:
             raise IdloopError(self._failure)
         lost = sum(check.lost for check in self._checks.values())
+        if not self._writer.count:
+            self.get_logger().info(f"nothing was recorded: {self._writer.folder} is not kept")
+            return
         self.get_logger().info(
             f"recorded {self._writer.count} messages to {self._writer.folder}, lost {lost}, dropped {self._overflow}"
         )
