@@ -55,7 +55,10 @@ def test_everything_that_was_said_is_read_in_order(tmp_path):
 
 
 def test_a_bag_without_findings_has_none(tmp_path):
-    assert read_findings(write(tmp_path / "bag", [])) == Findings()
+    writer = BagWriter(tmp_path / "bag", {"/estimator/fit": DIAGNOSTICS}, "kilted")
+    writer.write("/estimator/fit", 0, encode_diagnostics(0, []))
+    writer.close()
+    assert read_findings(tmp_path / "bag") == Findings()
 
 
 def test_no_bag_is_one_line(tmp_path):

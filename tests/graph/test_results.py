@@ -21,7 +21,7 @@ FIT, PARAMETERS = "/left/estimator/fit", "/left/estimator/parameters"
 
 
 def write(folder, said):
-    writer = BagWriter(folder, dict.fromkeys((FIT, PARAMETERS), DIAGNOSTICS), "kilted")
+    writer = BagWriter(folder, dict.fromkeys((FIT, PARAMETERS, "/left/motor/wear"), DIAGNOSTICS), "kilted")
     for stamp, (topic, statuses) in enumerate(said):
         writer.write(topic, stamp, encode_diagnostics(stamp, statuses))
     writer.close()
@@ -44,7 +44,7 @@ def test_the_newest_fit_counts(tmp_path):
 
 
 def test_a_bag_without_fits_has_none(tmp_path):
-    assert read_results(write(tmp_path / "bag", [])) == LiveResult()
+    assert read_results(write(tmp_path / "bag", [("/left/motor/wear", [])])) == LiveResult()
 
 
 @pytest.mark.parametrize("statuses", [[], [Status("another's", "hello")]])
