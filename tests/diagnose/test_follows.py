@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from idloop.diagnose import diagnose, refine
-from idloop.diagnose.follows import UNMOVED, follows, unmoved
+from idloop.diagnose.follows import REVERSED, UNMOVED, follows, unmoved, unrelated
 from idloop.diagnose.refit import refit
 from idloop.diagnose.setting import prepare_setting
 from idloop.diagnose.verdict import NOT_EXCITED
-from idloop.physics import Model
+from idloop.physics import Model, load_model
 from idloop.records import Record
 from idloop.report.verdicts import conclusion, ending
 
@@ -21,7 +21,7 @@ from .conftest import record_of
 FRICTION = "coulomb_friction@axis(level=0.3)"
 
 
-def unrelated(machine: Model, seed: int) -> Record:
+def unrelated_motion(machine: Model, seed: int) -> Record:
     """The motion of one run beside the command of another."""
     run, other = (record_of(machine, one, seconds=20.0, disturbance=0.02) for one in (seed, seed + 100))
     return replace(run, input=other.input)
@@ -30,7 +30,7 @@ def unrelated(machine: Model, seed: int) -> Record:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
     machine = start.with_effects([FRICTION])
-    records = [unrelated(machine, seed), unrelated(machine, seed + 10)]
+    records = [unrelated_motion(machine, seed), unrelated_motion(machine, seed + 10)]
     found = diagnose(start, records)
     assert found.set == ()
     assert found.verdict == NOT_EXCITED
@@ -40,10 +40,41 @@ def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
 
 def test_a_ladder_climbs_nothing_on_them(start):
     machine = start.with_effects([FRICTION])
-    ladder = refine(start, [unrelated(machine, 1)], [unrelated(machine, 11)])
+    ladder = refine(start, [unrelated_motion(machine, 1)], [unrelated_motion(machine, 11)])
     assert ladder.added == ()
     assert unmoved(ladder.findings)
     assert conclusion(ladder).startswith("the measured motion does not follow the command")
+
+
+def reversed_sign(seed: int) -> Record:
+    """A machine that runs the other way than its command counts."""
+    record = record_of(load_model("axis").with_effects([FRICTION]), seed, seconds=20.0, disturbance=0.02)
+    return replace(record, input=-record.input)
+
+
+def test_a_command_of_the_other_sign_is_told_and_is_all_that_is(start):
+    found = diagnose(start, [reversed_sign(3)])
+    assert REVERSED in found.gate.findings
+    assert (found.set, found.verdict, found.unknown) == ((), NOT_EXCITED, None)
+    assert "`scale: -1`" in found.summary()
+    ladder = refine(start, [reversed_sign(3)], [reversed_sign(13)])
+    assert ladder.added == ()
+    assert conclusion(ladder) == "the measured motion follows minus the command: turn one of the two, then ask again"
+
+
+def test_a_gain_that_may_be_negative_becomes_so_and_the_effect_is_found(start):
+    free = start.with_free([*(name for name in start.free if name != "axis.inertia"), "drive.gain"])
+    ladder = refine(free, [reversed_sign(3)], effects=["coulomb_friction", "input_offset"])
+    assert ladder.added == ("coulomb_friction@axis",)
+    assert any("drive.gain is -" in said and "`scale: -1`" in said for said in ladder.findings)
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_whether_a_fit_is_of_related_data_is_told(start, turn):
+    record = record_of(start, 3, disturbance=0.02)
+    record = replace(record, input=turn * record.input)
+    assert unrelated(start, start, [record]) == ("" if turn > 0.0 else REVERSED)
+    assert unrelated(start, start, [unrelated_motion(start, 1)]) == UNMOVED
 
 
 @pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])

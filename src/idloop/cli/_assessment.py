@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 # Of what stands out: so much of the first error, the drive force where there is one, and of every further one.
 _FIRST, _FURTHER = 2, 1
-# FIT of a free run below which a model is worth a diagnosis [%].
-_GOOD = 90.0
+# FIT of a free run below which a model is worth a diagnosis, and below which it may not move by the command at all [%].
+_GOOD, _HOPELESS = 90.0, 20.0
 
 
 def percent(value: float) -> str:
@@ -60,6 +60,11 @@ def print_comparisons(rows: Iterable[tuple[str, Comparison]]) -> None:
     print_table(header, table)
     for reason in dict.fromkeys(comparison.no_force for _, comparison in known if comparison.no_force):
         click.echo(f"no force error: {reason}")
+
+
+def hopeless(comparisons: Iterable[Comparison]) -> bool:
+    """Whether a free run is that far off in every output of some record."""
+    return any(max(one.fit.values()) < _HOPELESS for one in comparisons)
 
 
 def print_hint(rows: Iterable[tuple[str, Comparison]]) -> None:

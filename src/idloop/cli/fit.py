@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._assessment import make_panel, print_comparisons, print_hint, save_figure
+from idloop.cli._assessment import hopeless, make_panel, print_comparisons, print_hint, save_figure
 from idloop.cli._common import (
     BAG,
     MODEL,
@@ -90,6 +91,14 @@ def command(
         result = fit(model, train, criterion=criterion, progress=update)
         update(1.0, "comparing")
         on_train, on_validation = compare_all(result.model, train, validation)
+        unrelated = ""
+        if hopeless(on_train):
+            from idloop.diagnose.follows import unrelated as why_unrelated
+
+            update(1.0, "looking whether the motion follows the command")
+            unrelated = why_unrelated(result.model, model, train)
+            if unrelated:
+                result = replace(result, warnings=(*result.warnings, unrelated))
 
     if output is not None:
         write_text(output, result.model.to_yaml())
@@ -112,7 +121,8 @@ def command(
         click.echo(result.summary())
         click.echo()
         print_comparisons(labelled)
-        print_hint(labelled)
+        if not unrelated:
+            print_hint(labelled)
     for written in (output, plot):
         if written is not None:
             log(f"written: {written}")

@@ -15,7 +15,7 @@ from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
 from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.evidence import consistent, distinguishable, holds, may_decide, rank, statistic
-from idloop.diagnose.follows import REFUSED, UNMOVED, follows
+from idloop.diagnose.follows import REFUSED, REVERSED, UNMOVED, follows, unmoved, why_not
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
@@ -44,6 +44,7 @@ from idloop.diagnose.unknown import UnknownStructure, unknown_structure
 from idloop.diagnose.verdict import ADEQUATE, MISSING, NOT_EXCITED, UNKNOWN
 from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
+from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.undetermined import common_scale, effect_scales
@@ -159,6 +160,22 @@ class Diagnosis:
             alone=first if beside else None,
         )
 
+    def why_unmoved(self, setting: Setting, start: Model) -> Diagnosis:
+        """Where the motion does not follow the command: look whether it follows minus the command, which explains all.
+
+        Parameters
+        ----------
+        setting : Setting
+        start : Model
+            As the user gave it.
+        """
+        if not unmoved(self.gate.findings) or why_not(setting, self.fit, start) == UNMOVED:
+            return self
+        findings = tuple(REVERSED if said == UNMOVED else said for said in self.gate.findings)
+        return replace(
+            self, verdict=NOT_EXCITED, gate=replace(self.gate, findings=findings), unknown=None, passed_over={}
+        )
+
     @property
     def untestable(self) -> tuple[str, ...]:
         """Effects that this data cannot show; one that it has shown is none of them, however far it reaches.
@@ -209,6 +226,8 @@ class Diagnosis:
             lines += [group.text for group in self.twins]
         elif self.unknown is not None:
             lines.append(self.unknown.text)
+        elif REVERSED in self.gate.findings:
+            pass  # the finding says what to do
         elif self.verdict == NOT_EXCITED:
             lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
         else:
@@ -270,7 +289,8 @@ def diagnose(
     told = [] if together is None else [together]
     if diagnosis.best is not None and diagnosis.best.model is not None:
         told += effect_scales(diagnosis.best.model, records)
-    findings = (*diagnosis.gate.findings, *(one.text for one in told))
+    texts = ["" if unmoved(diagnosis.gate.findings) else turned(model, reached), *(one.text for one in told)]
+    findings = (*diagnosis.gate.findings, *(text for text in texts if text))
     return replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
 
 
@@ -288,7 +308,7 @@ def _diagnose(
     further = leap(
         setting, found.fit, model.values, level=level, effects=effects, pairs=found.best is None, seed=seed
     )  # fmt: skip
-    return found if further is None else found.or_rather(further)
+    return found.why_unmoved(setting, model) if further is None else found.or_rather(further)
 
 
 def diagnose_fitted(

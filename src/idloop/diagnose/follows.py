@@ -4,26 +4,32 @@ Columns of two runs, a drive that was off, a motor that was turned by hand: ther
 stiff that the command hardly counts, and an effect that takes the rest of it away is an improvement. Nothing that such
 data say is about the axis. They are told by what a model predicts with the command, and with its mean in its place. A
 model that lacks the very effect through which the command is seen does no better either: the model that has it does.
+Nor does one whose gain may not be negative where command and motion count in opposite directions: with the command
+turned it does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from idloop.diagnose.choice import NOTHING
 from idloop.diagnose.evidence import distinguishable
-from idloop.diagnose.refit import Refit, transfer
-from idloop.diagnose.setting import Setting
+from idloop.diagnose.refit import Refit, refit, refit_or_none, transfer
+from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import IdloopError
+from idloop.estimate.direction import AGAINST, TURN
+from idloop.physics.model import Model
+from idloop.records import Record
 from idloop.validate.drive import force_error
 
 UNMOVED = (
     "the measured motion does not follow the command: the model predicts it no better with the command than without. "
     "Was the drive on, and are command and motion of the same run and the same joint?"
 )
+REVERSED = f"{AGAINST}: with the sign of the command turned the model predicts it. {TURN}"
 REFUSED = "with it, too, the motion does not follow the command"
 
 
@@ -48,6 +54,55 @@ def follows(setting: Setting, fit: Refit) -> bool:
     return without is None or distinguishable(fit, without)
 
 
+def why_not(setting: Setting, fit: Refit, start: Model) -> str:
+    """What to say where a fitted model does not follow the command: that its sign is turned, or that nothing is told.
+
+    Parameters
+    ----------
+    setting : Setting
+        What it was fitted to.
+    fit : Refit
+        One that does not follow.
+    start : Model
+        Where a fit to the turned command begins: the values here may be far from any machine's.
+
+    Returns
+    -------
+    str
+        `REVERSED` or `UNMOVED`.
+    """
+    records = [replace(one, input=-one.input) for one in setting.records]
+    turned = prepare_setting(start, records, setting.kind)
+    other = refit_or_none(turned, start)
+    if other is not None and other.log_likelihood > fit.log_likelihood and follows(turned, other):
+        return REVERSED
+    return UNMOVED
+
+
+def unrelated(model: Model, start: Model, records: Sequence[Record]) -> str:
+    """What to say of data whose motion a model does not follow, whatever its parameters.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted.
+    start : Model
+        What it was fitted from.
+    records : sequence of Record
+
+    Returns
+    -------
+    str
+        Empty where the motion follows the command, or that cannot be computed.
+    """
+    try:
+        setting = prepare_setting(model, records, "prediction")
+        found = refit(setting, model)
+        return "" if follows(setting, found) else why_not(setting, found, start)
+    except (IdloopError, np.linalg.LinAlgError):
+        return ""
+
+
 def _balances(setting: Setting, fit: Refit) -> bool:
     """Whether a balance of forces along the measured motion explains anything of the commanded force."""
     try:
@@ -59,4 +114,4 @@ def _balances(setting: Setting, fit: Refit) -> bool:
 
 def unmoved(findings: Iterable[str]) -> bool:
     """Whether the findings of a diagnosis or a ladder say that the motion does not follow the command."""
-    return UNMOVED in findings
+    return UNMOVED in findings or REVERSED in findings

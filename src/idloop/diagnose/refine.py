@@ -13,6 +13,7 @@ from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.diagnosis import diagnose_fitted
 from idloop.diagnose.errors import model_errors
+from idloop.diagnose.follows import unmoved
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.lattice import quantised
@@ -25,6 +26,7 @@ from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.verdict import MISSING, UNKNOWN
 from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
+from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.physics.effect_text import parse_effect
@@ -95,7 +97,8 @@ def refine(
     if criterion == "auto" and (balance_disagrees(found.model, records) or _balance_disagreed(found, records)):
         found = climb(start, ladder, "force")
     told = ([] if together is None else [together]) + effect_scales(found.model, records)
-    return replace(found, findings=(*found.findings, *(one.text for one in told)))
+    texts = ["" if unmoved(found.findings) else turned(start, found.model), *(one.text for one in told)]
+    return replace(found, findings=(*found.findings, *(text for text in texts if text)))
 
 
 def _balance_disagreed(ladder: Ladder, records: Sequence[Record]) -> bool:
@@ -175,6 +178,7 @@ class _Climb:
         for candidate in quantised(ladder.model, setting, self.effects):
             if len(ladder.added) < self.most:
                 ladder = _with_resolution(ladder, candidate)
+        diagnosis = diagnosis.why_unmoved(setting, start)
         self.tell(1.0, "done")
         return replace(
             ladder,

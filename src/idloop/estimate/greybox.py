@@ -13,6 +13,7 @@ from idloop.errors import IdloopError, InputError
 from idloop.estimate.choose import after_fit, before_fit, between
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.dataset import Data, openings, output_noise, prepare
+from idloop.estimate.direction import turned
 from idloop.estimate.force import Balance, ForceCriterion, balance_of
 from idloop.estimate.levenberg import difference_jacobian
 from idloop.estimate.prediction import PredictionCriterion
@@ -331,6 +332,9 @@ def _conclude(
     )
     if intensity is not None:
         fitted = replace(fitted, disturbance=float(np.sqrt(intensity)))
+    other_way = turned(model, fitted)
+    if other_way:
+        warnings.append(other_way)
     return FitResult(
         model=fitted,
         names=tuple(model.free),

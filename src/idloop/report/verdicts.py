@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from idloop.diagnose.follows import unmoved
+from idloop.diagnose.follows import REVERSED, unmoved
 from idloop.diagnose.suggest_words import listed
 from idloop.diagnose.verdict import SAY_NOISE
+from idloop.estimate.direction import AGAINST
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -95,6 +96,8 @@ def ending(verdict: str, only: str = "", findings: Sequence[str] = ()) -> str:
     """
     plain = (_OF_THESE if only else VERDICTS).get(verdict, verdict)
     end = f"{plain}: {only}" if only else plain
+    if REVERSED in findings:
+        return f"{AGAINST}: turn one of the two, then ask again"
     return f"{_TELLS_NOTHING}; {end}" if unmoved(findings) else end
 
 

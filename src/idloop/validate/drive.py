@@ -126,7 +126,11 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     forces, kept = forces[seen], kept[seen]
     size = float(np.linalg.norm(forces[:, 0]))
     if size <= 0.0:
-        raise InputError(f"record {record.name!r}: no drive force was applied")
+        idle = not np.any(data.input)
+        raise InputError(
+            f"record {record.name!r}: "
+            + ("nothing was commanded" if idle else "this model's drive makes no force of the command")
+        )
     return ForceError(
         relative=float(np.linalg.norm(forces[:, 1] - forces[:, 0])) / size,
         time=m.time[kept],
