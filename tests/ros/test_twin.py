@@ -119,5 +119,6 @@ def test_a_second_graph_beside_one_that_has_run_for_long_in_real_time_ends(tmp_p
         with pytest.raises(InputError, match=r"another node /.* runs in ROS domain"):
             run_graph(graph("second", "4.0"), say=lambda label, line: None)
         assert len(first.running) == 5
+        assert not (tmp_path / "second").exists()
     finally:
         first.stop()

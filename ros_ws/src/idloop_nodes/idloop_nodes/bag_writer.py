@@ -153,12 +153,19 @@ class BagWriter:
         self._close_file()
         self._syncing.shutdown()
         if not self.count:
-            self._discard()
+            self._remove()
             return
         self._write_metadata()
         self._check_synced()
 
-    def _discard(self) -> None:
+    def discard(self) -> None:
+        """Close and remove what was written: it is of somebody else's run."""
+        self._closed = True
+        self._close_file()
+        self._syncing.shutdown()
+        self._remove()
+
+    def _remove(self) -> None:
         for name in (*(file.path for file in self._files), "metadata.yaml"):
             (self.folder / name).unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # what somebody else has put there stays

@@ -100,6 +100,7 @@ class StreamNode(Node):
         self.kind = kind
         self.finished = False
         self.broken: BaseException | None = None
+        self.refused = False  # whether it came to another graph by mistake, and what it heard is not its own
         self.parameters = NodeParameters(self, table)
         self.others = [peer for peer in self.parameters["peers"] if peer != kind]
         self.progress = Progress()
@@ -222,6 +223,7 @@ class StreamNode(Node):
         if frame != f"{name}/{READY}":
             return
         if self._twin.second(time.monotonic()):
+            self.refused = True
             where = f"{self.get_namespace().rstrip('/')}/{name}"
             self.broken = InputError(
                 f"another node {where} runs in ROS domain {self.context.get_domain_id()}: two graphs in one domain and "

@@ -33,7 +33,8 @@ class RecorderNode(StreamNode):
     """Polls raw subscriptions and hands batches to a writer thread; a slow disk never holds a subscription up.
 
     Lock-step: log time is the message's stamp and the order is canonical, so that equal runs give equal bags.
-    Real time: log time is the time of arrival.
+    Real time: log time is the time of arrival. Nothing is written before this node knows that the graph it hears is its
+    own, and where it finds out later that it is not, the bag goes again.
     """
 
     poll_period = 0.02
@@ -67,6 +68,7 @@ class RecorderNode(StreamNode):
         self._arrivals = ArrivalTimes()
         self._last_arrival = time.monotonic()
         self._batches: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
+        self._early: Batch = []
         self._waiting = 0
         self._overflow = 0
         self._written = RateCounter()
@@ -123,10 +125,15 @@ class RecorderNode(StreamNode):
         self._queue([(self._names[self._by_rank[rank]], stamp, data) for stamp, rank, data in due])
 
     def _queue(self, batch: Batch) -> None:
-        if not batch:
-            return
-        if self._waiting + len(batch) > self.parameters["queue_limit"]:
+        if self._waiting + len(self._early) + len(batch) > self.parameters["queue_limit"]:
             self._overflow += len(batch)
+            batch = []
+        if self.waiting:
+            # It may be another graph that is heard: not a word of it belongs into this bag.
+            self._early += batch
+            return
+        batch, self._early = self._early + batch, []
+        if not batch:
             return
         self._waiting += len(batch)
         self._batches.put(batch)
@@ -188,13 +195,15 @@ class RecorderNode(StreamNode):
         self._batches.put(None)
         self._thread.join()
         try:
+            if self.refused:
+                self._writer.discard()
             self._writer.close()
         except OSError as error:
             self._failure = self._failure or self._reason(error)
         if self._failure:
             raise IdloopError(self._failure)
         lost = sum(check.lost for check in self._checks.values())
-        if not self._writer.count:
+        if not self._writer.count or self.refused:
             self.get_logger().info(f"nothing was recorded: {self._writer.folder} is not kept")
             return
         self.get_logger().info(
