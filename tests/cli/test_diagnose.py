@@ -89,6 +89,7 @@ def test_wrong_use_is_one_line(arguments, word, hidden, capsys):
         ({"value": 0.0, "stderr": 0.1, "unit": "-"}, "width 0 ± 0.2"),
         ({"value": None, "stderr": None, "unit": "V"}, "width -"),
         ({"value": 1.0, "stderr": None, "unit": "Ω", "held": True}, "width 1 Ω (held)"),
+        ({"value": 0.000314159265, "stderr": 0.0, "unit": "rad"}, "width 0.000314159 rad"),
     ),
 )
 def test_a_parameter_has_the_digits_that_its_interval_bears(entry, text):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics
+from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
 
 MS = 1_000_000
 
@@ -70,3 +70,19 @@ def test_drift_is_measured_at_any_speed_of_simulation(speed, drift):
     clocks = compare_clocks((other, receive), (stamp, receive))
     assert clocks.drift == pytest.approx(drift, abs=1e-6, rel=0.02)
     assert clocks.overlap > 0
+
+
+@given(shift=st.integers(0, 9), lost=st.sets(st.integers(1, 8)))
+def test_what_a_controller_sends_before_and_after_a_run_is_no_loss(shift, lost):
+    run = np.arange(100) * 10 * MS
+    command = np.delete(run, sorted(lost))
+    idle = np.concatenate([np.arange(-20, -1), np.arange(101, 120)]) * 10 * MS + shift * MS
+    sent = np.sort(np.concatenate([command, idle]))
+    counted = stamp_statistics(while_measured(sent, [run + 1, run[::2]]))
+    assert counted.lost == len(lost)
+
+
+def test_a_command_beside_nothing_measured_counts_whole():
+    command = np.arange(10) * MS
+    for measured in ([], [np.zeros(0, np.int64)], [command + 10**12]):
+        assert while_measured(command, measured) is command

@@ -14,7 +14,7 @@ from idloop.diagnose import Candidate, Ladder, Step
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.proposals import proposals
 from idloop.physics import load_model
-from idloop.report.estimates import figure_text, fit_text, held_parameters, with_interval
+from idloop.report.estimates import figure_text, fit_text, held_parameters, read_off_parameters, with_interval
 from idloop.report.page_words import page_words
 
 
@@ -85,3 +85,16 @@ def test_what_was_held_is_no_estimate_and_what_was_chosen_is_none_of_it(contents
     kinds = {row["key"]: row["kind"] for row in told["parameters"]}
     assert kinds[f"{sliding.name}.velocity"] == "held"
     assert [row["held"] for row in told["steps"][0]["parameters"]] == [False, False, True, True]
+
+
+def test_a_resolution_that_was_read_off_is_told_by_itself(capsys):
+    start = load_model("dc_motor")
+    name = "sensor_quantisation@position[motor]"
+    model = start.with_effects([f"{name}(resolution=0.000314159265)"])
+    given = {"resolution": {"value": 0.000314159265, "stderr": 0.0, "unit": "rad"}}
+    added = Candidate("sensor_quantisation", "position[motor]", "yes", "", "It steps.", model=model, parameters=given)
+    ladder = Ladder((Step(None, start), Step(added, model, set=(name,))), verdict="adequate")
+    assert list(read_off_parameters(ladder)) == [f"{name}.resolution"]
+    assert held_parameters(ladder) == {}
+    print_parameters(ladder)
+    assert f"read off the readings: {name}.resolution 0.000314159 rad\n" in capsys.readouterr().out

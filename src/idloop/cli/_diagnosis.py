@@ -103,6 +103,8 @@ def parameter_text(name: str, entry: Mapping[str, Any]) -> str:
         return f"{name} -"
     if stderr is None or not math.isfinite(stderr):
         return f"{name} {number(value)} {unit}".rstrip() + (" (held)" if entry.get("held") else "")
+    if stderr == 0.0:  # read off the data
+        return f"{name} {number(value, 6)} {unit}".rstrip()
     reach = _NORMAL_95 * stderr
     # As many digits as the interval bears.
     digits = 2 if value == 0.0 or reach == 0.0 else max(2, 2 + math.ceil(math.log10(max(abs(value) / reach, 1.0))))

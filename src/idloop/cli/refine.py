@@ -357,7 +357,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
 def print_parameters(ladder: Ladder) -> None:
     """Print the last model's parameters: those of a step are biased by what was still missing then."""
     from idloop.estimate.interval_text import interval_text
-    from idloop.report.estimates import held_parameters, parameter_estimates
+    from idloop.report.estimates import held_parameters, parameter_estimates, read_off_parameters
 
     rows = [
         (
@@ -371,6 +371,8 @@ def print_parameters(ladder: Ladder) -> None:
     if rows:
         click.echo("\nparameters of the last model, all refitted:")
         click.echo(format_table(("parameter", "value", "95 % interval", "unit"), rows))
+    for name, one in read_off_parameters(ladder).items():
+        click.echo(f"read off the readings: {name} {number(one.value, 6)} {one.unit}")
     held = [f"{name} {number(one.value)} {one.unit}".rstrip(" -") for name, one in held_parameters(ladder).items()]
     if held:
         click.echo(f"held, not estimated: {', '.join(held)}")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.bag import Bag, resolve_topic
 from idloop.records.checks import check_record
-from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics
+from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
 from idloop.records.finding import Finding
 from idloop.records.missing import missing_values
 from idloop.records.read import read_streams
@@ -233,7 +233,10 @@ def _align(
     findings: list[Finding] = []
     for topic in dict.fromkeys((command, *measured)):
         findings += streams[topic].findings
-        findings += stamp_findings(topic, stamp_statistics(streams[topic].stamp_ns), held=topic == command)
+        stamps = streams[topic].stamp_ns
+        if topic == command:
+            stamps = while_measured(stamps, [streams[name].stamp_ns for name in measured])
+        findings += stamp_findings(topic, stamp_statistics(stamps), held=topic == command)
     input_ns, value, found = _sorted_column(streams[command], model.input.joint, model.input.field, command=True)
     findings += found
     if input_ns.size == 0:

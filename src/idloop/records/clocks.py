@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -98,6 +99,30 @@ def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
         reordered=int(backward.size - reset.size),
         largest_step_back=float(-received[backward].min()) if backward.size else 0.0,
     )
+
+
+def while_measured(command: Stamps, measured: Iterable[Stamps]) -> Stamps:
+    """Stamps of a command that was given while something was measured; all of them where none was.
+
+    Before and after a run a controller sends its zeros on a grid of their own, and nothing asks whether one is missing.
+
+    Parameters
+    ----------
+    command : ndarray of int64, shape (n,)
+        [ns].
+    measured : iterable of ndarray of int64
+        Stamps of each measured stream [ns].
+
+    Returns
+    -------
+    ndarray of int64, shape (m,)
+    """
+    known = [stamps for stamps in measured if stamps.size]
+    if not known:
+        return command
+    first, last = min(int(stamps.min()) for stamps in known), max(int(stamps.max()) for stamps in known)
+    inside = command[(command >= first) & (command <= last)]
+    return inside if inside.size else command
 
 
 def stamp_findings(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.bag import Bag, resolve_topic
-from idloop.records.clocks import StampStatistics, compare_clocks, stamp_findings, stamp_statistics
+from idloop.records.clocks import StampStatistics, compare_clocks, stamp_findings, stamp_statistics, while_measured
 from idloop.records.differenced import differenced_columns
 from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
@@ -167,12 +167,15 @@ def inspect_bag(
         custom = bag.custom
         topics = bag.topics
         command_topic = _command_topic(streams, topics, command, path)
+    measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
     reports = []
     findings: list[Finding] = []
     for topic in topics.values():
         stream = streams.get(topic.name)
         received = stream.receive_ns if stream is not None else receive[topic.name]
         stamps = stream.stamp_ns if stream is not None else received
+        if topic.name == command_topic:
+            stamps = while_measured(stamps, [one.stamp_ns for one in measured.values()])
         report = TopicReport(
             name=topic.name,
             type=topic.type,
@@ -206,7 +209,6 @@ def inspect_bag(
                 held=topic.name == command_topic,
             )
     units = said_units(custom)
-    measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
     for stream in (one for one in measured.values() if one.stamp_ns.size):

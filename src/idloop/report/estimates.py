@@ -67,6 +67,26 @@ def held_parameters(ladder: Ladder) -> dict[str, Parameter]:
     }
 
 
+def read_off_parameters(ladder: Ladder) -> dict[str, Parameter]:
+    """Parameters of the effects of a ladder that were read off the data without a fit, such as a resolution.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    dict
+        By name.
+    """
+    return {
+        f"{active.name}.{spec.name}": ladder.model.parameter(f"{active.name}.{spec.name}")
+        for active in ladder.model.effects
+        if active.effect.final and active.name in ladder.added
+        for spec in active.effect.parameters
+    }
+
+
 def figure_text(value: float | None, digits: int = 4) -> str:
     """Write a number with a few digits; "–" where there is none.
 
