@@ -483,6 +483,15 @@ def test_a_bag_that_the_fit_sees_judges_nothing(bags, capsys):
         assert "the fit sees this bag" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", [["fit", "dc_motor"], ["diagnose", "dc_motor"]])
+def test_one_recording_counts_once(words, bags, capsys):
+    train = Path(bags[0])
+    assert main.run([*words, str(train), str(train.parent / "." / ".." / train.parent.name / train.name)]) == 2
+    err = capsys.readouterr().err
+    assert "is given twice" in err
+    assert err.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("text", "values"),
     (("3", (3,)), ("1:4", (1, 2, 3, 4)), ("2:8:3", (2, 5, 8)), ("1,4:6", (1, 4, 5, 6))),

@@ -69,6 +69,23 @@ def test_a_node_that_fails_ends_the_graph_and_is_quoted(graph):
         run_graph(graph("endless", "broken"), say=lambda label, line: None)
 
 
+def test_a_node_killed_from_outside_is_not_explained_by_what_it_said_last(graph):
+    lines = []
+    run = GraphRun(graph("endless", "family"), say=lambda label, line: lines.append(line))
+
+    def killed():
+        if len(lines) == 2 and len(run.running) == 2:
+            run._children[1].process.kill()
+        return False
+
+    try:
+        with pytest.raises(IdloopError) as caught:
+            run.wait(killed)
+    finally:
+        run.stop()
+    assert str(caught.value) == "node family was killed by signal 9 (SIGKILL)"
+
+
 def test_a_node_that_ends_too_early_is_told(graph):
     with pytest.raises(IdloopError, match="node brief ended with exit code 0"):
         run_graph(graph("endless", "brief", ends="none"), say=lambda label, line: None)

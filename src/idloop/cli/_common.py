@@ -132,10 +132,16 @@ def read_records(bags: Iterable[Path], model: ModelSignals, *, fitted: bool = Tr
     Raises
     ------
     InputError
-        What cannot be read; where they are to be `fitted`, also a motion that no fit can use.
+        What cannot be read, a bag given twice; where they are to be `fitted`, also a motion that no fit can use.
     """
     from idloop import records
 
+    bags = list(bags)
+    seen: set[Path] = set()
+    for bag in bags:
+        if bag.resolve() in seen:
+            raise InputError(f"{bag} is given twice: one recording counts once; leave it out, or give another")
+        seen.add(bag.resolve())
     found = records.read_records(bags, model)
     return [_with_warnings(records.check_identifiable(record) if fitted else record) for record in found]
 

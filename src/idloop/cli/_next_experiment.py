@@ -151,8 +151,8 @@ def _reason(open_: Mapping[str, str], verdict: str, *, tied: bool) -> str:
     if open_:
         listing = "".join(f"\n  {name}{f': {why}' if why else ''}" for name, why in open_.items())
         return (
-            f"{ties}, and within the limits of this data no experiment would show the effects below; allow more with "
-            f"--max-command, --position-range or --max-velocity:{listing}"
+            f"{ties}, and within the limits of this data no experiment would show the effects below; some may show "
+            f"with more of --max-command, --position-range or --max-velocity:{listing}"
         )
     if verdict == "unknown_structure":
         return f"{ties}; what is left is structured, and the data show every effect of the catalogue: none is it"

@@ -121,6 +121,8 @@ class GraphRun:
                     return
                 if code == BAD_INPUT:
                     raise InputError(f"node {child.label}: {child.last_line or 'wrong parameters'}")
+                if -code in SENT:  # from outside: whatever it said last has nothing to do with it
+                    raise IdloopError(f"node {child.label} was killed by signal {-code} ({signal.Signals(-code).name})")
                 what = f"ended with exit code {code}" if code >= 0 else f"was killed by signal {-code}"
                 raise IdloopError(f"node {child.label} {what}: {child.last_line or 'it said nothing'}")
             time.sleep(POLL)
