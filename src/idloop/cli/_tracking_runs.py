@@ -62,8 +62,8 @@ def controller_section(model: Model, text: str | None) -> dict[str, Any]:
     InputError
         There is none, or the text is neither a file with a controller nor a YAML mapping.
     """
+    from idloop.control.controller_file import load_controller
     from idloop.physics import preset_names
-    from idloop.physics.controller_file import load_controller
 
     if text is None:
         section = model.controller

@@ -91,7 +91,7 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> dict[str, Any]:
         """Load it; an InputError says in one line what is wrong with it."""
-        from idloop.physics.controller_file import load_controller
+        from idloop.control.controller_file import load_controller
 
         return load_controller(value)
 

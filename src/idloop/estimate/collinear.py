@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from idloop.estimate.sampled import SampledData
 
 if TYPE_CHECKING:
-    from idloop.estimate.linear import LinearModel
+    from idloop.estimate.linear.model import LinearModel
 
 Array = NDArray[np.float64]
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from idloop.control.controller_file import load_controller
 from idloop.errors import InputError
 from idloop.physics import load_model
-from idloop.physics.controller_file import load_controller
 
 SECTION = "{type: p, output: motor.position, kp: 0.3, sample_time: 0.005}"
 LAW = {"type": "p", "output": "motor.position", "kp": 0.3, "sample_time": 0.005}
