@@ -41,6 +41,13 @@ def test_the_example_of_the_contract_loads() -> None:
     assert model.parameter("drive.gain").unit == "N·m/V"
 
 
+def test_a_drive_with_a_loop_of_its_own_is_told_a_place_or_a_speed() -> None:
+    for unit, gain in (("rad", "N·m/rad"), ("rad/s", "N·m/(rad/s)")):
+        model = read(GOOD.replace("unit: V}", f"unit: {unit}}}"))
+        assert model.parameter("drive.gain").unit == gain
+        assert model.parameter("dead_zone@input.width").unit == unit
+
+
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_survive_a_round_trip(name: str) -> None:
     model = load_model(name)

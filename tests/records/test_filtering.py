@@ -1,14 +1,12 @@
-"""Filters do not delay, resampling invents nothing, unwrapping undoes the wrap."""
+"""Filters do not delay, resampling invents nothing."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from idloop.errors import InputError
-from idloop.records.filtering import resample_held, resample_linear, unwrap, zero_phase
+from idloop.records.filtering import resample_held, resample_linear, zero_phase
 
 TIME = np.arange(2000) / 1000
 
@@ -49,27 +47,6 @@ def test_bands_that_cannot_be(low, high, words):
 def test_too_short_for_a_filter():
     with pytest.raises(InputError, match="too few"):
         zero_phase(TIME[:20], TIME[:20], None, 10.0)
-
-
-@given(
-    steps=st.lists(st.floats(-0.45, 0.45), min_size=1, max_size=60),
-    span=st.sampled_from([1.0, 2 * np.pi, 4096.0]),
-)
-def test_unwrap_undoes_the_wrap(steps, span):
-    true = np.cumsum(np.array(steps)) * span
-    wrapped = np.mod(true, span)
-    wrapped[1::7] = np.nan
-    result = unwrap(wrapped, span)
-    known = np.isfinite(wrapped)
-    assert np.array_equal(np.isfinite(result), known)
-    if not (~known).any():
-        np.testing.assert_allclose(np.diff(result), np.diff(true), atol=1e-9 * span)
-
-
-@pytest.mark.parametrize("span", [0.0, -1.0, np.nan])
-def test_unwrap_needs_a_range(span):
-    with pytest.raises(InputError, match="encoder range"):
-        unwrap(np.zeros(3), span)
 
 
 def test_held_and_linear():

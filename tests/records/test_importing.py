@@ -46,6 +46,18 @@ def test_scale_offset_product_decoding_wrap_and_rows(tmp_path):
     np.testing.assert_allclose(np.diff(streams["/joint_states"].position[:, 0]), 0.3, atol=1e-8)
 
 
+def test_turns_in_a_hole_of_the_log_are_told_by_the_speed_or_said_to_be_a_guess(tmp_path):
+    times = np.concatenate([np.arange(30) * 0.01, 1.3 + np.arange(30) * 0.01, 2.6 + np.arange(30) * 0.01])
+    angle = np.where(times < 2.0, 13.0 * times, 13.0 * 1.59 + 1.0 * (times - 1.59))
+    source = _csv(tmp_path, t=times, u=np.sin(times), y=np.round(np.mod(angle, 2 * np.pi), 9))
+    result = import_bag(source, tmp_path / "bag", _mapping(position={"column": "y", "wrap": 2 * np.pi, "unit": "rad"}))
+    position = read_streams(tmp_path / "bag")["/joint_states"].position[:, 0]
+    np.testing.assert_allclose(np.diff(position)[:59], np.diff(angle)[:59], atol=1e-8)
+    (told,) = (finding for finding in result.findings if finding.kind == "turns_unknown")
+    assert told.level == "warning"
+    assert "in 1 holes of the log (the first at 1.59 s, 1.01 s long)" in told.text
+
+
 def test_empty_cells_do_not_become_messages(tmp_path):
     source = _csv(tmp_path, t=[0, 1, 2, 3], u=["", 1, 2, 3], y=["", "", 5, 6], v=["", 7, "", 8])
     result = import_bag(source, tmp_path / "bag", _mapping(velocity="v"))

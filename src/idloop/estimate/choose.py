@@ -23,7 +23,8 @@ for noise, and with it the trace of the parameters; if the free run then follows
 the data at all (an error below half of the measured spread, outputs averaged), its
 answer is the one to report. So it is where prediction cannot tell a parameter at all,
 being a thousand times less precise: a constant force may be the disturbance's own. Of
-parameters that neither can tell nothing is compared.
+parameters that neither can tell nothing is compared. A drive's gain that prediction cannot tell
+from zero, while the free run follows the command, is one that it is blind to.
 """
 
 from __future__ import annotations
@@ -50,6 +51,8 @@ PRECISION_RATIO = 3.0
 SINGLE_RATIO = 8.0
 BLIND_RATIO = 1e3
 LARGEST_FREE_RUN_ERROR = 0.5
+# A gain closer to zero than this many of its standard errors may be nothing.
+_DEVIATIONS = 2.0
 
 
 @dataclass(frozen=True)
@@ -151,6 +154,10 @@ def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> C
     # What has no error by prediction has no trace left there beside the disturbance.
     ratios = np.where(np.isnan(prediction.stderr) & np.isfinite(simulation.stderr), np.inf, ratios)
     hidden = ratios > np.log(BLIND_RATIO)
+    # Where the free run follows the command, a gain that may as well be nothing has not been seen.
+    nothing = np.abs(prediction.values) < _DEVIATIONS * prediction.stderr
+    moves = np.array([name == "drive.gain" for name in prediction.names])
+    hidden |= nothing & moves & (simulation.values != 0.0)
     blind = [name for name, one in zip(prediction.names, hidden, strict=True) if one]
     ratios = ratios[np.isfinite(ratios) & ~hidden]
     ratio = float(np.exp(np.mean(ratios))) if len(ratios) else 1.0

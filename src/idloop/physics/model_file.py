@@ -175,7 +175,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         parameters.append(_base_parameter(f"{name}.stiffness", coupling.stiffness, stiffness_unit, 0.0, where))
         damping_unit = units.fill("{force}·s/{position}")
         parameters.append(_base_parameter(f"{name}.damping", coupling.damping, damping_unit, 0.0, where))
-    gain_unit = "-" if force == command.unit else f"{force}/{command.unit}"
+    gain_unit = "-" if force == command.unit else units.fill("{force}/{input}")
     parameters.append(_base_parameter("drive.gain", file.drive.gain, gain_unit, -np.inf, where))
 
     if file.controller is not None:

@@ -8,7 +8,8 @@ from idloop.errors import InputError
 from idloop.spelling import did_you_mean_or_known
 
 ALIASES = {"Nm": "N·m", "N.m": "N·m", "N*m": "N·m", "N m": "N·m", "1": "-", "": "-"}
-INPUT_UNITS = ("V", "A", "N·m", "N", "-")
+# The last four are of a drive that is told a place or a speed and has a loop of its own.
+INPUT_UNITS = ("V", "A", "N·m", "N", "-", "rad", "m", "rad/s", "m/s")
 # Position unit of a kind of axis, and the unit of force that belongs to it.
 FORCES = {"rad": "N·m", "m": "N", "V": "V"}
 NAMES = {"rad": "rotary", "m": "linear", "V": "electrical"}
@@ -30,6 +31,8 @@ class Units:
 
     def fill(self, template: str, output: str = "") -> str:
         """Write a parameter's unit out, such as ``{force}·s/{position}``."""
+        over = f"({self.input})" if "/" in self.input else self.input
+        template = template.replace("/{input}", f"/{over}")
         return template.format(input=self.input, position=self.position, force=self.force, output=output)
 
     @property

@@ -221,6 +221,12 @@ def _sorted_column(
     return stamp, value, found
 
 
+def _given_fields(stream: JointStream, joint: str) -> str:
+    """Fields of a joint that hold numbers, as a reader names them; empty where none does."""
+    fields = (f"{joint}.{name}" for name in ("position", "velocity", "effort"))
+    return " or ".join(one for one in fields if np.isfinite(stream.column(joint, one.rpartition(".")[2])).any())
+
+
 def _align(
     path: Path,
     name: str,
@@ -240,9 +246,10 @@ def _align(
     input_ns, value, found = _sorted_column(streams[command], model.input.joint, model.input.field, command=True)
     findings += found
     if input_ns.size == 0:
+        given = _given_fields(streams[command], model.input.joint)
         raise InputError(
-            f"{path}: {command} {model.input.joint}.{model.input.field} is NaN in every message; check field and"
-            " joint in the model file"
+            f"{path}: {command} {model.input.joint}.{model.input.field} is NaN in every message; "
+            + (f"{given} is given: say so in the model file" if given else "check field and joint in the model file")
         )
     columns = []
     for topic, signal in zip(measured, model.outputs, strict=True):

@@ -75,24 +75,6 @@ def _band(low: float | None, high: float | None, nyquist: float) -> tuple[float 
     raise InputError("a filter needs an edge; give low, high or both in Hz")
 
 
-def unwrap(value: Floats, span: float) -> Floats:
-    """Undo the wrap of an encoder that repeats after `span`: steps beyond half of it are taken as wraps.
-
-    Parameters
-    ----------
-    value : ndarray, shape (n,)
-        Positions; NaN stays NaN.
-    span : float
-        Declared range, e.g. 2π or 4096 counts, in the unit of `value`.
-    """
-    if not span > 0:
-        raise InputError(f"encoder range {span:g}; it must be positive, e.g. 6.283185 for one turn in rad")
-    known = np.isfinite(value)
-    result: Floats = value.copy()
-    result[known] = np.unwrap(value[known], period=span)
-    return result
-
-
 def resample_held(time: Floats, value: Floats, at: Floats) -> Floats:
     """Return the value that is held at each instant: the last one stamped at or before it, NaN before the first."""
     index = np.searchsorted(time, at, side="right") - 1

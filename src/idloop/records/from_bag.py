@@ -11,7 +11,7 @@ from idloop.errors import InputError
 from idloop.records.bag import Bag, resolve_topic, topics_named
 from idloop.records.mapping import Channel, Mapping, Signals
 from idloop.records.read import read_streams
-from idloop.records.signal import Signal, assignments, convert, in_base_units, target_joint
+from idloop.records.signal import Signal, assignments, convert, make_signal
 from idloop.records.stream import JointStream
 from idloop.spelling import did_you_mean, listed
 
@@ -45,13 +45,9 @@ def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[S
         if channel.topic not in names:
             continue
         stream = streams[names[channel.topic]]
-        unit, value = in_base_units(
-            topic, field, channel, convert(_bag_column(stream, channel), None, channel), mapping
-        )
-        stamp = stream.receive_ns if receive else stream.stamp_ns
-        found.append(
-            Signal(topic, target_joint(channel, signals, mapping), field, unit, stamp, stream.receive_ns, value)
-        )
+        value = convert(_bag_column(stream, channel), None, channel)
+        stamps = stream.receive_ns if receive else stream.stamp_ns, stream.receive_ns
+        found.append(make_signal(topic, field, channel, value, stamps, signals, mapping))
     if not found:
         raise InputError(f"mapping {mapping.name}: it assigns no topic; add `command:` and `position:` or `velocity:`")
     return found

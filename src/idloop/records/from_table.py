@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.mapping import Channel, Mapping, Signals, Time
-from idloop.records.signal import Signal, assignments, convert, in_base_units, target_joint
+from idloop.records.signal import Signal, assignments, convert, make_signal
 from idloop.records.tables import Table
 
 Floats = NDArray[np.float64]
@@ -54,9 +54,7 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
         )
     found = []
     for topic, field, channel, value in raw:
-        unit, converted = in_base_units(topic, field, channel, value[rows], mapping)
-        joint = target_joint(channel, signals, mapping)
-        found.append(Signal(topic, joint, field, unit, stamp[rows], stamp[rows], converted))
+        found.append(make_signal(topic, field, channel, value[rows], (stamp[rows], stamp[rows]), signals, mapping))
     return found
 
 

@@ -205,6 +205,13 @@ def _value_findings(signals: list[Signal]) -> list[Finding]:
         name = f"{signal.topic} {signal.joint}.{signal.field}"
         command = signal.topic == "joint_command"
         found += missing_values(name, signal.stamp_ns, signal.value, name, command=command)
+        if signal.doubtful:
+            start, length = signal.doubtful[0]
+            text = (
+                f"{name}: in {len(signal.doubtful)} holes of the log (the first at {start:.6g} s, {length:.4g} s long)"
+                " the number of turns is a guess; cut the record there with `rows:`"
+            )
+            found.append(Finding("turns_unknown", text, len(signal.doubtful), name, "warning"))
         if command and np.nanmax(signal.value) == np.nanmin(signal.value):
             text = (
                 f"{name} is constant ({np.nanmax(signal.value):g} {signal.unit}): nothing can be identified"

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.filtering import resample_held, resample_linear, unwrap, zero_phase
+from idloop.records.filtering import resample_held, resample_linear, zero_phase
 from idloop.records.finding import Finding
+from idloop.records.unwrapping import unwrap
 from idloop.spelling import did_you_mean, listed
 
 Floats = NDArray[np.float64]
@@ -243,7 +244,7 @@ class Record:
         """Undo the wrap of an encoder with the declared range `span` (2π, 4096 counts, ...) in the output's unit."""
         values = self.output.copy()
         column = self.column(output)
-        values[:, column] = unwrap(values[:, column], span)
+        values[:, column] = unwrap(self.time, values[:, column], span).value
         return self._processed(f"{output} unwrapped over {span:g}", self.time, values)
 
     def _column_period(self) -> float:

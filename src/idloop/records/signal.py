@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.base_units import base_unit
 from idloop.records.decode import sign_magnitude, twos_complement
-from idloop.records.filtering import unwrap
 from idloop.records.mapping import Channel, Mapping, Signals, SignBit
 from idloop.records.tables import Table
+from idloop.records.unwrapping import unwrap
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -20,7 +20,10 @@ Stamps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Signal:
-    """One channel read: where it goes, its stamps and values."""
+    """One channel read: where it goes, its stamps and values.
+
+    `doubtful`: beginning and length [s] of the holes over which its number of turns is a guess, where it was unwrapped.
+    """
 
     topic: str
     joint: str
@@ -29,6 +32,7 @@ class Signal:
     stamp_ns: Stamps
     receive_ns: Stamps
     value: Floats
+    doubtful: tuple[tuple[float, float], ...] = ()
 
 
 def assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
@@ -46,22 +50,48 @@ def assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
     return [(topic, field, channel) for topic, field, channels in table for channel in channels]
 
 
-def target_joint(channel: Channel, signals: Signals, mapping: Mapping) -> str:
-    """Return the joint that a channel becomes; InputError when none is named."""
+def make_signal(
+    topic: str,
+    field: str,
+    channel: Channel,
+    value: Floats,
+    stamps: tuple[Stamps, Stamps],
+    signals: Signals,
+    mapping: Mapping,
+) -> Signal:
+    """Return a channel as a signal: unwrapped where a range is declared, in the unit in which the topic carries it.
+
+    Parameters
+    ----------
+    topic, field : str
+        Where it goes.
+    channel : Channel
+    value : ndarray, shape (n,)
+        As `convert` gives them.
+    stamps : tuple of ndarray of int64, shape (n,)
+        When it was, and when it was received [ns].
+    signals : Signals
+    mapping : Mapping
+
+    Raises
+    ------
+    InputError
+        No joint is named, the unit is none of the field.
+    """
     joint = channel.joint or signals.joint
     if not joint:
         raise InputError(f"mapping {mapping.name}: no joint named; add `joint: motor` at the top")
-    return joint
-
-
-def in_base_units(topic: str, field: str, channel: Channel, value: Floats, mapping: Mapping) -> tuple[str, Floats]:
-    """Return the unit in which the topic carries a channel, and its values in it."""
+    doubtful: tuple[tuple[float, float], ...] = ()
+    if channel.wrap is not None:
+        seconds = (stamps[0] - stamps[0][:1].sum()) * 1e-9
+        found = unwrap(seconds, value, channel.wrap)
+        value, doubtful = found.value, found.doubtful
     unit, factor = base_unit(channel.unit, field, f"mapping {mapping.name}: {topic} {field}")
-    return unit, value if factor == 1.0 else value * factor
+    return Signal(topic, joint, field, unit, *stamps, value if factor == 1.0 else value * factor, doubtful)
 
 
 def convert(value: Floats, table: Table | None, channel: Channel) -> Floats:
-    """Return decode(raw) * scale * times + offset, unwrapped where a range is declared."""
+    """Return decode(raw) * scale * times + offset."""
     if isinstance(channel.decode, SignBit):
         value = sign_magnitude(value, channel.decode.sign_bit)
     elif channel.decode is not None:
@@ -75,5 +105,4 @@ def convert(value: Floats, table: Table | None, channel: Channel) -> Floats:
                 " they must agree"
             )
         value = value * factor
-    value = value + channel.offset
-    return value if channel.wrap is None else unwrap(value, channel.wrap)
+    return value + channel.offset

@@ -1,0 +1,94 @@
+"""Positions of an encoder that begins again after a turn, made continuous.
+
+A step of more than half the range is a wrap. While nothing was recorded the axis may have gone on turning: over a hole
+the number of turns is that which the speeds on both sides of it make likely, and is doubtful where these differ much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+
+Floats = NDArray[np.float64]
+
+# A hole is longer than this many usual steps; speeds beside it are means over this many.
+_HOLE, _BESIDE = 5.0, 10
+# Half of the range: beyond it another number of turns is nearer.
+_HALF = 0.5
+
+
+@dataclass(frozen=True)
+class Unwrapped:
+    """A continuous position.
+
+    Attributes
+    ----------
+    value : ndarray, shape (n,)
+        Positions in their unit; NaN where they were.
+    doubtful : tuple of (float, float)
+        Beginning [s] and length [s] of the holes over which another number of turns is as likely.
+    """
+
+    value: Floats
+    doubtful: tuple[tuple[float, float], ...]
+
+
+def unwrap(time: Floats, value: Floats, span: float) -> Unwrapped:
+    """Undo the wrap of an encoder that repeats after `span`.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Stamps [s], not decreasing.
+    value : ndarray, shape (n,)
+        Positions; NaN stays NaN.
+    span : float
+        Declared range, e.g. 2π or 4096 counts, in the unit of `value`.
+
+    Returns
+    -------
+    Unwrapped
+
+    Raises
+    ------
+    InputError
+        A range that is not positive.
+    """
+    if not span > 0:
+        raise InputError(f"encoder range {span:g}; it must be positive, e.g. 6.283185 for one turn in rad")
+    known = np.isfinite(value)
+    t, x = time[known], np.unwrap(value[known], period=span)
+    passed = np.diff(t)
+    usual = float(np.median(passed[passed > 0.0])) if np.any(passed > 0.0) else np.inf
+    holes = np.flatnonzero(passed > _HOLE * usual)
+    step = np.diff(x)
+    # The runs between the holes, each from its first sample to its last.
+    first, last = np.concatenate([[0], holes + 1]), np.concatenate([holes, [len(x) - 1]])
+    turns, doubtful = np.zeros(len(step)), []
+    for place, hole in enumerate(holes):
+        beside = (
+            _speed(t, x, max(first[place], last[place] - _BESIDE), last[place]),
+            _speed(t, x, first[place + 1], min(last[place + 1], first[place + 1] + _BESIDE)),
+        )
+        speeds = [speed for speed in beside if np.isfinite(speed)]
+        if not speeds:
+            doubtful.append((float(t[hole]), float(passed[hole])))
+            continue
+        travel = np.array(speeds) * passed[hole]
+        turns[hole] = np.round((np.mean(travel) - step[hole]) / span)
+        off = abs(np.mean(travel) - step[hole] - turns[hole] * span) + 0.5 * np.ptp(travel)
+        if off > _HALF * span:
+            doubtful.append((float(t[hole]), float(passed[hole])))
+    result = value.astype(np.float64)
+    result[known] = x + span * np.concatenate([[0.0], np.cumsum(turns)])[: len(x)]
+    return Unwrapped(result, tuple(doubtful))
+
+
+def _speed(time: Floats, value: Floats, start: int, end: int) -> float:
+    """Mean speed from one sample to another; NaN where no time passes."""
+    passed = time[end] - time[start]
+    return float((value[end] - value[start]) / passed) if passed > 0.0 else np.nan
