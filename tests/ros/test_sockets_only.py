@@ -20,9 +20,10 @@ SCRIPT = """
 import rclpy
 from std_msgs.msg import Header
 from idloop_nodes.sockets_only import use_sockets_only
-use_sockets_only()
+SET
 rclpy.init()
-rclpy.create_node('alone').create_publisher(Header, 'alone', 1).publish(Header())
+node = rclpy.create_node('alone')  # kept: with it the memory would go
+node.create_publisher(Header, 'alone', 1).publish(Header())
 print(open('/proc/self/maps').read())
 rclpy.shutdown()
 """
@@ -40,10 +41,20 @@ def environment(ros_environment, monkeypatch):
     return monkeypatch
 
 
+def _script(setting):
+    return [sys.executable, "-c", SCRIPT.replace("SET\n", f"{setting}\n")]
+
+
+def test_without_it_there_is_shared_memory(environment):
+    environment.setenv(RANGE, "LOCALHOST")
+    done = subprocess.run(_script("pass"), capture_output=True, text=True, check=True, timeout=200)
+    assert re.findall(r"/dev/shm/fast\S+", done.stdout)
+
+
 @pytest.mark.parametrize("where", ["LOCALHOST", "SUBNET"])
 def test_no_shared_memory_is_opened_and_fast_dds_understands_every_word(environment, where):
     environment.setenv(RANGE, where)
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, timeout=200)
+    done = subprocess.run(_script("use_sockets_only()"), capture_output=True, text=True, check=True, timeout=200)
     assert not re.findall(r"/dev/shm/fast\S+", done.stdout)
     assert "WARN" not in done.stderr
     assert "XML" not in done.stderr
@@ -56,6 +67,7 @@ def test_no_shared_memory_is_opened_and_fast_dds_understands_every_word(environm
 def test_each_fast_dds_gets_a_profile_whose_words_it_knows(environment, where, distribution, variable, end):
     environment.setenv(RANGE, where)
     environment.setenv("ROS_DISTRO", distribution)
+    environment.setenv(PROFILE_VARIABLES[not variable], "")
     use_sockets_only()
     here = where == "LOCALHOST"
     assert os.environ[RANGE] == ("SYSTEM_DEFAULT" if here else where)

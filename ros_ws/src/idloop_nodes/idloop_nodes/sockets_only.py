@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-# How Fast DDS is set: from Kilted on, and before.
+from idloop_nodes.distribution import ros_distribution
+
+# How Fast DDS is given a profile: from Kilted on, and before. A later one reads the old variable too, with a warning.
 PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -28,6 +30,9 @@ def use_sockets_only() -> None:
     if here:
         # That range adds shared memory whatever the transports are; the profile says the same without it.
         os.environ[RANGE] = "SYSTEM_DEFAULT"
-    before_kilted = os.environ.get("ROS_DISTRO") in ("humble", "jazzy")
+    before_kilted = ros_distribution() in ("humble", "jazzy")
     file = f"{'loopback' if here else 'network'}_udp{'_2' if before_kilted else ''}.xml"
+    # A variable that is there and empty is a file without a name to Fast DDS 2.
+    for name in PROFILE_VARIABLES:
+        os.environ.pop(name, None)
     os.environ[PROFILE_VARIABLES[before_kilted]] = str(Path(__file__).with_name(file))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import time
 
@@ -12,6 +11,7 @@ from idloop_nodes.bag_writer import BagWriter, choose_folder
 from idloop_nodes.base import PolledStream, StreamNode
 from idloop_nodes.canonical_order import CanonicalOrder, rank_topics
 from idloop_nodes.codec import Level, Status, peek_stamp
+from idloop_nodes.distribution import ros_distribution
 from idloop_nodes.progress import DONE, due
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.sequence_check import SequenceCheck
@@ -57,7 +57,7 @@ class RecorderNode(StreamNode):
         self._writer = BagWriter(
             folder,
             types,
-            os.environ.get("ROS_DISTRO", "kilted"),
+            ros_distribution(),
             split_bytes=int(values["split_size"] * 1e6),
             split_ns=int(values["split_duration"] * SECOND),
         )
