@@ -69,6 +69,27 @@ def test_a_gain_that_may_be_negative_becomes_so_and_the_effect_is_found(start):
     assert any("drive.gain is -" in said and "`scale: -1`" in said for said in ladder.findings)
 
 
+def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_follow():
+    """No model of ours has a loop in the drive; the command is far from the motion, and still it is what moves it."""
+    time = np.arange(0.0, 6.0, 0.02)
+    records = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        command = 0.6 * np.sign(rng.normal(size=len(time) // 5)).repeat(5)
+        position = np.zeros_like(time)
+        for k in range(2, len(time)):
+            position[k] = position[k - 1] + 0.02 * np.clip(15.0 * (command[k - 2] - position[k - 1]), -1.5, 1.5)
+        output = (position + 5e-4 * rng.normal(size=len(time)))[:, None]
+        records.append(Record("servo", time, command, time, output, "axis.effort", "rad", ("axis.position",), ("rad",)))
+    (position,) = (one for one in load_model("axis").outputs if one.field == "position")
+    servo = replace(load_model("axis"), outputs=(position,)).with_effects(["cable_spring@axis(stiffness=300.0)"])
+    servo = servo.with_values({"axis.inertia": 1.0, "drive.gain": 300.0, "axis.viscous_friction": 30.0})
+    servo = servo.with_free([*(name for name in servo.free if name != "axis.inertia"), "drive.gain"])
+    found = diagnose(servo, records)
+    assert not unmoved(found.gate.findings)
+    assert found.verdict != NOT_EXCITED
+
+
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 def test_whether_a_fit_is_of_related_data_is_told(start, turn):
     record = record_of(start, 3, disturbance=0.02)

@@ -123,16 +123,19 @@ def read_fitted_and_unseen(
     for bag in unseen:
         if bag.resolve() in fitted:
             raise InputError(f"--validate {bag}: the fit sees this bag; give one that it does not see, or none")
-    return read_records(bags, model), read_records(unseen, model)
+    return read_records(bags, model), read_records(unseen, model, excited=False)
 
 
-def read_records(bags: Iterable[Path], model: ModelSignals, *, fitted: bool = True) -> list[Record]:
+def read_records(
+    bags: Iterable[Path], model: ModelSignals, *, fitted: bool = True, excited: bool = True
+) -> list[Record]:
     """Read the streams that the model names: a record for each run of the clock in each bag.
 
     Raises
     ------
     InputError
-        What cannot be read, a bag given twice; where they are to be `fitted`, also a motion that no fit can use.
+        What cannot be read, a bag given twice; where they are to be `fitted`, also a motion that no fit can use, and
+        where they are to be `excited`, commands of which none ever changes.
     """
     from idloop import records
 
@@ -143,6 +146,8 @@ def read_records(bags: Iterable[Path], model: ModelSignals, *, fitted: bool = Tr
             raise InputError(f"{bag} is given twice: one recording counts once; leave it out, or give another")
         seen.add(bag.resolve())
     found = records.read_records(bags, model)
+    if fitted and excited:
+        records.check_commands(found)
     return [_with_warnings(records.check_identifiable(record) if fitted else record) for record in found]
 
 
@@ -150,7 +155,7 @@ def read_one_record(bag: Path, model: Model) -> Record:
     """Read the streams that the model names from a bag that is one run of the clock."""
     from idloop import records
 
-    return _with_warnings(records.read_record(bag, model))
+    return _with_warnings(records.check_record(records.read_record(bag, model, check=False)))
 
 
 def _with_warnings(record: Record) -> Record:

@@ -120,7 +120,7 @@ def gather_kept(
     for path in (*fitted, *unseen):
         if not path.exists():
             raise InputError(f"{path}: this recording of {run} is not there any more: name it by --bag or --validate")
-    records, validation = read_records(fitted, model), read_records(unseen, model)
+    records, validation = read_records(fitted, model), read_records(unseen, model, excited=False)
     return gather(
         kept.ladder, fitted_records(kept, records), [*validation, *judged_records(kept, records)],
         suggestion=read_next_experiment(run, kept), provenance=_origin(kept, fitted, unseen), progress=update,

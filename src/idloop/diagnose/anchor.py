@@ -1,9 +1,9 @@
 """A fit that has left the user's machine far behind, taken up again from near it.
 
 Beside a missing effect that rules the motion, a likelihood may prefer a machine that its drive hardly moves, a
-hundred times too heavy, with a disturbance that does everything. From there no effect promises much. The user's
-own values are no truth, but they are of the right size: held near them, the model is worse by itself and shows
-what it lacks.
+hundred times too heavy or with a gain of nothing, and a disturbance that does everything. From there no effect
+promises much. The user's own values are no truth, but they are of the right size: held near them, the model is worse
+by itself and shows what it lacks.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from idloop.diagnose.refit import Refit, refit_or_none
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.screen import Screen
 from idloop.diagnose.setting import Setting
-from idloop.physics.effect import COUPLING
+from idloop.physics.effect import COUPLING, INPUT
 from idloop.physics.model import Model
+from idloop.physics.parameter import Parameter
 
 # A mass or a stiffness that the fit has changed by this factor is not the user's any more.
 _LEFT_BEHIND = 5.0
@@ -28,7 +29,7 @@ _LEFT_BEHIND = 5.0
 _NEAR = 3.0
 # Searches from the very values of the user that are carried on after a first round.
 _CARRIED_ON = 2
-_SIZES, _LOSSES = ("inertia", "stiffness"), ("viscous_friction", "damping")
+_SIZES, _LOSSES, _GAIN = ("inertia", "stiffness"), ("viscous_friction", "damping"), "drive.gain"
 
 
 def left_behind(model: Model, given: Mapping[str, float]) -> bool:
@@ -76,21 +77,30 @@ def from_near(
     found = confirm(setting, start, chosen, matters=lambda c: c.fit.log_likelihood > parent.log_likelihood)
     if all(c.fit.log_likelihood <= parent.log_likelihood for c in found):
         for proposal in proposals(parent.model, effects):
-            if proposal.effect.site == COUPLING and proposal.replaces is None:
+            if _begins_at_the_users(parent.model, given, proposal):
                 found += _from_the_users(setting, parent, proposal, given)
     gains = [replace(c, gain=c.fit.log_likelihood - parent.log_likelihood) for c in found]
     return sorted(gains, key=lambda c: -c.gain)
 
 
-def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
-    """Where the best search with a coupling's effect ends that starts from the very values the user gave.
+def _begins_at_the_users(model: Model, given: Mapping[str, float], proposal: Proposal) -> bool:
+    """Whether an effect is one of a coupling whose stiffness the fit has left, or of the drive where it has left that.
 
-    A coupling that slips all the time is nowhere near them without its slip.
+    A coupling that slips all the time is nowhere near the user's values without its slip, nor is a drive that answers
+    late without its delay.
     """
-    if f"{proposal.at}.stiffness" not in _left(parent.model, given):
-        return []
+    if proposal.replaces is not None:
+        return False
+    if proposal.effect.site == COUPLING:
+        return f"{proposal.at}.stiffness" in _left(model, given)
+    of_the_drive = proposal.effect.site == INPUT or bool(proposal.effect.delay)
+    return of_the_drive and _GAIN in model.free and abs(model.values[_GAIN]) < abs(given.get(_GAIN, 0.0)) / _LEFT_BEHIND
+
+
+def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
+    """Where the best search with an effect ends that starts from the very values the user gave."""
     near = {**parent.model.values, **given}
-    scales = Sizes(parent.model.with_values(near), setting).at(COUPLING, proposal.at)
+    scales = Sizes(parent.model.with_values(near), setting).at(proposal.effect.site, proposal.at)
     trials = [trial for alternative in proposal.alternatives(scales) for trial in alternative]
     choices = [{**near, **{f"{proposal.name}.{name}": v for name, v in trial.items()}} for trial in trials]
     fits = ends(setting, proposal.model(trials[0]), choices, most=_CARRIED_ON)
@@ -117,15 +127,17 @@ def _linear(model: Model, given: Mapping[str, float], kinds: Sequence[str]) -> l
     ]
 
 
+def _near(parameter: Parameter, given: float) -> Parameter:
+    low, high = sorted((given / _NEAR, given * _NEAR))
+    return replace(parameter, min=max(parameter.min, low), max=min(parameter.max, high))
+
+
 def _held_near(setting: Setting, model: Model, given: Mapping[str, float]) -> Refit | None:
     """The model at its best near the user's values; free to leave them again."""
     names = _linear(model, given, (*_SIZES, *_LOSSES))
+    if _GAIN in model.free and given.get(_GAIN, 0.0) != 0.0:
+        names.append(_GAIN)
     start = model.with_values({name: given[name] for name in names})
-    held = tuple(
-        replace(p, min=max(p.min, given[p.name] / _NEAR), max=min(p.max, given[p.name] * _NEAR))
-        if p.name in names
-        else p
-        for p in start.parameters
-    )
+    held = tuple(_near(p, given[p.name]) if p.name in names else p for p in start.parameters)
     fit = refit_or_none(setting, replace(start, parameters=held))
     return None if fit is None else replace(fit, model=model.with_values(fit.model.values))

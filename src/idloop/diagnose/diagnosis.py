@@ -15,8 +15,9 @@ from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
 from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.evidence import consistent, distinguishable, holds, may_decide, rank, statistic
-from idloop.diagnose.follows import REFUSED, REVERSED, UNMOVED, follows, unmoved, why_not
+from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command, unmoved
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
+from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.leap import Leap, leap
@@ -59,6 +60,8 @@ Progress = Callable[[float, str], None]
 MANY_LAGS, MUCH_COLOUR, ALLOWANCE = 6, 0.05, 3.0
 # Fewer lags that do so by this much: noise with a memory of a hundred samples would not.
 ANY_COLOUR = 2.5
+
+_UNFOLLOWED = (UNMOVED, OTHERWISE)
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,7 @@ class Diagnosis:
             candidates=(*added, *(c for c in self.candidates if c.name not in names)),
             set=further.rungs[0].set,
             verdict=MISSING,
-            gate=replace(self.gate, findings=tuple(said for said in self.gate.findings if said != UNMOVED)),
+            gate=replace(self.gate, findings=tuple(said for said in self.gate.findings if said not in _UNFOLLOWED)),
             unknown=None,
             best_fit=further.fit,
             pair=(first.name, beside[0].name) if beside else None,
@@ -161,7 +164,7 @@ class Diagnosis:
         )
 
     def why_unmoved(self, setting: Setting, start: Model) -> Diagnosis:
-        """Where the motion does not follow the command: look whether it follows minus the command, which explains all.
+        """Where the model does not follow the command: look whether it follows minus the command, which explains all.
 
         Parameters
         ----------
@@ -169,9 +172,10 @@ class Diagnosis:
         start : Model
             As the user gave it.
         """
-        if not unmoved(self.gate.findings) or why_not(setting, self.fit, start) == UNMOVED:
+        told = [said for said in self.gate.findings if said in _UNFOLLOWED]
+        if not told or not reversed_command(setting, self.fit, start):
             return self
-        findings = tuple(REVERSED if said == UNMOVED else said for said in self.gate.findings)
+        findings = tuple(REVERSED if said in told else said for said in self.gate.findings)
         return replace(
             self, verdict=NOT_EXCITED, gate=replace(self.gate, findings=findings), unknown=None, passed_over={}
         )
@@ -226,8 +230,8 @@ class Diagnosis:
             lines += [group.text for group in self.twins]
         elif self.unknown is not None:
             lines.append(self.unknown.text)
-        elif REVERSED in self.gate.findings:
-            pass  # the finding says what to do
+        elif REVERSED in self.gate.findings or self.verdict == UNKNOWN:
+            pass  # the finding says what there is to say
         elif self.verdict == NOT_EXCITED:
             lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
         else:
@@ -418,7 +422,10 @@ def diagnose_fitted(
             pair = None
     gated = gate(parent.model, setting, screened, bar)
     unknown = unknown_structure(screen, left) if best is None and pair is None else None
-    if not moved and best is None and pair is None:
+    otherwise = not moved and best is None and pair is None and foretells(setting.records, seed)
+    if otherwise:
+        gated = replace(gated, findings=(*gated.findings, OTHERWISE))
+    elif not moved and best is None and pair is None:
         gated = replace(gated, findings=(*gated.findings, UNMOVED))
         # A force over the motion says nothing where it is not the command that moves the axis.
         unknown = unknown if unknown is not None and unknown.of_the_drive else None
@@ -432,7 +439,9 @@ def diagnose_fitted(
         names = pair.ties(0)
         model = with_stderr(pair.alone, setting.records)
         alone = replace(members[0], model=model, parameters=effect_parameters(model, members[0].name))
-    verdict = MISSING if names else UNKNOWN if unknown else NOT_EXCITED if gated.poor or not moved else ADEQUATE
+    verdict = MISSING if names else UNKNOWN if unknown or otherwise else ADEQUATE
+    if verdict == ADEQUATE and (gated.poor or not moved):
+        verdict = NOT_EXCITED
     over = {**refused, **slight}
     if best is not None:
         # What may stand, with another, for the missing effect is not passed over.

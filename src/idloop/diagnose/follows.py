@@ -17,6 +17,7 @@ import numpy as np
 
 from idloop.diagnose.choice import NOTHING
 from idloop.diagnose.evidence import distinguishable
+from idloop.diagnose.foretells import foretells
 from idloop.diagnose.refit import Refit, refit, refit_or_none, transfer
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import IdloopError
@@ -28,6 +29,11 @@ from idloop.validate.drive import force_error
 UNMOVED = (
     "the measured motion does not follow the command: the model predicts it no better with the command than without. "
     "Was the drive on, and are command and motion of the same run and the same joint?"
+)
+OTHERWISE = (
+    "the measured motion follows the command, but not as this model has it: the model predicts it no better with the"
+    " command than without. What lies between the two is missing, or the values of the model file are far from the"
+    " machine's"
 )
 REVERSED = f"{AGAINST}: with the sign of the command turned the model predicts it. {TURN}"
 REFUSED = "with it, too, the motion does not follow the command"
@@ -54,8 +60,8 @@ def follows(setting: Setting, fit: Refit) -> bool:
     return without is None or distinguishable(fit, without)
 
 
-def why_not(setting: Setting, fit: Refit, start: Model) -> str:
-    """What to say where a fitted model does not follow the command: that its sign is turned, or that nothing is told.
+def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
+    """Whether a model that does not follow the command would follow one of the other sign.
 
     Parameters
     ----------
@@ -68,15 +74,12 @@ def why_not(setting: Setting, fit: Refit, start: Model) -> str:
 
     Returns
     -------
-    str
-        `REVERSED` or `UNMOVED`.
+    bool
     """
     records = [replace(one, input=-one.input) for one in setting.records]
     turned = prepare_setting(start, records, setting.kind)
     other = refit_or_none(turned, start)
-    if other is not None and other.log_likelihood > fit.log_likelihood and follows(turned, other):
-        return REVERSED
-    return UNMOVED
+    return other is not None and other.log_likelihood > fit.log_likelihood and follows(turned, other)
 
 
 def unrelated(model: Model, start: Model, records: Sequence[Record]) -> str:
@@ -93,14 +96,18 @@ def unrelated(model: Model, start: Model, records: Sequence[Record]) -> str:
     Returns
     -------
     str
-        Empty where the motion follows the command, or that cannot be computed.
+        Empty where the motion follows the command, in whatever way, or that cannot be computed.
     """
     try:
         setting = prepare_setting(model, records, "prediction")
         found = refit(setting, model)
-        return "" if follows(setting, found) else why_not(setting, found, start)
+        if follows(setting, found):
+            return ""
+        if reversed_command(setting, found, start):
+            return REVERSED
     except (IdloopError, np.linalg.LinAlgError):
         return ""
+    return "" if foretells(records) else UNMOVED
 
 
 def _balances(setting: Setting, fit: Refit) -> bool:

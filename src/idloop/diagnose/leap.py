@@ -104,7 +104,7 @@ def leap(
     for proposal in proposals(parent.model, effects):
         if not proposal.effect.parameters:
             bases += _bases(setting, parent, proposal, given, seed)
-    if left_behind(parent.model, given):
+    if left_behind(parent.model, given) or not follows(setting, parent):
         bases += from_near(setting, parent, given, effects, seed)
     count = len(bases)
     bases.sort(key=lambda base: -base.gain)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from idloop.records.align import read_record, read_records
-from idloop.records.checks import check_identifiable, check_record
+from idloop.records.checks import check_commands, check_identifiable, check_record
 from idloop.records.finding import Finding
 from idloop.records.from_model import record_from_model
 from idloop.records.inspection import Inspection, inspect_bag
@@ -17,6 +17,7 @@ __all__ = [
     "Inspection",
     "JointStream",
     "Record",
+    "check_commands",
     "check_identifiable",
     "check_record",
     "inspect_bag",

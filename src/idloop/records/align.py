@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.bag import Bag, resolve_topic
-from idloop.records.checks import check_record
+from idloop.records.checks import check_commands, check_record
 from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
 from idloop.records.finding import Finding
 from idloop.records.missing import missing_values
@@ -112,7 +112,10 @@ def read_record(
         raise InputError(f"{bag}: no run {run}; the bag holds {len(records)} (counted from 0)")
     for name, span in (wrap or {}).items():
         record = record.unwrapped(name, span)
-    return check_record(record) if check else record
+    if check:
+        record = check_record(record)
+        check_commands([record])
+    return record
 
 
 def read_records(
@@ -126,8 +129,9 @@ def read_records(
 ) -> list[Record]:
     """Read one or several bags as one experiment: a list of records.
 
-    Parameters and errors as in `read_record`; with `split` a bag in which the clock was set back gives one
-    record for each run instead of an error.
+    Parameters and errors as in `read_record`, but that a command may be constant: beside others, and to be compared
+    with, that tells something. With `split` a bag in which the clock was set back gives one record for each run
+    instead of an error.
     """
     paths = [bags] if isinstance(bags, Path | str) else list(bags)
     records = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -59,7 +59,7 @@ def check_record(record: Record) -> Record:
     Raises
     ------
     InputError
-        Infinite samples, an output never measured, fewer than ten samples, a constant command.
+        Infinite samples, an output never measured, fewer than ten samples.
     """
     name = record.name
     if not np.isfinite(record.input).all():
@@ -86,11 +86,6 @@ def check_record(record: Record) -> Record:
             raise InputError(
                 f"{name}: {output} has only {count} samples, at least {FEWEST_SAMPLES} are needed; record longer"
             )
-    if np.ptp(record.input) == 0:
-        raise InputError(
-            f"{name}: the command {record.input_name} is constant ({record.input[0]:g} {record.input_unit}), nothing"
-            " can be identified from it; excite the axis, e.g. with a multisine"
-        )
     still = [
         output
         for column, output in enumerate(record.output_names)
@@ -102,6 +97,31 @@ def check_record(record: Record) -> Record:
     if short:
         found.append(Finding("few_samples", short, record.time.size, name, "warning"))
     return replace(record, findings=(*record.findings, *found))
+
+
+def check_commands(records: Sequence[Record]) -> None:
+    """Refuse records of which no command ever changes.
+
+    Beside others one with a constant command tells something: a step that began before the record, a coast-down.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        All that a fit is to see.
+
+    Raises
+    ------
+    InputError
+        Every command is constant.
+    """
+    if not records or any(np.ptp(record.input) > 0.0 for record in records):
+        return
+    first = records[0]
+    raise InputError(
+        f"{first.name}: the command {first.input_name} is constant ({first.input[0]:g} {first.input_unit})"
+        f"{'' if len(records) == 1 else ', and so are the others'}, nothing can be identified from it; excite the axis,"
+        " e.g. with a multisine"
+    )
 
 
 def check_identifiable(record: Record) -> Record:
