@@ -14,7 +14,7 @@ from idloop_nodes.held_stream import HeldStream
 from idloop_nodes.progress import BackPressure
 from idloop_nodes.sample_store import SampleStore
 from idloop_nodes.sequence_check import SequenceCheck
-from idloop_nodes.wiring import NODES, TOPICS, expected_publishers, expected_subscribers
+from idloop_nodes.wiring import NODES, TOPICS, expected_publishers, expected_subscribers, subscriptions, told
 
 
 @given(st.lists(st.tuples(st.integers(0, 50), st.floats(allow_nan=False)), min_size=1), st.integers(0, 60))
@@ -160,7 +160,20 @@ def test_the_wiring_is_closed():
     """Every stream that a node subscribes is published by another, else the start barrier would never open."""
     graph = ("excitation", "controller", "plant", "bridge", "recorder", "estimator")
     for kind in graph:
-        for topic in NODES[kind].subscribes:
+        for topic in subscriptions(kind, graph):
             assert expected_publishers(topic, graph) >= 1, topic
         for topic in NODES[kind].publishes:
             assert expected_subscribers(topic, graph) >= 1, topic
+
+
+def test_behind_a_bridge_it_counts_what_the_machine_was_told():
+    robot, simulated = (
+        ("controller", "bridge", "recorder", "estimator"),
+        ("controller", "plant", "recorder", "estimator"),
+    )
+    assert told("joint_command", robot) == "bridge/command"
+    assert told("joint_command", simulated) == "joint_command"
+    assert told("motor/command", robot) == "motor/command"
+    # the recorder and the bridge hear the one, recorder and estimator the other
+    assert (expected_subscribers("joint_command", robot), expected_subscribers("bridge/command", robot)) == (2, 2)
+    assert expected_subscribers("joint_command", simulated) == 3

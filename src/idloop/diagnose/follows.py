@@ -82,6 +82,7 @@ def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
     return other is not None and other.log_likelihood > fit.log_likelihood and follows(turned, other)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def unrelated(model: Model, start: Model, records: Sequence[Record]) -> str:
     """What to say of data whose motion a model does not follow, whatever its parameters.
 

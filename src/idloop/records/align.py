@@ -21,6 +21,7 @@ from idloop.records.record import Record
 from idloop.records.runs import announced_runs, backwards_message, on_receive_time, split_runs
 from idloop.records.said_units import said_units
 from idloop.records.stream import FIELDS, JointStream
+from idloop.records.told import TOLD, told_findings, told_topic
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -149,15 +150,16 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         raise InputError(f"stamps {stamps!r} are unknown; use header or receive")
     with Bag(path, distro) as bag:
         topics = bag.topics
-        command = resolve_topic(model.input.topic, topics, path)
+        asked = resolve_topic(model.input.topic, topics, path)
+        command = told_topic(asked, topics)
         measured = [resolve_topic(output.topic, topics, path) for output in model.outputs]
         extra = {
             name: found
             for name in ("reference", "excitation")
-            if (found := _sibling(command, name, topics)) in topics and topics[found].count
+            if (found := _sibling(asked, name, topics)) in topics and topics[found].count
         }
         streams = read_streams(bag, {command, *measured, *extra.values()})
-        other_units = _unit_findings(model, said_units(bag.custom))
+        common = _unit_findings(model, said_units(bag.custom)) + told_findings(asked, command)
     if stamps == "receive":
         streams = {topic: on_receive_time(stream) for topic, stream in streams.items()}
     runs = {topic: split_runs(streams[topic]) for topic in dict.fromkeys((command, *measured))}
@@ -177,7 +179,7 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         part = {topic: parts[min(number, len(parts) - 1)] for topic, parts in runs.items()}
         name = path.stem if counts[command] == 1 else f"{path.stem}[{number}]"
         record = _align(path, name, model, part, command, measured, extra)
-        records.append(replace(record, findings=(*record.findings, *other_units)))
+        records.append(replace(record, findings=(*record.findings, *common)))
     return records
 
 
@@ -246,7 +248,8 @@ def _align(
         stamps = streams[topic].stamp_ns
         if topic == command:
             stamps = while_measured(stamps, [streams[name].stamp_ns for name in measured])
-        findings += stamp_findings(topic, stamp_statistics(stamps), held=topic == command)
+        if not topic.endswith(f"/{TOLD}"):  # a bridge speaks when it has something to say; until then its word holds
+            findings += stamp_findings(topic, stamp_statistics(stamps), held=topic == command)
     input_ns, value, found = _sorted_column(streams[command], model.input.joint, model.input.field, command=True)
     findings += found
     if input_ns.size == 0:

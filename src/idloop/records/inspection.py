@@ -23,12 +23,13 @@ from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
 from idloop.records.said_units import imported, said_units
 from idloop.records.stream import FIELDS, JointStream
+from idloop.records.told import TOLD, told_findings, told_topic
 from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
 
 _COMMANDS = ("joint_command", "commands", "command")
-_ADDED = ("reference", "excitation", "bridge/command", "estimator/prediction", "estimator/residual")
+_ADDED = ("reference", "excitation", TOLD, "estimator/prediction", "estimator/residual")
 _A_DAY = 86_400.0
 
 
@@ -166,8 +167,10 @@ def inspect_bag(
         receive = bag.receive_stamps([topic for topic in bag.topics if topic not in streams])
         custom = bag.custom
         topics = bag.topics
-        command_topic = _command_topic(streams, topics, command, path)
-    measured = {name: stream for name, stream in streams.items() if name != command_topic and not name.endswith(_ADDED)}
+        asked = _command_topic(streams, topics, command, path)
+        command_topic = told_topic(asked, topics) if command is None and asked else asked
+    known = (asked, command_topic)
+    measured = {name: stream for name, stream in streams.items() if name not in known and not name.endswith(_ADDED)}
     reports = []
     findings: list[Finding] = []
     for topic in topics.values():
@@ -202,12 +205,10 @@ def inspect_bag(
             )
         if stream is not None:
             findings += stream.findings
-            findings += stamp_findings(
-                topic.name,
-                report.stamps,
-                announced=topic.name.endswith(_ADDED),
-                held=topic.name == command_topic,
-            )
+            # A bridge speaks when it has something to say; until then its word holds.
+            if not topic.name.endswith(f"/{TOLD}"):
+                announced, held = topic.name.endswith(_ADDED), topic.name == command_topic
+                findings += stamp_findings(topic.name, report.stamps, announced=announced, held=held)
     units = said_units(custom)
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
@@ -215,6 +216,7 @@ def inspect_bag(
         findings += differenced_columns((stream.stamp_ns - stream.stamp_ns[0]) * 1e-9, columns_of(stream))
     commands = _commands(streams[command_topic]) if command_topic else {}
     findings += _missing(measured, command=False)
+    findings += told_findings(asked, command_topic)
     if command_topic:
         findings += _missing({command_topic: streams[command_topic]}, command=True)
         findings += _clock_findings(streams, command_topic, measured)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from idloop_nodes.parameters import NodeParameter
 from idloop_nodes.tables import tables
-from idloop_nodes.wiring import NODES, TOPICS
+from idloop_nodes.wiring import ASKING, NODES, TOPICS
 
 ABOUT = {
     "excitation": "Builds the whole signal once and publishes it ahead of the clock, each sample stamped with the "
@@ -96,7 +96,8 @@ def _section(kind: str, table: Iterable[NodeParameter]) -> list[str]:
     lines = ["", f"## {kind}", "", ABOUT[kind], ""]
     publishes, subscribes = (", ".join(f"`{one}`" for one in side) for side in (wiring.publishes, wiring.subscribes))
     lines.append(f"Publishes: {publishes or 'only the common topics'}.  ")
-    lines.append(f"Subscribes: {subscribes or 'none'}.")
+    instead = " (behind a bridge `bridge/command` instead of `joint_command`)" if kind in ASKING else ""
+    lines.append(f"Subscribes: {subscribes or 'none'}{instead}.")
     if kind in SERVICES:
         services = ((f"`{name}`", text) for name, text in SERVICES[kind].items())
         lines += ["", *_table(("service (std_srvs/Trigger)", "does"), services)]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+
+from idloop.records.told import ASKED, TOLD
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -75,9 +77,34 @@ NODES: dict[str, Wiring] = {
 NODES["mujoco_plant"] = NODES["plant"]  # it stands in the same place
 
 
-def expected_subscribers(topic: str, peers: Iterable[str]) -> int:
+# They ask what the machine was told.
+ASKING = ("estimator", "workbench")
+
+
+def told(topic: str, family: Iterable[str]) -> str:
+    """Topic on which a machine's own commands are heard: behind a bridge what it lets pass, after all limits.
+
+    Parameters
+    ----------
+    topic : str
+        Of the command, as the model names it.
+    family : iterable of str
+        Kinds of the nodes of the graph.
+    """
+    return TOLD if topic == ASKED and "bridge" in family else topic
+
+
+def subscriptions(kind: str, family: Iterable[str]) -> tuple[str, ...]:
+    """Topics that a kind of node subscribes to in a graph of these kinds."""
+    if kind not in NODES:
+        return ()
+    topics = NODES[kind].subscribes
+    return tuple(told(topic, family) for topic in topics) if kind in ASKING else topics
+
+
+def expected_subscribers(topic: str, peers: Collection[str]) -> int:
     """Return how many of `peers` subscribe `topic`."""
-    return sum(topic in NODES[peer].subscribes for peer in peers if peer in NODES)
+    return sum(topic in subscriptions(peer, peers) for peer in peers)
 
 
 def expected_publishers(topic: str, peers: Iterable[str]) -> int:

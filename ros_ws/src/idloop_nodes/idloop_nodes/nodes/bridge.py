@@ -20,6 +20,7 @@ from idloop_nodes.deadlines import become_urgent
 from idloop_nodes.emergency_stop import EmergencyStop
 from idloop_nodes.gate_settings import gate_settings
 from idloop_nodes.rates import RateCounter
+from idloop_nodes.robot_clock import RobotClock
 from idloop_nodes.robot_joints import RobotJoints
 from idloop_nodes.safety_gate import SafetyGate
 from idloop_nodes.tables import BRIDGE
@@ -46,6 +47,7 @@ class BridgeNode(ManagedNode):
         self._lock = threading.Lock()
         self._command_reader = JointReader([(self._robot.names[0], "effort")])
         self._sent_writer = JointWriter(self._robot.names[:1], ["effort"])
+        self._robot_clock = RobotClock()
         self._measured = RateCounter()
         self._commanded = RateCounter()
         self._sent = RateCounter()
@@ -83,7 +85,7 @@ class BridgeNode(ManagedNode):
     # streams
 
     def _on_measurement(self, data: bytes) -> None:
-        now = time.monotonic_ns()
+        now, wall = time.monotonic_ns(), time.time_ns()
         try:
             read = self._robot.read(data)
         except CdrError:
@@ -95,9 +97,10 @@ class BridgeNode(ManagedNode):
         robot = self._robot
         position, velocity = robot.measured(values, "position"), robot.measured(values, "velocity")
         with self._lock:
+            self._robot_clock.hear(stamp, wall)
             self._send(self._gate.measure(now, stamp, position, velocity))
             self._measured.count += 1
-        self._publish_states(robot.pack(stamp or time.time_ns(), values))
+        self._publish_states(robot.pack(stamp or wall, values))
 
     def _on_command(self, data: bytes) -> None:
         now = time.monotonic_ns()
@@ -122,7 +125,7 @@ class BridgeNode(ManagedNode):
         message = None if command is None else self._robot.command(stamp, command)
         if message is not None and command is not None:
             self._to_robot.publish(message)
-            self._publish_sent(self._sent_writer.pack(stamp, (command,)))
+            self._publish_sent(self._sent_writer.pack(self._robot_clock.stamp(stamp), (command,)))
             self._sent.count += 1
 
     def poll(self) -> None:
@@ -183,6 +186,7 @@ class BridgeNode(ManagedNode):
             "command_rate": f"{self._commanded.rate():.1f}",
             "sent": str(self._sent.count),
             "sent_rate": f"{self._sent.rate():.1f}",
+            "clock_behind": f"{self._robot_clock.behind / 1e9:.6f}",
             "clock_jumps": str(gate.commands.jumps + gate.measurements.jumps),
             "stale": str(gate.commands.stale + gate.measurements.stale),
             "unreadable": str(self._unreadable),

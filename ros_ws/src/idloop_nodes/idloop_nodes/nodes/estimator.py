@@ -39,6 +39,7 @@ from idloop_nodes.progress import DONE, due
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.recursive_model import RecursiveModel
 from idloop_nodes.tables import ESTIMATOR
+from idloop_nodes.wiring import told
 from idloop_nodes.worker import Worker
 
 BLOCK = 500  # samples worked off in one go, so that services stay answered
@@ -66,10 +67,11 @@ class EstimatorNode(StreamNode):
         self._command_wait = CommandWait(self._period_ns, self._lockstep, time.monotonic())
         self._pending: list[Sample] = []
         self._book = DataBook(len(columns))
-        self._command_stream = self.poll_topic(self._model.input.topic)
+        command_topic = told(self._model.input.topic, self.others)
+        self._command_stream = self.poll_topic(command_topic)
         self._output_stream = self.poll_topic(output_topic(self._model))
         self._reference_stream = self.poll_topic("reference")
-        self._always = [output_topic(self._model), *([self._model.input.topic] if self._lockstep else [])]
+        self._always = [output_topic(self._model), *([command_topic] if self._lockstep else [])]
         self._prediction = Prediction(
             wanted=values["recursive"],
             sample_time=values["sample_time"],

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idloop.errors import IdloopError, InputError
+from idloop.records.told import ASKED, TOLD
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status, peek_stamp
 from idloop_nodes.progress import DONE, END, BackPressure
@@ -57,6 +58,12 @@ class ReplayNode(StreamNode):
                     names = [topic for topic in topics if one.topic == topic or one.topic.endswith("/" + topic)]
                     if names and one.msgtype == JOINT_STATE:
                         chosen[one.id] = names[0]
+                if ASKED in topics:
+                    # What a bridge let pass is what the machine answered to.
+                    told = [one.id for one in reader.connections if one.topic.endswith(f"/{TOLD}") and one.msgcount]
+                    if told:
+                        chosen = {one: topic for one, topic in chosen.items() if topic != ASKED}
+                        chosen |= dict.fromkeys(told, ASKED)
                 wanted = [one for one in reader.connections if one.id in chosen]
                 for connection, _, data in reader.messages(wanted) if wanted else ():
                     payload = bytes(data)

@@ -30,6 +30,7 @@ from idloop_nodes.health_names import node_seen_from, seen_from
 from idloop_nodes.joint_layout import output_columns, output_topic
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.tables import WORKBENCH
+from idloop_nodes.wiring import told
 from idloop_nodes.workbench_calls import Calls
 from idloop_nodes.workbench_reading import (
     activity_of,
@@ -74,11 +75,11 @@ class WorkbenchNode(StreamNode):
         self.source = LiveSource(model, capacity, lambda: float(self.parameters["assess_window"]))
         self._base = model
         self._board, self._signals = self.source.board, self.source.signals
-        outputs = JointReader(columns)
+        outputs, command = JointReader(columns), JointReader([(model.input.joint, model.input.field)])
         # Each stream with its reader: measurement first, so that time begins with it.
         self._streams = [
             ("measured", self.poll_topic(output_topic(model)), outputs),
-            ("command", self.poll_topic(model.input.topic), JointReader([(model.input.joint, model.input.field)])),
+            ("command", self.poll_topic(told(model.input.topic, self.others)), command),
             ("reference", self.poll_topic("reference"), JointReader([("*", "position")])),
             ("predicted", self.poll_topic("estimator/prediction"), JointReader(columns)),
             ("residual", self.poll_topic("estimator/residual"), JointReader(columns)),
