@@ -94,8 +94,8 @@ def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_fol
 def test_whether_a_fit_is_of_related_data_is_told(start, turn):
     record = record_of(start, 3, disturbance=0.02)
     record = replace(record, input=turn * record.input)
-    assert unrelated(start, start, [record]) == ("" if turn > 0.0 else REVERSED)
-    assert unrelated(start, start, [unrelated_motion(start, 1)]) == UNMOVED
+    assert unrelated(start, [record]) == ("" if turn > 0.0 else REVERSED)
+    assert unrelated(start, [unrelated_motion(start, 1)]) == UNMOVED
 
 
 @pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])

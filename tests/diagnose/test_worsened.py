@@ -59,3 +59,12 @@ def test_an_output_that_fits_badly_anyway_hides_no_other(position, told):
 def test_a_free_run_that_drifts_while_the_force_is_explained_is_not_told(force, told):
     ladder = Ladder((step(None, 0.1, force=0.4), step("input_offset", 0.3, force=force)))
     assert len(ladder.worsened) == told
+
+
+@pytest.mark.parametrize(("anew", "told"), [(0.05, 0), (0.08, 0), (0.09, 1), (None, 1)])
+def test_a_run_that_only_a_disturbance_has_carried_away_is_not_told(anew, told):
+    def errors(whole, stretches):
+        said = {"nrmse": {"axis.position": whole}, "force": None}
+        return said if stretches is None else said | {"anew": {"axis.position": stretches}}
+
+    assert len(worsened(["", "coulomb_friction@axis"], [errors(0.1, 0.08), errors(0.2, anew)], unseen=True)) == told

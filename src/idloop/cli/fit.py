@@ -96,7 +96,7 @@ def command(
             from idloop.diagnose.follows import unrelated as why_unrelated
 
             update(1.0, "looking whether the motion follows the command")
-            unrelated = why_unrelated(result.model, model, train)
+            unrelated = why_unrelated(model, train)
             if unrelated:
                 result = replace(result, warnings=(*result.warnings, unrelated))
 

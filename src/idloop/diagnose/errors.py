@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from idloop.validate.measures import fit_percent, nrmse, rmse
 
 # Relative force error that the sensors' noise alone may make: beyond, the error says little about the model.
 _RULED_BY_NOISE = 0.2
+_STRETCHES = 5
 
 
 def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
@@ -31,8 +33,8 @@ def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``nrmse``, ``fit`` [%] and ``rmse`` by output, ``force`` (None where it cannot be told) and
-        ``records``: the same by record. Empty without records.
+        ``nrmse``, ``fit`` [%] and ``rmse`` by output, ``anew``: nrmse of a run that is started anew at every fifth of
+        a record, ``force`` (None where it cannot be told) and ``records``: the same by record. Empty without records.
     """
     if not records:
         return {}
@@ -48,7 +50,7 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
             simulated = free_run(RememberingEngine(model), data)
     except IdloopError:
         simulated = np.full(data.output.shape, np.nan)
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {"anew": _anew(model, record)}
     for label, measure in (("nrmse", nrmse), ("fit", fit_percent), ("rmse", rmse)):
         values = measure(record.output, simulated)
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
@@ -60,10 +62,30 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
     return found
 
 
+def _anew(model: Model, record: Record) -> dict[str, float]:
+    """Error of the free run by output, started anew at every fifth: a disturbance has had less time to carry it away.
+
+    Empty where a fifth is too short to be run.
+    """
+    ends = np.linspace(record.time[0], record.time[-1], _STRETCHES + 1)
+    powers = []
+    try:
+        for start, end in pairwise(ends):
+            part = record.cut(float(start), float(end))
+            with np.errstate(over="ignore", invalid="ignore"):
+                simulated = free_run(RememberingEngine(model), prepare(model, [part])[0])
+                powers.append(np.nanmean((part.output - simulated) ** 2, axis=0))
+    except (InputError, IdloopError):
+        return {}
+    spread = np.nanstd(record.output, axis=0)
+    errors = np.sqrt(np.mean(powers, axis=0)) / np.where(spread > 0.0, spread, np.nan)
+    return {o.name: float(error) for o, error in zip(model.outputs, errors, strict=True) if np.isfinite(error)}
+
+
 def _mean(several: list[dict[str, Any]]) -> dict[str, Any]:
     """Root mean square over the records of all but FIT, which is averaged."""
     mean: dict[str, Any] = {}
-    for label in ("nrmse", "fit", "rmse"):
+    for label in ("nrmse", "fit", "rmse", "anew"):
         names = dict.fromkeys(name for one in several for name in one[label])
         mean[label] = {}
         for name in names:

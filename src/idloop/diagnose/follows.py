@@ -83,15 +83,13 @@ def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def unrelated(model: Model, start: Model, records: Sequence[Record]) -> str:
+def unrelated(start: Model, records: Sequence[Record]) -> str:
     """What to say of data whose motion a model does not follow, whatever its parameters.
 
     Parameters
     ----------
-    model : Model
-        Fitted.
     start : Model
-        What it was fitted from.
+        Not fitted: a fit to such data may be far from any machine.
     records : sequence of Record
 
     Returns
@@ -100,8 +98,8 @@ def unrelated(model: Model, start: Model, records: Sequence[Record]) -> str:
         Empty where the motion follows the command, in whatever way, or that cannot be computed.
     """
     try:
-        setting = prepare_setting(model, records, "prediction")
-        found = refit(setting, model)
+        setting = prepare_setting(start, records, "prediction")
+        found = refit(setting, start)
         if follows(setting, found):
             return ""
         if reversed_command(setting, found, start):

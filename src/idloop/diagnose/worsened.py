@@ -63,7 +63,10 @@ class Worsened:
 
 
 def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unseen: bool) -> list[Worsened]:
-    """Steps after which an output's free run is worse by a quarter or more, and the error of the force does not fall.
+    """Steps after which an output's free run is worse by a quarter or more, and neither error below falls.
+
+    The force's error, and that of the run when it is started anew at every fifth of a record: on an axis that
+    integrates a disturbance carries a long run away, whatever the model.
 
     Parameters
     ----------
@@ -88,9 +91,20 @@ def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unsee
             if error > _LEAST and errors_before.get(output, 1.0) < _LOST
         }
         worst = max(factors, key=lambda output: factors[output] if math.isfinite(factors[output]) else 0.0, default="")
-        if worst and factors[worst] > _FACTOR and not _force_falls(before, after):
+        if (
+            worst
+            and factors[worst] > _FACTOR
+            and not _force_falls(before, after)
+            and not _drifted(before, after, worst)
+        ):
             found.append(Worsened(name, unseen, worst, errors_before[worst], errors_after[worst]))
     return found
+
+
+def _drifted(before: Mapping[str, Any], after: Mapping[str, Any], output: str) -> bool:
+    """Whether the run is no worse where it is started anew time and again: then what carried it away was chance."""
+    one, two = before.get("anew", {}).get(output), after.get("anew", {}).get(output)
+    return one is not None and two is not None and two <= one
 
 
 def _force_falls(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
