@@ -11,6 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 from idloop.cli import main
+from idloop.errors import IdloopError
 from idloop.physics import load_model
 from idloop.records import read_record, write_bag
 from idloop.signals import build_signal
@@ -206,3 +207,15 @@ def test_a_broken_ladder_is_said(ladder, capsys):
     (ladder / "ladder.json").write_text("{", encoding="utf-8")
     assert main.run(words("refine", "--resume", ladder)) == 2
     assert "no JSON" in capsys.readouterr().err
+
+
+def test_what_was_found_is_told_although_the_last_model_runs_away(hidden, monkeypatch, capsys):
+    def runs_away(*arguments):
+        raise IdloopError("neither free run nor prediction of model 'dc_motor' stays finite")
+
+    monkeypatch.setattr("idloop.report.remains.compared", runs_away)
+    assert main.run(words("refine", hidden.model, hidden.levels, *FEW, "--no-suggest")) == 1
+    said = capsys.readouterr()
+    assert "+ dead_zone@input" in said.out
+    assert "parameters of the last model" in said.out
+    assert said.err.strip().splitlines()[-1].endswith("stays finite")

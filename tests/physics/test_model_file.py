@@ -94,6 +94,7 @@ WRONG = [
     ("unit: rad/s}", "unit: m/s}", "do not fit one axis"),
     ("inertia: 1.0", "inertia: -1.0", "motor.inertia: must be > 0 kg·m² (got -1)"),
     ("inertia: 1.0", "inertia: 0", "motor.inertia: must be > 0"),
+    ("inertia: 1.0", "inertia: 1,5", "bodies[0][5]: 5 stands where a key belongs; a decimal point is a point: 0.02"),
     ("inertia: 1.0", "inertia: heavy", "bodies[0].inertia: a number or a mapping"),
     ("inertia: 1.0", "inertia: .nan", "not a number"),
     ("inertia: 1.0", "inertia: {valeu: 1.0}", "unknown key 'valeu' (did you mean 'value'?)"),
@@ -132,6 +133,9 @@ def test_the_same_effect_twice_is_refused() -> None:
 
 def test_a_folder_is_no_model_and_the_one_in_it_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"is a folder$"):
+        load_model(tmp_path)
+    (tmp_path / "metadata.yaml").touch()
+    with pytest.raises(InputError, match=r"is a folder; a recording comes after MODEL$"):
         load_model(tmp_path)
     (tmp_path / "model.yaml").touch()
     with pytest.raises(InputError, match=r"is a folder; its model is .*model\.yaml$"):

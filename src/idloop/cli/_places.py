@@ -93,7 +93,9 @@ def force_option(text: str) -> Callable[[Function], Function]:
 
 
 def _what(param: click.Parameter | None) -> str:
-    return param.opts[0] if isinstance(param, click.Option) else "" if param is None else param.human_readable_name
+    # An argument that may be left out has brackets around its name.
+    name = "" if param is None else param.human_readable_name.strip("[]")
+    return param.opts[0] if isinstance(param, click.Option) else name
 
 
 def _forced(context: click.Context | None) -> bool:

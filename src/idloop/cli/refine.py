@@ -157,13 +157,21 @@ def command(
             answer = _next(ladder, records, limits, duration, seed, update)
             planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
             ladder = replace(ladder, suggested_experiment=planned)
-    if target is not None:
-        with progress("writing the report"):
-            suggestion = None if answer is None else answer.suggestion
-            contents = write_all(target, as_kept(ladder), records, validation, suggestion)
-        left = remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
-    else:
-        left = compared(ladder.model, records)
+    left: Sequence[Remainder] = ()
+    unjudged: IdloopError | None = None
+    try:
+        if target is not None:
+            with progress("writing the report"):
+                suggestion = None if answer is None else answer.suggestion
+                contents = write_all(target, as_kept(ladder), records, validation, suggestion)
+            left = remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
+        else:
+            left = compared(ladder.model, records)
+    except InputError:
+        raise
+    except IdloopError as error:
+        # A model that runs away cannot be compared with anything; what was found is told all the same.
+        unjudged = error
     if as_json:
         print_json({
             **ladder.to_dict(),
@@ -174,6 +182,8 @@ def command(
             "output": target,
             "taken_back": taken_back[-1]["steps"] if undo else [],
         })  # fmt: skip
+        if unjudged is not None:
+            raise unjudged
         return
     if undo:
         kept_in = "" if target is None else f" (kept in {target / 'ladder.json'}, taken_back)"
@@ -182,6 +192,8 @@ def command(
     if answer is not None and answer.futile:
         click.echo(f"next experiment: none; {answer.reason}")
     print_parameters(ladder)
+    if unjudged is not None:
+        raise unjudged
     if target is not None:
         log(f"written: {target}")
 

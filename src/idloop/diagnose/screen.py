@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 SKETCH = 4096
 # A trace of which less than this part is left after projection is the free parameters' own.
 LEAST_LEFT = 1e-8
+# Twice the log-likelihood that a record must be worth to tell of an effect by itself.
+_TELLS = 25.0
 # Trials worth more than this are made weaker, where an effect has a strength that can be.
 MOST_DETECTABLE = 1e5
 # Least part of its usual strength that an effect is tried at.
@@ -171,6 +173,7 @@ class Screen:
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         rows = len(self.errors)
         self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
+        self._records = problem.rows_of_records(point)
         self._edges = np.unique(np.linspace(0, rows, SKETCH + 1).astype(np.int64)[:-1])
 
     @np.errstate(all="ignore")
@@ -299,7 +302,7 @@ class Screen:
         if not np.any(power > 1e-12):
             return self._invisible(trials, 0.0, 0.0)
         own = raw - self.basis @ (self.basis.T @ raw)
-        left = float(np.max(np.sum(own**2, axis=0) / np.maximum(power, 1e-300)))
+        left = self._left(raw, own)
         powers = np.sum(own**2, axis=0)
         detectable, weakest = float(np.max(powers)), float(np.min(powers))
         q, r = np.linalg.qr(own)
@@ -323,10 +326,22 @@ class Screen:
             trials, statistic, size, detectable, left, any(sides), sketch, scores, weakest, uneven, detectable, shift
         )  # fmt: skip
 
+    def _left(self, raw: Array, own: Array) -> float:
+        """Largest part of a trace that is its own: in all records, or in one that by itself tells of it."""
+        parts = [_parts(raw, own)]
+        parts += [_parts(raw[rows], own[rows], _TELLS) for rows in self._records]
+        return float(np.max(parts))
+
     def _invisible(self, trials: list[Trial], detectable: float, left: float) -> Trace:
         """What nothing can be said of: no direction of its own."""
         none = np.zeros((len(self._edges), 0))
         return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, True, none, np.zeros(0))
+
+
+def _parts(raw: Array, own: Array, least: float = 0.0) -> Array:
+    """Part of each trace that is its own; 0 where that is worth less than the least."""
+    worth = np.sum(own**2, axis=0)
+    return np.asarray(np.where(worth >= least, worth / np.maximum(np.sum(raw**2, axis=0), 1e-300), 0.0))
 
 
 def _weakest(proposal: Proposal, scales: Scales) -> list[list[Trial]]:

@@ -176,6 +176,16 @@ class Problem:
                 row += n * p
         return scores
 
+    def rows_of_records(self, point: Array) -> list[NDArray[np.int64]]:
+        """Rows of the residual by record, of all groups of outputs."""
+        found: dict[int, list[NDArray[np.int64]]] = {}
+        row = 0
+        for group in self.whitened(point):
+            for record, e in enumerate(group):
+                found.setdefault(record, []).append(np.arange(row, row + e.size))
+                row += e.size
+        return [np.concatenate(rows) for rows in found.values()]
+
     def stretches(self, point: Array, count: int) -> list[NDArray[np.int64]]:
         """Rows of the residual by stretch of time, about ``count`` stretches in all.
 

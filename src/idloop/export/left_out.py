@@ -60,7 +60,7 @@ def quantity(parameter: Parameter) -> str:
 def statistics_left_out(model: Model, *, intervals: bool = False) -> tuple[str, ...]:
     """Lines for what a fit found beside the values; with `intervals` the format has those of the parameters."""
     known = [] if intervals else [p.name for p in model.parameters if p.stderr is not None]
-    lines = [f"standard errors of {', '.join(known)}: --format json has them"] if known else []
+    lines = [f"standard errors of {', '.join(known)}: format json has them"] if known else []
     if model.disturbance is not None:
         lines.append(f"disturbance force: random walk of intensity {model.disturbance:.6g} {model.units.force}²/s")
     return tuple(lines)

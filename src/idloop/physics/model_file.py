@@ -229,5 +229,6 @@ def load_model(source: str | Path) -> Model:
         )
     if path.is_dir():
         inside = path / "model.yaml"
-        raise InputError(f"model '{source}': is a folder" + (f"; its model is {inside}" if inside.is_file() else ""))
+        bag = "; a recording comes after MODEL" if (path / "metadata.yaml").is_file() else ""
+        raise InputError(f"model '{source}': is a folder" + (f"; its model is {inside}" if inside.is_file() else bag))
     return build_model(read_model_file(read_text(path), str(path)), str(path), path.resolve().parent)

@@ -186,6 +186,9 @@ def _one_line(error: ValidationError, where: str) -> str:
     message = first["msg"].removeprefix("Value error, ")
     given = first["input"]
     shown = f" (got {given!r})" if isinstance(given, int | float | str) else ""
+    if first["type"] == "invalid_key" and isinstance(given, int | float):
+        # YAML reads `inertia: 0,02` between braces as a key 2 of its own.
+        message, shown = f"{given} stands where a key belongs; a decimal point is a point: 0.02, not 0,02", ""
     return f"{where}: {key}: {message}{shown}"
 
 

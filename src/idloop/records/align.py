@@ -211,7 +211,9 @@ def _sorted_column(
     try:
         value = stream.column(joint, field)
     except InputError as error:
-        raise InputError(f"{error}; name the body of the model, and the joint of its input and outputs, so") from error
+        raise InputError(
+            f"{error}; give that name to the body of the model, and to the joint of its input and outputs"
+        ) from error
     # A message that commands another joint is no hole in the command of this one.
     held = command and not np.isfinite(getattr(stream, field)[np.isnan(value)]).any()
     found = missing_values(f"{stream.topic} {joint}.{field}", stream.stamp_ns, value, stream.topic, command=held)

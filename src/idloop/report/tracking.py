@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Of what is dense, and of lines that only help the eye.
-_THIN = 0.6
+_THIN, _BROAD = 0.6, 4.0
 
 
 def plot_tracking(
@@ -48,7 +48,9 @@ def plot_tracking(
     with drawing.styled():
         figure, grid = drawing.new_figure(3, heights=(1.8, 1.8, 1.6))
         motion, error, command = grid[:, 0]
-        drawing.line(motion, without.time, without.wanted[:, column], color=drawing.COMMAND, label="reference")
+        # Broad and behind the runs: one that follows well would hide a thin line.
+        broad = {"color": drawing.COMMAND, "linewidth": _BROAD, "alpha": 0.5}
+        drawing.line(motion, without.time, without.wanted[:, column], label="reference", **broad)
         for words, run, look in runs:
             style = drawing.model_look(look)
             drawing.line(motion, run.time, run.output[:, column], label=words, **style)
