@@ -80,3 +80,34 @@ def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None
     assert Reach().within(limit) == limit
     soft = replace(limit, at_most=True)
     assert Reach(0.01).within(soft) == soft
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "shown", "said"),
+    (
+        # The axis has 200 samples a second and an inertia of 0.01.
+        ("input_delay@input", {"delay": 0.005}, "delay", "a delay of one sample, 5 ms, would not show: excite faster"),
+        ("sensor_delay@velocity[axis]", {"delay": 0.005}, "delay", "a delay of one sample, 5 ms, would not show"),
+        (
+            "compliance@axis",
+            {"stiffness": 0.0025 * (2.0 * np.pi * 20.0) ** 2, "damping": 0.1, "split": 0.5, "viscous_split": 0.5},
+            "stiffness",
+            "a joint that swings at more than ",
+        ),
+    ),
+)
+def test_what_is_as_quick_as_the_samples_must_show_to_be_ruled_out(setting, name, shape, shown, said):
+    """The trace of a delay of one sample, and of a joint that swings once in ten, weak and strong."""
+    model = load_model("axis")
+    (proposal,) = proposals(model, [name])
+
+    def judged(power):
+        trace = Trace([shape], 0.0, np.zeros(1), power, 1.0, False, np.zeros((1, 1)), np.zeros(1), power, worth=1e6)
+        return gate(model, setting, [Screened(proposal, [trace])], 20.0)
+
+    weak, strong = judged(1.0), judged(1e4)
+    assert (weak.testable[name], strong.testable[name]) == ("no", "yes")
+    assert weak.why[name].startswith(said)
+    assert weak.untestable == (name,)
+    assert weak.limits[name].parameter == shown
+    assert strong.untestable == ()

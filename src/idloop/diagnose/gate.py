@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,18 +11,22 @@ import numpy as np
 
 from idloop.diagnose.detection import DetectionLimit, detection_limit
 from idloop.diagnose.lattice import resolution_limits
+from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.reach import Reach, reach_of
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.screen import Screened
 from idloop.diagnose.setting import Setting
 from idloop.estimate.dataset import Data
 from idloop.physics.model import Model
+from idloop.physics.trial import Scales
 
 # Twice the log-likelihood that an effect of typical strength must be worth to be found or ruled out:
 # this many times what the best of the catalogue reaches by chance.
 _SURE = 2.5
 # Part of a trace that must not be the free parameters' own.
 _OWN_PART = 3e-3
+# A joint that swings this often in a sample must show; inertia of two halves against each other, in that of both.
+_SWING, _HALVES = 0.1, 0.25
 # Effects that are everyday and whose absence from the data is worth a verdict of its own.
 _EVERYDAY = ("dead_zone", "coulomb_friction", "gain_asymmetry", "viscous_friction")
 
@@ -98,13 +103,32 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
     for s in screened:
         name, limit, reach = s.proposal.name, detection_limit(s, chance), Reach()
         if limit is not None:
-            reach = reach_of(s.proposal, limit, model, sizes.at(s.proposal.effect.site, s.proposal.at))
+            scales = sizes.at(s.proposal.effect.site, s.proposal.at)
+            reach = reach_of(s.proposal, limit, model, scales)
             limit = reach.within(limit)
         testable[name], why[name] = _judge(s, facts, chance, limit, reach)
         if limit is not None and testable[name] != "no":
             limits[name] = limit
+            quicker = _quicker(s.proposal, limit, scales)
+            if quicker:
+                testable[name], why[name] = "no", quicker
     levels = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
     return Gate(tuple(findings), testable, why, levels, limits | resolution_limits(model, setting))
+
+
+def _quicker(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
+    """Why an excitation far slower than the samples cannot show what is as quick as they are; empty where it can.
+
+    A loop that is sampled may have a delay of one sample, and a joint that swings within ten of them can be seen.
+    """
+    period, also = scales.sample_time, f"; {limit.text}" if limit.text else ""
+    if proposal.effect.delay and limit.least > period:
+        return f"a delay of one sample, {1e3 * period:.3g} ms, would not show: excite faster{also}"
+    if limit.at_most:
+        swing = math.sqrt(limit.least / (_HALVES * scales.inertia)) / (2.0 * math.pi)
+        if swing < _SWING / period:
+            return f"a joint that swings at more than {swing:.3g} Hz would not show: excite faster{also}"
+    return ""
 
 
 @dataclass(frozen=True)
