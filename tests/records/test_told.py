@@ -7,7 +7,10 @@ import pytest
 
 from idloop.physics import load_model
 from idloop.records import read_record
+from idloop.records.bag import Topic
 from idloop.records.inspection import inspect_bag
+from idloop.records.stream import JOINT_STATE
+from idloop.records.told import told_topic
 from idloop.records.write import make_stream, write_bag
 
 STAMPS = 10**9 + np.arange(0, 400) * 10_000_000
@@ -51,6 +54,14 @@ def test_that_of_another_axis_is_not_taken(tmp_path):
     text = load_model("dc_motor").to_yaml().replace("topic: joint_states", "topic: axis/joint_states")
     (tmp_path / "m.yaml").write_text(text)
     assert np.array_equal(read_record(bag, load_model(tmp_path / "m.yaml")).input, ASKED)
+
+
+def test_a_topic_of_that_name_and_another_type_is_none_of_ours():
+    topics = {
+        name: Topic(name, kind, 5)
+        for name, kind in (("/joint_command", JOINT_STATE), ("/bridge/command", "std_msgs/msg/Float64"))
+    }
+    assert told_topic("/joint_command", topics) == "/joint_command"
 
 
 def test_a_topic_that_the_user_names_is_taken(tmp_path):

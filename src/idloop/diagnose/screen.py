@@ -173,7 +173,8 @@ class Screen:
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         rows = len(self.errors)
         self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
-        self._records = problem.rows_of_records(point)
+        # A record that is the only one is all of them.
+        self._records = problem.rows_of_records(point) if len(setting.records) > 1 else []
         self._edges = np.unique(np.linspace(0, rows, SKETCH + 1).astype(np.int64)[:-1])
 
     @np.errstate(all="ignore")

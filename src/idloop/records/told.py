@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from idloop.records.bag import Topic
 from idloop.records.finding import Finding
+from idloop.records.stream import JOINT_STATE
 
 ASKED, TOLD = "joint_command", "bridge/command"
 
@@ -27,11 +28,12 @@ def told_topic(command: str, topics: Mapping[str, Topic]) -> str:
     Returns
     -------
     str
-        That of a bridge beside a `joint_command`, where something was recorded on it; else `command` itself.
+        That of a bridge beside a `joint_command`, where joint states were recorded on it; else `command` itself.
     """
     folder, _, name = command.rpartition("/")
     beside = f"{folder}/{TOLD}"
-    return beside if name == ASKED and beside in topics and topics[beside].count else command
+    told = topics.get(beside) if name == ASKED else None
+    return beside if told is not None and told.count and told.type == JOINT_STATE else command
 
 
 def told_findings(asked: str, told: str) -> list[Finding]:

@@ -42,7 +42,7 @@ def absent(ladder: Ladder) -> dict[str, str]:
     Returns
     -------
     dict
-        Size by ``effect@site``, such as "width ≥ 0.012 V"; without what the data cannot show at any size.
+        Size by ``effect@site``, such as "width ≥ 0.012 V"; without what is told by name not to show.
     """
     hidden = {*_found(ladder), *_significant(ladder), *ladder.untestable}
     return {name: limit.short for name, limit in ladder.limits.items() if limit.short and name not in hidden}

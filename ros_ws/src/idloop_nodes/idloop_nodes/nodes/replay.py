@@ -53,17 +53,16 @@ class ReplayNode(StreamNode):
 
         try:
             with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
-                chosen = {}
-                for one in reader.connections:
+                chosen, joints = {}, [one for one in reader.connections if one.msgtype == JOINT_STATE]
+                for one in joints:
                     names = [topic for topic in topics if one.topic == topic or one.topic.endswith("/" + topic)]
-                    if names and one.msgtype == JOINT_STATE:
+                    if names:
                         chosen[one.id] = names[0]
-                if ASKED in topics:
-                    # What a bridge let pass is what the machine answered to.
-                    told = [one.id for one in reader.connections if one.topic.endswith(f"/{TOLD}") and one.msgcount]
-                    if told:
-                        chosen = {one: topic for one, topic in chosen.items() if topic != ASKED}
-                        chosen |= dict.fromkeys(told, ASKED)
+                # What a bridge let pass is what the machine answered to.
+                told = [one.id for one in joints if one.topic.endswith(f"/{TOLD}") and one.msgcount]
+                if told and ASKED in topics:
+                    chosen = {one: topic for one, topic in chosen.items() if topic != ASKED}
+                    chosen |= dict.fromkeys(told, ASKED)
                 wanted = [one for one in reader.connections if one.id in chosen]
                 for connection, _, data in reader.messages(wanted) if wanted else ():
                     payload = bytes(data)
