@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+from idloop.documents import read_yaml
 from idloop.errors import InputError
 from idloop.spelling import did_you_mean
 
@@ -258,12 +259,7 @@ def read_mapping(text: str, where: str, example: str) -> dict[str, Any]:
     InputError
         It is no YAML, or no mapping.
     """
-    import yaml
-
-    try:
-        read = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"{where}: {text!r} is no YAML: {' '.join(str(error).split())}") from error
+    read = read_yaml(text, where)
     if not isinstance(read, dict):
-        raise InputError(f"{where}: {text!r} is no mapping such as {example}")
+        raise InputError(f"{where}: {_short(text)} is no mapping such as {example}")
     return read

@@ -89,7 +89,7 @@ def test_wrong_arguments_are_one_line(launch_file, values, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[", "cannot be read"),
+        ("[", "line 1: not valid YAML"),
         ("nodes: []", "no YAML launch file"),
         ("launch: [{group: {}}]", "entry 'group'"),
         ("launch: [{node: {pkg: a}}]", "exec is missing"),

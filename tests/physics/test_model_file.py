@@ -111,6 +111,12 @@ WRONG = [
     ("drive:", "driev:", "unknown key 'driev' (did you mean 'drive'?)"),
     ("couplings: []", "couplings: [{from: motor, to: load, stiffness: 1.0}]", "does not join neighbours"),
     ("name: dc_motor", "name: [", "not valid YAML"),
+    ("name: dc_motor", "name: " + "n" * 10**6, "name: String should have at most 255 characters"),
+    ("joint: motor, field: position", f"joint: {'j' * 10**6}, field: position", "outputs[0].joint: String should have"),
+    ("topic: joint_states", f"topic: {'t' * 10**6}", "outputs[0].topic: String should have at most 255 characters"),
+    ("effect: dead_zone", f"effect: {'e' * 10**6}", "effects[0].effect: String should have at most 255 characters"),
+    ("couplings: []", "couplings: [" + "{from: a, to: b, stiffness: 1.0}, " * 101 + "]", "at most 100 items"),
+    ("inertia: 1.0", "inertia: 0x" + "f" * 300, "a number of more than 250 digits"),
     ("controller: null", "controller: {type: p, output: motor.position, pk: 1.0}", "controller"),
 ]
 

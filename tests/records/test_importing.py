@@ -145,6 +145,9 @@ def test_time(tmp_path, unit, cells, start):
 
 BAD = {
     "time backwards": ({"t": [0, 2, 1]}, {}, "runs backwards in row 2"),
+    "a period of centuries": ({}, {"time": {"period": 1e300}}, "time: 3 rows at every 1e+300 s last longer"),
+    "a rate of nothing": ({}, {"time": {"rate": 1e-300}}, "longer than any recording; mend the rate"),
+    "a rate of less": ({}, {"time": {"rate": 5e-324}}, "longer than any recording; mend the rate"),
     "infinite value": ({"y": [0, "inf", 1]}, {}, "infinite in row 1"),
     "empty column": ({"y": ["", "", ""]}, {}, "empty (NaN) in every row"),
     "time not a number": ({"t": [0, "", 1]}, {}, "no number in row 1"),

@@ -70,6 +70,15 @@ BAD = {
     "negative period": ({"time": {"period": -1}}, "time.period"),
     "column and topic": ({"command": {"column": "u", "topic": "t"}}, "give either column"),
     "unknown decode": ({"command": {"column": "u", "decode": "int12"}}, "command.0.decode"),
+    "delimiter of two characters": ({"csv": {"delimiter": "::"}}, "csv.delimiter: must be one character"),
+    "no delimiter": ({"csv": {"delimiter": ""}}, "csv.delimiter: must be one character"),
+    "quotes as delimiter": ({"csv": {"delimiter": '"'}}, "csv.delimiter: must be one character"),
+    "skips more than there is": ({"csv": {"skip_rows": 10**200}}, "csv.skip_rows"),
+    "period below a stamp's": ({"time": {"period": 1e-300}}, "time.period"),
+    "rate above a stamp's": ({"time": {"rate": 1e300}}, "time.rate"),
+    "joint of a million letters": ({"joint": "j" * 10**6}, "joint: string should have at most 255 characters"),
+    "topic of a million letters": ({"command": {"topic": "t" * 10**6, "field": "x"}}, "at most 255 characters"),
+    "more channels than joints": ({"position": ["y"] * 101}, "position: list should have at most 100 items"),
     "infinite scale": ({"command": {"column": "u", "scale": float("inf")}}, "command.0.scale"),
 }
 
@@ -88,7 +97,7 @@ def test_files(tmp_path):
     with pytest.raises(InputError, match="did you mean 'emps'"):
         load_mapping("emsp")
     (tmp_path / "a.yaml").write_text("schema: [")
-    with pytest.raises(InputError, match="not valid YAML \\(line 1"):
+    with pytest.raises(InputError, match="line 1: not valid YAML"):
         load_mapping(tmp_path / "a.yaml")
     (tmp_path / "a.yaml").write_text("- 1")
     with pytest.raises(InputError, match="starts with `schema"):

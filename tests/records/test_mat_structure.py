@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import struct
+import tracemalloc
+import zlib
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
 from idloop.errors import InputError
+from idloop.records import mat_structure
 from idloop.records.mat_structure import mat_damage
 from idloop.records.tables import read_table
 
@@ -100,3 +103,49 @@ def test_a_structure_with_fewer_values_than_names_is_refused():
     flags = struct.pack("<IIII", 6, 8, 2, 0)
     assert "another number" in mat_damage(data.replace(flags + struct.pack("<IIii", 5, 8, 1, 1),
                                                        flags + struct.pack("<IIii", 5, 8, 1, 2)))  # fmt: skip
+
+
+def test_what_unpacks_to_more_than_the_limit_is_refused_in_one_line(tmp_path, monkeypatch):
+    path = tmp_path / "zeros.mat"
+    path.write_bytes(written({"t": np.arange(10.0), "u": np.zeros(2_000_000)}, do_compression=True))
+    assert path.stat().st_size < 30_000
+    assert len(read_table(path).columns["u"]) == 2_000_000
+    monkeypatch.setattr(mat_structure, "MOST_TABLE", 16_000_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=r"zeros\.mat: its values take more than") as refused:
+            read_table(path)
+        assert tracemalloc.get_traced_memory()[1] < 40_000_000
+    finally:
+        tracemalloc.stop()
+    assert "\n" not in str(refused.value)
+
+
+def test_numbers_of_one_byte_count_as_what_they_take_in_memory(monkeypatch):
+    data = written({"u": np.zeros(1_000, dtype=np.int8)})
+    monkeypatch.setattr(mat_structure, "MOST_TABLE", 8_000)
+    assert mat_damage(data) == ""
+    monkeypatch.setattr(mat_structure, "MOST_TABLE", 7_999)
+    with pytest.raises(InputError, match="take more"):
+        mat_damage(data)
+
+
+def test_compressed_data_without_their_end_are_refused():
+    packed = zlib.compress(NUMBERS[128:])[:-6]
+    tags = struct.pack("<II", 15, len(packed))
+    assert mat_damage(NUMBERS[:128] + tags + packed) == "compressed data cut off"
+
+
+def test_more_variables_than_any_recording_has_are_refused(monkeypatch):
+    monkeypatch.setattr(mat_structure, "_MOST_VARIABLES", 3)
+    assert mat_damage(written({"log": {"t": 1.0, "u": 2.0}})) == ""
+    with pytest.raises(InputError, match="more than 3 variables"):
+        mat_damage(written({"log": {"t": 1.0, "u": 2.0, "x": 3.0}}))
+
+
+def test_a_file_larger_than_the_limit_is_not_opened(tmp_path):
+    with (tmp_path / "a.mat").open("wb") as file:
+        file.write(NUMBERS)
+        file.truncate(1 << 40)
+    with pytest.raises(InputError, match="the file has more than 2 GiB"):
+        read_table(tmp_path / "a.mat")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
+import tracemalloc
+import zipfile
 
 import numpy as np
 import pytest
 
 from idloop.errors import InputError
+from idloop.records import csv_file
 from idloop.records.tables import read_table
 
 T, U = [0.0, 0.1, 0.2], [1.0, -1.0, 2.5]
@@ -83,8 +87,10 @@ def test_a_comma_beside_points_is_no_decimal_comma(tmp_path):
         table.numbers("state")
 
 
+@pytest.mark.parametrize("block", [1, 3, 1 << 24])
 @pytest.mark.parametrize("encoding", ("latin-1", "cp1252", "utf-8", "utf-16"))
-def test_letters_of_other_encodings(tmp_path, encoding):
+def test_letters_of_other_encodings(tmp_path, monkeypatch, encoding, block):
+    monkeypatch.setattr(csv_file, "_BLOCK", block)
     path = tmp_path / "a.csv"
     path.write_bytes("t [µs];Winkel [°]\r\n0,0;1\r\n0,1;-1\r\n0,2;2,5\r\n".encode(encoding))
     table = read_table(path)
@@ -92,6 +98,17 @@ def test_letters_of_other_encodings(tmp_path, encoding):
     np.testing.assert_array_equal(table.numbers("Winkel [°]"), U)
     other = encoding in {"latin-1", "cp1252"}
     assert ("it is not in UTF-8 and read as Windows-1252" in table.notes) is other
+
+
+@pytest.mark.parametrize("block", [1, 3, 1 << 24])
+def test_what_is_no_letter_is_named_by_its_place(tmp_path, monkeypatch, block):
+    monkeypatch.setattr(csv_file, "_BLOCK", block)
+    (tmp_path / "a.csv").write_bytes("t,µ\n0,1\n".encode() + b"\x00\xff")
+    with pytest.raises(InputError, match=r"not a text file \(invalid start byte at byte 10\)"):
+        read_table(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_bytes("t,µ\n0,1\n".encode("utf-16") + b"\x00")
+    with pytest.raises(InputError, match=r"not a text file \(invalid start byte at byte 0\)"):
+        read_table(tmp_path / "a.csv")
 
 
 UNITS = {
@@ -210,3 +227,82 @@ def test_misspelt_names(tmp_path):
         read_table(path).numbers("sped")
     with pytest.raises(InputError, match="no column 5"):
         read_table(path).numbers(5)
+
+
+@pytest.mark.parametrize("stretch", [1, 4, 500_000])
+def test_a_table_is_the_same_in_however_many_stretches_it_is_read(tmp_path, monkeypatch, stretch):
+    monkeypatch.setattr(csv_file, "_STRETCH", stretch)
+    rows = [f"2024-01-{day:02};{day};{day},5;;{'' if day % 3 else day}" for day in range(1, 29)]
+    table = read_table(_csv(tmp_path / "a.csv", "when;n;x;none;some\n" + "\n".join(rows)))
+    assert table.raw("when") == [row.partition(";")[0] for row in rows]
+    np.testing.assert_array_equal(table.numbers("n"), np.arange(1.0, 29.0))
+    np.testing.assert_array_equal(table.numbers("x"), np.arange(1.5, 29.5))
+    assert np.isnan(table.numbers("none")).all()
+    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(table.numbers("some"))) % 3, 2)
+    with pytest.raises(InputError, match="row 0 of column 'when' is '2024-01-01'"):
+        table.numbers("when")
+
+
+@pytest.mark.parametrize("stretch", [1, 4, 500_000])
+def test_the_first_row_of_another_width_is_named(tmp_path, monkeypatch, stretch):
+    monkeypatch.setattr(csv_file, "_STRETCH", stretch)
+    with pytest.raises(InputError, match="row 27 has 1 cells instead of 2"):
+        read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 27 + "0\n0,1\n0,1,2\n"))
+    with pytest.raises(InputError, match="row 27 has 3 cells instead of 2"):
+        read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 27 + "0,1,2\n0,1\n0\n"))
+
+
+def test_a_long_log_takes_eight_bytes_for_a_number(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_file, "_STRETCH", 20_000)
+    path = _csv(tmp_path / "a.csv", "t,u,n\n" + "0.125,-1.5,7\n" * 200_000)
+    tracemalloc.start()
+    try:
+        table = read_table(path)
+        kept, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept < 1.1 * 8 * 3 * 200_000 + 500_000
+    # The texts of one stretch beside it, and the file that is looked at; the texts of the whole table would take 40 MB.
+    assert most < 25_000_000
+    assert table.numbers("u").sum() == -300_000.0
+
+
+def test_a_table_that_takes_more_than_the_limit_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_file, "MOST_TABLE", 8 * 2 * 10)
+    monkeypatch.setattr(csv_file, "_STRETCH", 2)
+    assert len(read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 10)).columns["u"]) == 10
+    with pytest.raises(InputError, match="11 rows of its 2 columns take more than"):
+        read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 11))
+
+
+def _array_of_nothing(length):
+    """An archive of one array whose elements have no size."""
+    header, file = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<U0", "fortran_order": False, "shape": (length,)})
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("u.npy", header.getvalue())
+    return file.getvalue()
+
+
+LONG = {
+    "a cell": ("a.csv", b"t,u\n0,1\n0," + b"1" * 200_000 + b"\n", "field larger than field limit"),
+    "columns": ("a.csv", b"," * 20_000 + b"\n" + b"1," * 20_000, "20,001 columns, more than 10,000"),
+    "digits in JSON": ("a.json", b'{"t": [1, ' + b"9" * 5_000 + b"]}", "more than 250 digits"),
+    "an array of nothing": ("a.npz", _array_of_nothing(10**12), "take more than 2 GiB"),
+    "structures": ("a.json", b'{"t": ' + b'{"t": ' * 500 + b"1" + b"}" * 501, "more than 64 deep"),
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_what_is_longer_than_any_table_is_one_line(tmp_path, name):
+    file, content, words = LONG[name]
+    (tmp_path / file).write_bytes(content)
+    with pytest.raises(InputError, match=words) as caught:
+        read_table(tmp_path / file)
+    assert "\n" not in str(caught.value)
+
+
+def test_two_columns_of_one_name_among_ten_thousand_are_found_at_once(tmp_path):
+    names = [f"c{k}" for k in range(9_999)]
+    with pytest.raises(InputError, match="'c9998' occurs twice"):
+        read_table(_csv(tmp_path / "a.csv", ",".join([*names, "c9998"]) + "\n" + "1," * 9_999 + "1\n"))

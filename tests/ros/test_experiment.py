@@ -55,7 +55,7 @@ def test_the_form_in_the_messages_is_one_that_is_read():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("{", "no YAML"),
+        ("{", "line 1: not valid YAML"),
         ("[1, 2]", "write it as"),
         ("{signal: prbs}", "write it as"),
         ("{signal: {amplitude: 1.0}}", "no name"),

@@ -12,6 +12,7 @@ from idloop.cli._assessment import save_figure
 from idloop.cli._common import to_json
 from idloop.cli._diagnosis import experiment_text
 from idloop.cli._places import make_folder, probe_file, probe_folder, write_text
+from idloop.documents import MOST_JSON, read_json, read_text
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -254,13 +255,8 @@ def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> 
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """Read a JSON document; InputError when there is none."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except ValueError as error:
-        raise InputError(f"{path}: no JSON document ({error})") from error
+    """Read a JSON document of ours; InputError when there is none."""
+    document = read_json(read_text(path, MOST_JSON), str(path))
     if not isinstance(document, dict):
         raise InputError(f"{path}: no JSON document of ours")
     return document

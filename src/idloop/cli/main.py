@@ -14,7 +14,7 @@ from typing import NamedTuple, NoReturn
 import click
 
 from idloop import __version__
-from idloop.errors import IdloopError, InputError
+from idloop.errors import IdloopError, InputError, one_line
 
 DONE, COULD_NOT, WRONG_USE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 COMPLETE = "_IDLOOP_COMPLETE"  # click's name for the variable by which a shell asks for completions
@@ -94,16 +94,12 @@ def group(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-def _one_line(text: object) -> str:
-    return " ".join(str(text).split())
-
-
 def _complain(verb: str, text: object) -> None:
-    sys.stderr.write(f"idloop {verb}".rstrip() + f": {_one_line(text)}\n")
+    sys.stderr.write(f"idloop {verb}".rstrip() + f": {one_line(str(text))}\n")
 
 
 def _usage_line(error: click.ClickException, verb: str) -> str:
-    text = _one_line(error.format_message())
+    text = one_line(error.format_message())
     # Messages of our own already say how to mend it.
     hint = "" if ": " in text or not isinstance(error, click.UsageError) else f" (see: idloop {verb} --help)"
     return text + hint.replace("  ", " ")

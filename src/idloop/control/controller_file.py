@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from idloop.control import check_controller
+from idloop.documents import read_text
 from idloop.errors import InputError
 from idloop.physics.model_file import load_model, preset_names
-from idloop.physics.schema import read_mapping, read_text
+from idloop.physics.schema import read_mapping
 
 
 def load_controller(source: str | Path) -> dict[str, Any]:

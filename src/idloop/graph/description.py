@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from idloop.documents import read_text, read_yaml
 from idloop.errors import InputError
 from idloop.graph.find import graph_path, package_share
 from idloop.spelling import did_you_mean
@@ -191,17 +192,14 @@ class _Reader:
 
     def value(self, value: Any) -> Any:
         """Return a parameter's value; text is read as YAML, as launch_ros does."""
-        from ruamel.yaml import YAML
-        from ruamel.yaml.error import YAMLError
-
         if isinstance(value, list):
             return [self.value(item) for item in value]
         if not isinstance(value, str):
             return value
         text = self.substitute(value)
         try:
-            read = YAML(typ="safe", pure=True).load(text)
-        except YAMLError:
+            read = read_yaml(text, "")
+        except InputError:
             return text
         # A text that looks like nothing stays the text it is: ROS has no such parameters.
         return text if read is None else read
@@ -258,16 +256,9 @@ def load_graph(name: str, values: Mapping[str, str] | None = None, *, to_run: bo
     InputError
         No such graph, argument or substitution, or something in the file that only `ros2 launch` understands.
     """
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
     path = graph_path(name)
-    try:
-        document = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise InputError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
     reader = _Reader(path, values or {})
-    reader.read(document)
+    reader.read(read_yaml(read_text(path), str(path)))
     if to_run and reader.missing:
         one = reader.missing[0]
         raise reader.fail(f"argument {one.name} must be given: {one.name}:=VALUE ({one.description})")

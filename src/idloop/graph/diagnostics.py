@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from idloop.errors import IdloopError
+from idloop.records.bag_limits import limit_bag_readers
 
 _TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -35,6 +36,7 @@ def read_diagnostics(bag: Path, names: Iterable[str]) -> list[tuple[str, Statuse
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
 
+    limit_bag_readers()
     ends = tuple(f"estimator/{name}" for name in names)
     found = []
     try:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from idloop.documents import read_json
+from idloop.errors import InputError
 from idloop.graph.diagnostics import read_diagnostics, unreadable
 
 
@@ -46,16 +47,18 @@ def read_findings(bag: Path) -> Findings:
             if name == "missing_effects":
                 diagnoses.append(_diagnosis(values))
             elif values["document"]:
-                ladder = json.loads(values["document"])
+                ladder = read_json(values["document"], "ladder")
                 suggested = ladder["suggested_experiment"] if ladder else None
                 if suggested is not None and suggested not in experiments[-1:]:
                     experiments.append(suggested)
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, InputError) as error:
         raise unreadable(bag, error) from error
     return Findings(tuple(diagnoses), tuple(experiments), ladder)
 
 
 def _diagnosis(values: dict[str, str]) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(values["document"]) if values["document"] else {"error": values["error"]}
+    document: dict[str, Any] = {"error": values["error"]}
+    if values["document"]:
+        document = read_json(values["document"], "missing_effects")
     windows = [[int(stamp) for stamp in one.split("-")] for one in values["windows"].split()]
-    return document | {"where": json.loads(values["where"]), "windows": windows}
+    return document | {"where": read_json(values["where"], "missing_effects"), "windows": windows}

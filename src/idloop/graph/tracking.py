@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop.documents import read_text, read_yaml
 from idloop.errors import IdloopError
 from idloop.graph.description import load_graph
 from idloop.graph.processes import Say, run_graph
@@ -134,7 +135,8 @@ def _write_config(signal: Mapping[str, Any], compensation: Compensation | None, 
     """Parameter file of the graph, with this signal and the numbers of the compensation in it."""
     import yaml
 
-    config = yaml.safe_load(load_graph(GRAPH).nodes[0].parameter_files[0].read_text(encoding="utf-8"))
+    file = load_graph(GRAPH).nodes[0].parameter_files[0]
+    config = read_yaml(read_text(file), str(file))
     name = signal["name"]
     excitation = config["excitation"]["ros__parameters"]
     # What is not given has the signal's own default, not the one that the graph has without us.

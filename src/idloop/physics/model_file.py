@@ -12,10 +12,11 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from idloop.control.check import check_controller
+from idloop.documents import read_text
 from idloop.errors import InputError
 from idloop.physics.model import InputSignal, Model, OutputSignal
 from idloop.physics.parameter import Parameter
-from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file, read_text
+from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file
 from idloop.physics.units import FORCES, Units, input_unit, position_unit
 from idloop.spelling import did_you_mean_or_known
 

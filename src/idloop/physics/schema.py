@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from idloop.documents import MOST_NAME, read_yaml
 from idloop.errors import InputError
 from idloop.spelling import did_you_mean_or_known
 
 SCHEMA = "idloop/model/1"
 STRICT = ConfigDict(extra="forbid", frozen=True)
+Name = Annotated[str, Field(max_length=MOST_NAME)]
+# Outputs, bodies, couplings, effects: a chain of more is no axis, and each matrix grows with its square.
+_MOST_PARTS = 100
 
 
 class Value(BaseModel):
@@ -65,8 +66,8 @@ class Input(BaseModel):
     """Where the command comes from."""
 
     model_config = STRICT
-    topic: str = "joint_command"
-    joint: str
+    topic: Name = "joint_command"
+    joint: Name
     field: Literal["position", "velocity", "effort"] = "effort"
     unit: str
 
@@ -75,11 +76,11 @@ class Output(BaseModel):
     """A measured signal: which body, in which unit, with which noise."""
 
     model_config = STRICT
-    topic: str = "joint_states"
-    joint: str
+    topic: Name = "joint_states"
+    joint: Name
     field: Literal["position", "velocity"]
     unit: str
-    body: str | None = None
+    body: Name | None = None
     scale: float = 1.0
     noise: float | None = Field(default=None, ge=0.0)
 
@@ -88,7 +89,7 @@ class Body(BaseModel):
     """An inertia of the chain."""
 
     model_config = STRICT
-    name: str
+    name: Name
     inertia: Number
     viscous_friction: Number = Value(value=0.0, free=False)
 
@@ -97,8 +98,8 @@ class Coupling(BaseModel):
     """A spring and damper between two neighbours of the chain."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-    source: str = Field(alias="from")
-    target: str = Field(alias="to")
+    source: Name = Field(alias="from")
+    target: Name = Field(alias="to")
     stiffness: Number
     damping: Number = Value(value=0.0, free=False)
 
@@ -114,8 +115,8 @@ class EffectEntry(BaseModel):
     """An effect at a site; its parameters are the further keys."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
-    effect: str
-    at: str
+    effect: Name
+    at: Name
 
 
 class Disturbance(BaseModel):
@@ -130,14 +131,14 @@ class ModelFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
     schema_name: Literal["idloop/model/1"] = Field(default="idloop/model/1", alias="schema")
-    name: str
+    name: Name
     description: str | None = None
     input: Input
-    outputs: list[Output] = Field(min_length=1)
-    bodies: list[Body] = Field(min_length=1)
-    couplings: list[Coupling] = []
+    outputs: list[Output] = Field(min_length=1, max_length=_MOST_PARTS)
+    bodies: list[Body] = Field(min_length=1, max_length=_MOST_PARTS)
+    couplings: list[Coupling] = Field(default=[], max_length=_MOST_PARTS)
     drive: Drive = Drive()
-    effects: list[EffectEntry] = []
+    effects: list[EffectEntry] = Field(default=[], max_length=_MOST_PARTS)
     disturbance: Disturbance | None = None
     controller: dict[str, Any] | None = None
 
@@ -200,13 +201,7 @@ def read_mapping(text: str, where: str) -> dict[str, Any]:
     InputError
         Not YAML, or not a mapping.
     """
-    try:
-        raw = YAML(typ="safe", pure=True).load(text)
-    except MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 0
-        raise InputError(f"{where}: line {line}: not valid YAML: {error.problem}") from error
-    except YAMLError as error:
-        raise InputError(f"{where}: not valid YAML: {str(error).splitlines()[0]}") from error
+    raw = read_yaml(text, where)
     if not isinstance(raw, dict):
         raise InputError(f"{where}: not a model file: the top must be a mapping with 'schema: {SCHEMA}'")
     return raw
@@ -234,18 +229,3 @@ def read_model_file(text: str, where: str) -> ModelFile:
         return ModelFile.model_validate(raw)
     except ValidationError as error:
         raise InputError(_one_line(error, where)) from error
-
-
-def read_text(path: Path) -> str:
-    """Read a file as UTF-8.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise InputError(f"{path}: cannot be read: {reason}") from error

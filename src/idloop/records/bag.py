@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.records.bag_limits import limit_bag_readers
 from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ class Bag:
     def _open(self, file: Path) -> None:
         from rosbags.rosbag2 import Reader, ReaderError
 
+        limit_bag_readers()
         reader = Reader(file)
         try:
             reader.open()
@@ -291,6 +293,7 @@ def readable_part(file: Path) -> tuple[int, int, int]:
     from mcap.records import Message
     from mcap.stream_reader import StreamReader
 
+    limit_bag_readers()
     count = 0
     first = last = 0
     with file.open("rb") as stream:

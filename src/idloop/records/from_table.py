@@ -61,6 +61,11 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
 def _time(table: Table, time: Time, count: int) -> Stamps:
     if time.column is None:
         period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
+        if count * period * 1e9 >= _LATEST_NS:
+            raise InputError(
+                f"{table.path}: time: {count} rows at every {period:g} s last longer than any recording; mend"
+                f" the {'period' if time.rate is None else 'rate'}"
+            )
         return _START_NS + np.round(np.arange(count) * period * 1e9).astype(np.int64)
     if time.unit == "iso8601":
         stamp = np.array([_iso(table, cell, row) for row, cell in enumerate(table.raw(time.column))], dtype=object)

@@ -6,12 +6,20 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from idloop.documents import MOST_NAME, read_text, read_yaml
 from idloop.errors import InputError
 from idloop.spelling import did_you_mean, did_you_mean_or_known, listed
 
 SCHEMA = "idloop/mapping/1"
+Name = Annotated[str, Field(max_length=MOST_NAME)]
+# Columns that are read as one kind of signal: each is a joint of its own.
+_MOST_CHANNELS = 100
+# Stamps are whole nanoseconds [s].
+_SHORTEST = 1e-9
+# Lines of a file that may be left out at its beginning.
+_MOST_SKIPPED = 1_000_000
 
 
 class _Strict(BaseModel):
@@ -51,11 +59,11 @@ class Channel(_Strict):
     """
 
     column: str | int | None = None
-    topic: str | None = None
-    field: str | None = None
-    source_joint: str | None = None
-    joint: str | None = None
-    unit: str = ""
+    topic: Name | None = None
+    field: Name | None = None
+    source_joint: Name | None = None
+    joint: Name | None = None
+    unit: Name = ""
     scale: float = Field(default=1.0, allow_inf_nan=False)
     offset: float = Field(default=0.0, allow_inf_nan=False)
     times: str | int | None = None
@@ -76,7 +84,7 @@ def _as_channels(value: Any) -> Any:
     return [{"column": item} if isinstance(item, str | int) else item for item in several]
 
 
-Channels = Annotated[list[Channel], BeforeValidator(_as_channels)]
+Channels = Annotated[list[Channel], Field(max_length=_MOST_CHANNELS), BeforeValidator(_as_channels)]
 
 
 def _is_signal(value: Any) -> bool:
@@ -91,8 +99,8 @@ class Time(_Strict):
 
     column: str | int | None = None
     unit: Literal["s", "ms", "us", "ns", "iso8601"] = "s"
-    period: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    rate: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    period: float | None = Field(default=None, ge=_SHORTEST, allow_inf_nan=False)
+    rate: float | None = Field(default=None, gt=0, le=1.0 / _SHORTEST, allow_inf_nan=False)
     stamps: Literal["header", "receive"] | None = None
 
     @model_validator(mode="after")
@@ -141,7 +149,7 @@ class Rows(_Strict):
 class Signals(_Strict):
     """What a mapping, or one part of it, assigns."""
 
-    joint: str | None = None
+    joint: Name | None = None
     time: Time | None = None
     command: Channels = []
     position: Channels = []
@@ -163,15 +171,22 @@ class Csv(_Strict):
 
     delimiter: str | None = None
     header: bool | None = None
-    skip_rows: int = Field(default=0, ge=0)
+    skip_rows: int = Field(default=0, ge=0, le=_MOST_SKIPPED)
     decimal: Literal[".", ","] = "."
+
+    @field_validator("delimiter")
+    @classmethod
+    def _one_character(cls, value: str | None) -> str | None:
+        if value is not None and (len(value) != 1 or value in '"\r\n'):
+            raise ValueError("must be one character, such as ;; left out, or a blank, any white space is one")
+        return value
 
 
 class Mapping(Signals):
     """A whole mapping file, schema ``idloop/mapping/1``."""
 
     schema_name: Literal["idloop/mapping/1"] = Field(alias="schema")
-    name: str
+    name: Name
     description: str = ""
     cite: str = ""
     format: Literal["csv", "mat", "npz", "json", "bag"] | None = None
@@ -231,17 +246,7 @@ def load_mapping(name_or_path: str | Path) -> Mapping:
             f"no data set or mapping file {str(name_or_path)!r}; ready sets are"
             f" {listed(known)}{did_you_mean(str(name_or_path), known)}"
         )
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
-
-    try:
-        content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    except MarkedYAMLError as error:
-        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
-        raise InputError(f"{path}: not valid YAML ({line}{error.problem}); mend it") from None
-    except (YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())}); mend it") from None
-    return parse_mapping(content, str(path))
+    return parse_mapping(read_yaml(read_text(path), str(path)), str(path))
 
 
 def parse_mapping(content: Any, where: str) -> Mapping:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from idloop.records.bag_limits import limit_bag_readers
 from idloop.records.recovered_channel import RecoveredChannel, RecoveredMessage
 
 
@@ -19,6 +20,7 @@ def mcap_messages(file: Path) -> Iterator[RecoveredMessage | None]:
     from mcap.records import Channel, Footer, Message, Schema
     from mcap.stream_reader import StreamReader
 
+    limit_bag_readers()
     schemas: dict[int, Schema] = {}
     channels: dict[int, RecoveredChannel] = {}
     whole = False

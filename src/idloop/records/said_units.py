@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
+
+from idloop.documents import read_json
+from idloop.errors import InputError
 
 
 def imported(custom: Mapping[str, str]) -> dict[str, Any]:
     """Return what an import said about the bag; nothing for other bags."""
     try:
-        content = json.loads(custom.get("idloop.import", "{}"))
-    except json.JSONDecodeError:
+        content = read_json(custom.get("idloop.import", "{}"), "idloop.import")
+    except InputError:
         return {}
     return content if isinstance(content, dict) else {}
 

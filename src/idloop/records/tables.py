@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import codecs
-import contextlib
-import csv
-import io
-import json
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.documents import MOST_JSON_TABLE, MOST_TABLE, read_json, read_npz, read_text
 from idloop.errors import InputError
+from idloop.records.csv_file import read_csv
 from idloop.spelling import did_you_mean, listed
 
 # Entries of a structure or cell array that become columns of their own; a longer one is a list of samples.
@@ -122,6 +118,9 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     table = readers[kind](path, options)
     if not table.columns:
         raise InputError(f"{path}: no columns of numbers found; check that this is the data file")
+    # An array of elements without a size has any length.
+    if 8 * sum(len(column) for column in table.columns.values()) > MOST_TABLE:
+        raise InputError(f"{path}: its columns take more than {MOST_TABLE >> 30} GiB; cut the file")
     if not any(len(column) for column in table.columns.values()):
         raise InputError(
             f"{path}: there are no rows of data, only the names of columns ({listed(table.columns)});"
@@ -131,169 +130,8 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
 
 
 def _read_csv(path: Path, options: dict[str, Any]) -> Table:
-    text, notes = _decoded(path)
-    lines: list[str] = []
-    said = ""
-    for line in io.StringIO(text, newline=""):
-        if line.lstrip().startswith(_COMMENT):
-            said = said if lines else line
-        elif line.strip():
-            lines.append(line)
-    lines = lines[int(options.get("skip_rows") or 0) :]
-    if not lines:
-        raise InputError(f"{path}: the file holds no rows; check that this is the data file")
-    commas = options.get("decimal") == ","
-    delimiter = options.get("delimiter") or _delimiter(lines[:_LOOKED_AT], commas=commas)
-    if delimiter == " ":
-        rows = [line.split() for line in lines]
-    else:
-        rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
-    header = options.get("header")
-    if header is None:
-        header = not all(_is_number(cell) for cell in rows[0] if cell.strip())
-        if not header and (names := _names_in_comment(said, delimiter, len(rows[0]))):
-            rows, header = [names, *rows], True
-    width = len(rows[0])
-    while width > 1 and not any(row[width - 1 :] and row[width - 1].strip() for row in rows):
-        width -= 1  # a delimiter at the end of every line makes a column of nothing
-    names = (
-        [cell.strip() or str(index) for index, cell in enumerate(rows[0][:width])]
-        if header
-        else [str(k) for k in range(width)]
-    )
-    body = rows[1:] if header else rows
-    if header:
-        body, units = _without_units(body)
-        notes += [f"the row below the header is taken for units and left out: {listed(units, 12)}"] if units else []
-    _check_widths(path, body, width, delimiter)
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"{path}: column {twice!r} occurs twice; rename one in the header")
-    columns: dict[str, Any] = {name: [row[index] for row in body] for index, name in enumerate(names)}
-    if commas:
-        columns = {name: [cell.replace(",", ".") for cell in column] for name, column in columns.items()}
-    elif (delimiter != "," or '"' in text) and "," in text and _has_decimal_commas(path, columns):
-        columns = {name: [_with_point(cell) for cell in column] for name, column in columns.items()}
-        notes.append("its numbers are read with decimal commas")
+    columns, notes = read_csv(path, options)
     return Table(path, columns, notes=notes)
-
-
-# What a line that is no data begins with.
-_COMMENT = ("#", "%")
-# Lines from which the delimiter is told.
-_LOOKED_AT = 20
-# Rows of units, types or descriptions below a header, at most.
-_UNIT_ROWS = 3
-_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
-
-
-def _decoded(path: Path) -> tuple[str, list[str]]:
-    """Text of a file, and what had to be found out about how it is written."""
-    content = path.read_bytes()
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        with contextlib.suppress(UnicodeDecodeError):
-            text = content.decode("utf-16")
-            if "\n" in text or "\r" in text:
-                return text, []
-    try:
-        return content.decode("utf-8-sig"), []
-    except UnicodeDecodeError as error:
-        # Letters such as ° and µ of a program that writes as Windows does; nothing of it looks like that by chance.
-        if any(byte < 0x20 and byte not in b"\t\n\v\f\r\x1a" for byte in content):
-            raise InputError(
-                f"{path}: not a text file ({error.reason} at byte {error.start}); check that this is the data file, "
-                "or save it as CSV in UTF-8"
-            ) from None
-    try:
-        return content.decode("cp1252"), ["it is not in UTF-8 and read as Windows-1252"]
-    except UnicodeDecodeError:
-        return content.decode("latin-1"), ["it is not in UTF-8 and read as Latin-1"]
-
-
-def _delimiter(lines: Sequence[str], *, commas: bool) -> str:
-    """What stands between the cells.
-
-    Of what every line has as often, that which leaves most numbers in a line of data: decimal commas, and blanks beside
-    a delimiter, may be as many.
-    """
-    candidates = (";", "\t") if commas else (";", "\t", ",")
-    even = []
-    for candidate in candidates:
-        first, *others = (line.count(candidate) for line in lines)
-        if first and all(count == first for count in others):
-            even.append(candidate)
-    if even:
-        return max(even, key=lambda candidate: sum(map(_is_number, lines[-1].split(candidate))))
-    counts = {candidate: lines[0].count(candidate) for candidate in candidates}
-    best = max(counts, key=lambda candidate: counts[candidate])
-    return best if counts[best] else " "
-
-
-def _names_in_comment(line: str, delimiter: str, width: int) -> list[str]:
-    """Names of the columns in the comment above the first row, as numpy.savetxt writes them; empty without any."""
-    text = line.strip().lstrip("".join(_COMMENT)).strip()
-    cells = text.split() if delimiter == " " else [cell.strip() for cell in text.split(delimiter)]
-    return cells if len(cells) == width > 1 and not any(map(_is_number, cells)) else []
-
-
-def _without_units(body: list[list[str]]) -> tuple[list[list[str]], list[str]]:
-    """Rows of data, and the cells of a row of units above them: no number stands there where the next row has some."""
-    for count in range(1, min(_UNIT_ROWS, len(body) - 1) + 1):
-        above, below = body[count - 1], body[count]
-        told = [cell.strip() for cell in above if cell.strip()]
-        if not told or any(_is_number(cell) for cell in told):
-            break
-        if any(_is_number(cell) for cell in below if cell.strip()):
-            return body[count:], [cell.strip() for row in body[:count] for cell in row if cell.strip()]
-    return body, []
-
-
-def _check_widths(path: Path, body: list[list[str]], width: int, delimiter: str) -> None:
-    for number, row in enumerate(body):
-        if len(row) < width:
-            raise InputError(
-                f"{path}: row {number} has {len(row)} cells instead of {width}; the file is damaged or cut off there"
-            )
-        if any(cell.strip() for cell in row[width:]):
-            cure = (
-                "save it with ; between the columns if its numbers have decimal commas"
-                if delimiter == ","
-                else "say `csv: {delimiter: ...}` in the mapping, or mend the row"
-            )
-            raise InputError(f"{path}: row {number} has {len(row)} cells instead of {width}; {cure}")
-
-
-def _has_decimal_commas(path: Path, columns: Mapping[str, Sequence[str]]) -> bool:
-    """Whether numbers are written as 0,5; refused where they could be thousands as well."""
-    found, sure = "", False
-    for column in columns.values():
-        for cell in column:
-            match = _COMMA.fullmatch(cell)
-            if match is None:
-                if "," not in cell and "." in cell and _is_number(cell):
-                    return False  # a point is the decimal sign here
-                continue
-            found = found or cell.strip()
-            # 1,234 may be a thousand; 0,234 and 1,23 are none.
-            sure = sure or len(match[2]) != 3 or match[1].lstrip("0") == "" or len(match[1]) > 3
-    if found and not sure:
-        raise InputError(
-            f'{path}: {found!r} may be a decimal number or a thousand; say `csv: {{decimal: ","}}` in the mapping, or '
-            "save the file without separators of thousands"
-        )
-    return sure
-
-
-def _with_point(cell: str) -> str:
-    return cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _read_mat(path: Path, _: dict[str, Any]) -> Table:
@@ -301,10 +139,14 @@ def _read_mat(path: Path, _: dict[str, Any]) -> Table:
 
     from idloop.records.mat_structure import mat_damage
 
+    if path.stat().st_size > MOST_TABLE:
+        raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; save fewer variables in it")
     try:
         damage = mat_damage(path.read_bytes())
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     if damage:
         raise InputError(f"{path}: not a readable MAT file ({damage}); check the copy of the file")
     try:
@@ -328,24 +170,11 @@ def _read_mat(path: Path, _: dict[str, Any]) -> Table:
 
 
 def _read_npz(path: Path, _: dict[str, Any]) -> Table:
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
-            return _from_tree(path, {name: content[name] for name in content.files})
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(
-            f"{path}: not a readable NPZ file ({' '.join(str(error).split())}); check the copy of the file"
-        ) from None
-    except Exception as error:  # noqa: BLE001 - zipfile's own errors for a cut archive
-        raise InputError(
-            f"{path}: not a readable NPZ file ({type(error).__name__}); check the copy of the file"
-        ) from None
+    return _from_tree(path, read_npz(path, MOST_TABLE))
 
 
 def _read_json(path: Path, options: dict[str, Any]) -> Table:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid JSON ({error}); check the copy of the file") from None
+    content = read_json(read_text(path, MOST_JSON_TABLE), str(path), MOST_JSON_TABLE)
     attributes: dict[str, float | str] = {}
     entries = content
     if isinstance(content, dict):

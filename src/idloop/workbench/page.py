@@ -13,6 +13,8 @@ from bokeh.layouts import column
 from bokeh.models import ColumnDataSource
 from bokeh.models.widgets import Div
 
+from idloop.documents import read_json
+from idloop.errors import InputError
 from idloop.report.figures.ladder import ladder_figures
 from idloop.report.figures.next_experiment import experiment_figures
 from idloop.report.figures.theme import LIGHT, THEMES
@@ -123,8 +125,8 @@ class Page:
 
     def _chosen(self, attribute: str, old: Any, new: Any) -> None:
         try:
-            look = json.loads(new["json"][0])
-        except (KeyError, IndexError, TypeError, ValueError):
+            look = read_json(new["json"][0], "look")
+        except (KeyError, IndexError, TypeError, InputError):
             return
         if isinstance(look, dict):
             self.look = self._checked(look)

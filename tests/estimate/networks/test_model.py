@@ -125,7 +125,8 @@ def test_a_damaged_file_is_one_line(change, words, model, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "words"), [("a.npz", "", "suffix"), ("a.json", "{", "damaged"), ("b.json", None, "cannot be read")]
+    ("name", "text", "words"),
+    [("a.npz", "", "suffix"), ("a.json", "{", "not valid JSON"), ("b.json", None, "cannot be read")],
 )
 def test_other_files_are_one_line(name, text, words, tmp_path):
     if text is not None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.documents import read_yaml
 from idloop.errors import InputError
 from idloop.signals import build_signal
 from idloop.spelling import did_you_mean
@@ -108,12 +109,7 @@ def read_experiment(text: str, target: str, sample_time: float) -> Experiment:
     InputError
         No such text, no such signal, or one that this node cannot play.
     """
-    import yaml
-
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"experiment: no YAML: {' '.join(str(error).split())}") from error
+    document = read_yaml(text, "experiment")
     if not isinstance(document, Mapping) or not isinstance(document.get("signal"), Mapping):
         raise InputError(f"experiment: write it as {FORM}")
     unknown = [str(key) for key in document if key not in ("signal", "adds_to")]

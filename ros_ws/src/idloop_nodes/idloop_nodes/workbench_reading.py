@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idloop.diagnose import Candidate, Ladder, UnknownStructure
+from idloop.documents import read_json
 from idloop.physics.model_file import from_text
 from idloop.report.effect_names import words
 from idloop.workbench.source import AUTOMATIC, Activity, Fit, Health, Missing
@@ -85,7 +85,7 @@ def candidate_of(one: EffectSummary, folder: Path | None) -> Candidate:
 
 def ladder_of(summary: LadderSummary, folder: Path | None) -> Ladder | None:
     """Return the ladder with its models; None while there is none."""
-    document = json.loads(summary.document) if summary.document else None
+    document = read_json(summary.document, "ladder") if summary.document else None
     return None if document is None else Ladder.from_dict(document, folder)
 
 

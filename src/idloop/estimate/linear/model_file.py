@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
+from idloop.documents import MOST_JSON, read_json, read_npz, read_text
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.linear.model import Coefficient, LinearModel
 
@@ -107,9 +107,7 @@ def load(path: Path | str) -> LinearModel:
             coefficients=tuple(Coefficient(str(n), _number(v), _number(e)) for n, v, e in coefficients),
             **names,
         )
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(f"{path}: damaged, or not a linear model ({' '.join(str(error).split())})") from None
 
 
@@ -134,11 +132,9 @@ def _plain(value: Any) -> Any:
 
 def _content(path: Path) -> dict[str, Any]:
     if path.suffix.lower() == ".npz":
-        arrays: Any = np.load(path, allow_pickle=False)
-        with arrays:
-            content: Any = {key: arrays[key].tolist() for key in arrays.files}
+        content: Any = {key: array.tolist() for key, array in read_npz(path, MOST_JSON).items()}
     else:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(read_text(path, MOST_JSON), str(path))
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         raise InputError(f"{path}: no linear model in it; its schema must be {SCHEMA}")
     return dict(content)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from idloop.documents import MOST_JSON, read_json, read_text
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.networks.model import NarxModel
 
@@ -52,12 +53,7 @@ def load(path: Path | str) -> NarxModel:
         No such file, or not one of a network.
     """
     path = check_suffix(Path(path))
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
-    except ValueError as error:
-        raise InputError(f"{path}: damaged, or not a network ({' '.join(str(error).split())})") from None
+    content = read_json(read_text(path, MOST_JSON), str(path))
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         raise InputError(f"{path}: no network in it; its schema must be {SCHEMA}")
     try:

@@ -6,6 +6,8 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from idloop.documents import read_json
+from idloop.errors import InputError
 from idloop_nodes.codec.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.numbers import number_or_none, plus_minus, text_or_empty
@@ -217,7 +219,7 @@ def missing_from_statuses(statuses: Sequence[Status]) -> MissingSummary:
             document=values["document"],
             error=values["error"],
         )
-    except (KeyError, ValueError, TypeError) as error:
+    except (KeyError, ValueError, TypeError, InputError) as error:
         raise CdrError(f"estimator/missing_effects cannot be read: {error}") from error
 
 
@@ -279,8 +281,8 @@ def lines_to_text(lines: Sequence[str]) -> str:
 
 
 def lines_from_text(text: str) -> tuple[str, ...]:
-    """Return the lines that `lines_to_text` wrote; ValueError when it did not."""
-    lines = json.loads(text)
+    """Return the lines that `lines_to_text` wrote; ValueError or InputError when it did not."""
+    lines = read_json(text, "lines")
     if not isinstance(lines, list) or not all(isinstance(one, str) for one in lines):
         raise ValueError(f"{text[:40]!r} is no list of lines")
     return tuple(lines)

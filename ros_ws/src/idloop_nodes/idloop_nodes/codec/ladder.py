@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from idloop.documents import read_json
+from idloop.errors import InputError
 from idloop_nodes.codec.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.effects import EffectSummary, effect_from_values, effect_to_values
@@ -170,7 +172,7 @@ def ladder_from_statuses(statuses: Sequence[Status]) -> LadderSummary:
             document=values["document"],
             error=values["error"],
         )
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, InputError) as error:
         raise CdrError(f"estimator/ladder cannot be read: {error}") from error
 
 
@@ -195,7 +197,7 @@ def _measures(values: dict[str, str], kind: str) -> Measures:
 
 
 def _mapping(text: str) -> dict[str, Any] | None:
-    document = json.loads(text) if text else None
+    document = read_json(text, "document") if text else None
     if document is not None and not isinstance(document, dict):
         raise ValueError(f"{text[:40]!r} is no mapping")
     return document

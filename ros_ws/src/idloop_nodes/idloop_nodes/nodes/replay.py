@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idloop.errors import IdloopError, InputError
+from idloop.records.bag_limits import limit_bag_readers
 from idloop.records.told import ASKED, TOLD
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status, peek_stamp
@@ -48,9 +49,10 @@ class ReplayNode(StreamNode):
 
     def _read(self, bag: Path, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield (topic, stamp, payload) in the order of the bag."""
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
+        limit_bag_readers()
         try:
             with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
                 chosen, joints = {}, [one for one in reader.connections if one.msgtype == JOINT_STATE]
@@ -67,7 +69,7 @@ class ReplayNode(StreamNode):
                 for connection, _, data in reader.messages(wanted) if wanted else ():
                     payload = bytes(data)
                     yield chosen[connection.id], peek_stamp(payload), payload
-        except (AnyReaderError, OSError) as error:
+        except Exception as error:  # rosbags lets struct, YAML and SQLite errors of damaged files through
             raise InputError(f"bag {bag} cannot be read: {error}") from error
 
     def _window_ns(self) -> int:

@@ -1,0 +1,83 @@
+"""Limits for the libraries that open recordings, which have none: what a chunk unpacks to, what metadata expand to."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any, BinaryIO
+
+# Bytes of a chunk or message when it is unpacked: ros2 bag writes chunks of 0.8 MB, and messages of images are smaller.
+MOST_UNPACKED = 256 << 20
+# Times that a file may grow when it is unpacked as a whole, beyond that; messages of joints shrink to a tenth.
+_MOST_GROWTH = 200
+
+
+@cache
+def limit_bag_readers() -> None:
+    """Make rosbags and mcap unpack and parse within limits, in this process and for good."""
+    from mcap import stream_reader
+    from rosbags.rosbag2 import metadata, reader, storage_mcap
+
+    from idloop.documents import LimitedYAML
+
+    zstd: Any = vars(reader)["zstd"]
+    lz4: Any = vars(stream_reader)["lz4"]
+    unpack_zstd = _limited(zstd.ZstdDecompressor)
+    unpack_lz4 = _limited(lz4.LZ4FrameDecompressor)
+
+    def open_zstd(file: BinaryIO, mode: str) -> Any:
+        most = MOST_UNPACKED + _MOST_GROWTH * os.fstat(file.fileno()).st_size
+        return _Counted(zstd.open(file, mode), most)
+
+    for module in (metadata, reader):
+        _replace(module, "YAML", LimitedYAML)
+    _replace(reader, "zstd", SimpleNamespace(decompress=unpack_zstd, open=open_zstd))
+    storage_mcap.DECOMPRESSORS.update(lz4=unpack_lz4, zstd=unpack_zstd)
+    _replace(stream_reader, "zstandard", SimpleNamespace(decompress=unpack_zstd))
+    _replace(stream_reader, "lz4", SimpleNamespace(decompress=unpack_lz4))
+
+
+def _replace(module: Any, name: str, value: Any) -> None:
+    if not hasattr(module, name):
+        raise AttributeError(f"{module.__name__} has no {name} any more: its limits have to be put elsewhere")
+    setattr(module, name, value)
+
+
+def _limited(decompressor: Callable[[], Any]) -> Callable[..., bytes]:
+    def unpack(data: bytes, _size: int = 0) -> bytes:
+        found, left = [], MOST_UNPACKED
+        while data:
+            frame = decompressor()
+            part = frame.decompress(data, left + 1)
+            left -= len(part)
+            if left < 0:
+                raise ValueError(f"a chunk or message unpacks to more than {MOST_UNPACKED >> 20} MiB")
+            if not frame.eof:
+                raise ValueError("compressed data are cut off")
+            found.append(part)
+            data = frame.unused_data
+        return b"".join(found)
+
+    return unpack
+
+
+class _Counted:
+    """A file that is unpacked while it is read, up to a limit."""
+
+    def __init__(self, file: Any, most: int) -> None:
+        self._file, self._left = file, most
+
+    def __enter__(self) -> _Counted:  # noqa: PYI034 - Self needs Python 3.11
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def read(self, size: int = -1) -> bytes:
+        data: bytes = self._file.read(size)
+        self._left -= len(data)
+        if self._left < 0:
+            raise ValueError(f"the file unpacks to more than {_MOST_GROWTH} times its size")
+        return data
