@@ -86,6 +86,14 @@ def browser(tmp_path_factory):
         started.close()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _what_is_trusted_is_the_tests_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what is remembered between runs out of the user's own folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture(autouse=True)
 def _no_figure_is_left_open() -> Iterator[None]:
     """Close what a test has drawn, as a user closes windows."""

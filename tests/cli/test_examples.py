@@ -24,6 +24,7 @@ def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) 
     assert runner.invoke(group, ["import", "ced", source, bag, "--part", "z1"]).exit_code == 0
 
     model = EXAMPLES / "own_effect" / "belt_drive.yaml"
+    assert runner.invoke(group, ["trust", str(model)]).exit_code == 0
     seeing = tmp_path / "seeing.yaml"
     seeing.write_text(model.read_text().replace("  - {effect: sign_blind", "  # - {effect: sign_blind"))
 

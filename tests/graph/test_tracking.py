@@ -81,7 +81,9 @@ def test_the_users_own_effects_travel_with_the_model(tmp_path):
         encoding="utf-8",
     )
     (own / "model.yaml").write_text(load_model("axis").to_yaml(), encoding="utf-8")
-    model = with_controller(load_model(str(own / "model.yaml")).with_effects(["lean@axis(size=0.1)"]), LAW)
+    model = with_controller(
+        load_model(str(own / "model.yaml"), allow_effects=True).with_effects(["lean@axis(size=0.1)"]), LAW
+    )
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     values = launch_values(TrackingExperiment(model, model, SIGNAL), Compensation(model), tmp_path / "bag", scratch)

@@ -24,7 +24,7 @@ def test_the_worked_example_of_an_own_effect_loses_the_sign_of_the_speed() -> No
 
     from idloop.physics import simulate
 
-    model = load_model(DOCS / "examples" / "own_effect" / "belt_drive.yaml")
+    model = load_model(DOCS / "examples" / "own_effect" / "belt_drive.yaml", allow_effects=True)
     time = np.arange(0.0, 4.0, 0.02)
     command = np.sign(np.sin(2.0 * time))
     blind = simulate(model, time, command, time).output
@@ -70,5 +70,5 @@ def test_an_own_effect_is_on_the_page_with_its_equation_if_it_gives_one(given, t
 
 
 def test_the_report_shows_the_equation_of_an_own_effect() -> None:
-    lines, _ = equations(load_model(DOCS / "examples" / "own_effect" / "belt_drive.yaml"))
+    lines, _ = equations(load_model(DOCS / "examples" / "own_effect" / "belt_drive.yaml", allow_effects=True))
     assert any(line.latex.startswith(r"y_b = \left|\omega") for line in lines)

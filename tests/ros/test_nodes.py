@@ -14,6 +14,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
 from idloop.errors import IdloopError, InputError
+from idloop.physics import load_model
 from idloop_nodes.codec import JointSample, decode_diagnostics, decode_joint_state, encode_joint_state, encode_time
 from idloop_nodes.nodes.plant import effective
 
@@ -136,6 +137,16 @@ def test_bad_parameters_are_one_line(bench, kind, parameters):
     with pytest.raises((InputError, IdloopError)) as caught:
         bench(kind, **parameters)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["plant", "controller", "estimator", "workbench"])
+def test_a_node_does_not_run_what_is_not_trusted(bench, kind, tmp_path):
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "lean.py").write_text(f"open({str(tmp_path / 'run')!r}, 'w').close()\n")
+    (tmp_path / "model.yaml").write_text(load_model("dc_motor").to_yaml())
+    with pytest.raises(InputError, match="which are not trusted"):
+        bench(kind, model=str(tmp_path / "model.yaml"))
+    assert not (tmp_path / "run").exists()
 
 
 def test_excitation_publishes_ahead_of_the_clock(bench):

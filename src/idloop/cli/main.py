@@ -44,6 +44,7 @@ VERBS: dict[str, Verb] = {
     "compensate": Verb("idloop.cli.compensate", "Cancel in the controller what was found, and measure the gain."),
     "monitor": Verb("idloop.cli.monitor", "Watch wear: alarm when friction, play or another effect grows."),
     "export": Verb("idloop.cli.export", "Write a model for URDF, MuJoCo, python-control or ros2_control."),
+    "trust": Verb("idloop.cli.trust", "Let the effect files beside a model run, once for each folder."),
     "replay": Verb("idloop.cli.replay", "Play a recording into a live estimator."),
     "papers": Verb("idloop.cli.papers", "Redo a row of the source papers and put ours beside theirs."),
     "recover": Verb("idloop.cli.recover", "Save what can be read of a recording cut off by a crash."),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,11 +120,12 @@ def launch_values(
 
 
 def _save(model: Model, folder: Path) -> Path:
-    """Model file in a folder of its own, with the user's effects beside it."""
+    """Model file in a folder of its own, with a link to the user's effects beside it: trust goes by their folder."""
     folder.mkdir(exist_ok=True)
     for effects in model.effect_folders:
-        if effects.is_dir():
-            shutil.copytree(effects, folder / "effects", dirs_exist_ok=True)
+        link = folder / "effects"
+        if effects.is_dir() and not link.exists():
+            link.symlink_to(effects.resolve(), target_is_directory=True)
     path = folder / "model.yaml"
     model.save(path)
     return path

@@ -2,8 +2,8 @@
 
 An effect is one file that assigns ``EFFECT = Effect(...)``. The built-in ones lie in
 ``idloop/physics/effects``; a user's own lie in a folder named ``effects`` beside the model
-file or in the folders of the environment variable ``IDLOOP_EFFECTS`` and take part in
-everything like the built-in ones.
+file, which its user trusts once (`idloop trust`), or in the folders of the environment
+variable ``IDLOOP_EFFECTS``, and take part in everything like the built-in ones.
 
 Arguments ``(a, b, c, elapsed, state, parameters)`` of the equations, by place:
 
@@ -42,6 +42,7 @@ from types import ModuleType
 from idloop.errors import InputError
 from idloop.physics.hooks import Hook
 from idloop.physics.trial import FurtherTrials, Trials
+from idloop.physics.trust import EffectFiles, check_trusted, kept_copy, read_effect_files
 from idloop.spelling import did_you_mean_or_known
 
 INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
@@ -252,21 +253,25 @@ class Effect:
         raise InputError(f"effect {self.name} has no parameter '{name}'{did_you_mean_or_known(name, known)}")
 
 
-def _load_file(path: Path) -> ModuleType:
-    """Import one effect file under a name of its own."""
-    digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
-    name = f"idloop_effect_{path.stem}_{digest}"
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
+def _load_file(files: EffectFiles, name: str) -> ModuleType:
+    """Run one effect file as it was read, under a name of its own."""
+    path = files.folder / name
+    digest = hashlib.sha256(f"{path} {files.checksum}".encode("utf-8", "surrogateescape")).hexdigest()[:12]
+    title = f"idloop_effect_{path.stem}_{digest}"
+    if title in sys.modules:
+        return sys.modules[title]
+    # What is compiled is cached beside the copy, where nobody else can leave anything.
+    spec = importlib.util.spec_from_file_location(title, kept_copy(files, name))
     if spec is None or spec.loader is None:
         raise InputError(f"{path}: cannot be read as an effect file")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
+    # Data of its own lie beside the original.
+    module.__file__ = str(path)
+    sys.modules[title] = module
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        del sys.modules[name]
+        del sys.modules[title]
         raise InputError(f"{path}: the effect file fails: {error}") from error
     return module
 
@@ -280,12 +285,11 @@ def _effects_of(module: ModuleType, where: str) -> tuple[Effect, ...]:
     return several
 
 
-def _effects_in(folder: Path) -> dict[str, tuple[Effect, ...]]:
+def _effects_in(files: EffectFiles) -> dict[str, tuple[Effect, ...]]:
     found: dict[str, tuple[Effect, ...]] = {}
-    for path in sorted(folder.glob("*.py")):
-        if not path.stem.startswith("_"):
-            several = _effects_of(_load_file(path), str(path))
-            found[several[0].name] = several
+    for name in files.effects:
+        several = _effects_of(_load_file(files, name), str(files.folder / name))
+        found[several[0].name] = several
     return found
 
 
@@ -305,21 +309,23 @@ def catalogue(*folders: Path) -> dict[str, tuple[Effect, ...]]:
     Parameters
     ----------
     *folders : Path
-        Further folders of effect files, such as the one beside a model file.
+        Further folders of effect files, such as the one beside a model file. Their files run once they are trusted,
+        see `idloop.physics.trust`; those of a folder that ``IDLOOP_EFFECTS`` names do, for it is the user who sets it.
 
     Raises
     ------
     InputError
-        An effect file fails or takes the name of a built-in effect.
+        A folder is not trusted; an effect file fails or takes the name of a built-in effect.
     """
     known = dict(built_in())
-    places = [Path(item) for item in os.environ.get("IDLOOP_EFFECTS", "").split(os.pathsep) if item]
-    for folder in [*places, *folders]:
-        if not folder.is_dir():
-            continue
-        for name, several in _effects_in(folder).items():
+    named = [read_effect_files(Path(item)) for item in os.environ.get("IDLOOP_EFFECTS", "").split(os.pathsep) if item]
+    beside = [read_effect_files(folder) for folder in folders]
+    for files in beside:
+        check_trusted(files)
+    for files in (*named, *beside):
+        for name, several in _effects_in(files).items():
             if name in built_in():
-                raise InputError(f"{folder}: effect '{name}' has the name of a built-in one: choose another name")
+                raise InputError(f"{files.folder}: effect '{name}' has the name of a built-in one: choose another name")
             known[name] = several
     return known
 

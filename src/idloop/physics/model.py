@@ -16,6 +16,7 @@ from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, find_ef
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.parameter import Parameter
 from idloop.physics.schema import Value, read_value, reason
+from idloop.physics.trust import allowed
 from idloop.physics.units import Units
 from idloop.spelling import did_you_mean_or_known
 
@@ -124,7 +125,7 @@ class Model:
         """Travel to another process as text: compiled equations cannot be sent."""
         from idloop.physics.model_file import from_text
 
-        return from_text, (self.to_yaml(), self.folder)
+        return from_text, (self.to_yaml(), self.folder, allowed(self.effect_folders))
 
     # -- parameters ---------------------------------------------------------------------
 

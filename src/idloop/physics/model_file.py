@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
@@ -14,9 +15,11 @@ from ruamel.yaml import YAML
 from idloop.control.check import check_controller
 from idloop.documents import read_text
 from idloop.errors import InputError
+from idloop.physics.effect import catalogue
 from idloop.physics.model import InputSignal, Model, OutputSignal
 from idloop.physics.parameter import Parameter
 from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file
+from idloop.physics.trust import Allowed, allow, allow_again
 from idloop.physics.units import FORCES, Units, input_unit, position_unit
 from idloop.spelling import did_you_mean_or_known
 
@@ -96,8 +99,18 @@ def to_yaml(model: Model) -> str:
     return stream.getvalue()
 
 
-def from_text(text: str, folder: Path | None) -> Model:
-    """Make a model of the text that `to_yaml` wrote."""
+def from_text(text: str, folder: Path | None, allowed: Iterable[Allowed] = ()) -> Model:
+    """Make a model of the text that `to_yaml` wrote.
+
+    Parameters
+    ----------
+    text : str
+    folder : Path or None
+        Where the folder ``effects`` lies.
+    allowed : iterable
+        What another process of ours has allowed to run, see `idloop.physics.trust`.
+    """
+    allow_again(allowed)
     return build_model(read_model_file(text, "model"), "model", folder)
 
 
@@ -212,13 +225,20 @@ def preset_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in PRESETS.glob("*.yaml")))
 
 
-def load_model(source: str | Path) -> Model:
+def load_model(source: str | Path, *, allow_effects: bool = False) -> Model:
     """Read a model: the name of a preset, or a model file.
+
+    Parameters
+    ----------
+    source : str or Path
+    allow_effects : bool
+        Run the Python files in the folder ``effects`` beside the model file, as importing a module would, although
+        nobody has said with `idloop trust` that they may. It holds in this process, for the files as they are now.
 
     Raises
     ------
     InputError
-        One line that names file, key and cure.
+        One line that names file, key and cure: also where there are such files, and neither is so.
     """
     path = Path(source)
     if str(source) in preset_names():
@@ -232,4 +252,10 @@ def load_model(source: str | Path) -> Model:
         inside = path / "model.yaml"
         bag = "; a recording comes after MODEL" if (path / "metadata.yaml").is_file() else ""
         raise InputError(f"model '{source}': is a folder" + (f"; its model is {inside}" if inside.is_file() else bag))
-    return build_model(read_model_file(read_text(path), str(path)), str(path), path.resolve().parent)
+    folder = path.resolve().parent
+    file = read_model_file(read_text(path), str(path))
+    if allow_effects:
+        allow(folder / "effects")
+    # Whether it uses one of them or not: what is asked and what runs does not depend on the model.
+    catalogue(folder / "effects")
+    return build_model(file, str(path), folder)
