@@ -29,6 +29,7 @@ NODES = {
         "limit.velocity": 20.0,
         "soft_start": 0.1,
     },
+    "guardian": {},
 }
 
 

@@ -6,6 +6,7 @@ EXECUTABLES = (
     "excitation",
     "controller",
     "bridge",
+    "guardian",
     "plant",
     "mujoco_plant",
     "recorder",

@@ -231,7 +231,8 @@ def print_json(document: Any) -> None:
 
 def log(text: str) -> None:
     """Write one line for the reader on stderr, where it disturbs neither tables nor JSON."""
-    click.echo(text, err=True)
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        click.echo(text, err=True)
 
 
 def number(value: float | None, digits: int = 4) -> str:

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 import click
@@ -25,6 +21,7 @@ from idloop.cli._common import (
 from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
 from idloop.cli._ladder_folder import Kept, check_target, write_ladder
 from idloop.cli._places import OUTPUT_FOLDER, force_option
+from idloop.ending_signals import event_on_ending_signal
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -110,7 +107,7 @@ def command(
         site = Site(source, Place(address, port))
         try:
             _tell(site.address, no_browser=no_browser, as_json=as_json)
-            with _until_told() as ended:
+            with event_on_ending_signal() as ended:
                 ended.wait()
         finally:
             site.close()
@@ -139,22 +136,3 @@ def _tell(address: str, *, no_browser: bool, as_json: bool) -> None:
 
         if not webbrowser.open(address):
             log("no browser found: open the address yourself")
-
-
-@contextlib.contextmanager
-def _until_told() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C or SIGTERM sets: the end is then as clean as any other."""
-    ended = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        ended.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield ended
-        return
-    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield ended
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

@@ -10,11 +10,11 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 
+from idloop.ending_signals import event_on_ending_signal
 from idloop.errors import IdloopError, InputError
 from idloop.graph.command import node_command, node_environment, parameter_document
 from idloop.graph.description import Graph, NodeEntry
@@ -172,14 +172,14 @@ def run_graph(graph: Graph, say: Say | None = None, domain_id: int | None = None
     Returns
     -------
     bool
-        True when the graph came to its own end, False when it was stopped by Ctrl-C or SIGTERM.
+        True when the graph came to its own end, False when a signal stopped it (Ctrl-C, a closed terminal, ...).
 
     Raises
     ------
     IdloopError
         When a node died.
     """
-    with _signals() as stopped:
+    with event_on_ending_signal() as stopped:
         run = GraphRun(graph, say, domain_id)
         try:
             run.wait(stopped.is_set)
@@ -188,24 +188,6 @@ def run_graph(graph: Graph, say: Say | None = None, domain_id: int | None = None
         return not stopped.is_set()
 
 
-@contextlib.contextmanager
-def _signals() -> Iterator[threading.Event]:
-    """Turn SIGINT and SIGTERM into an event, so that nodes are ended in order; only the main thread can."""
-    stopped = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stopped.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield stopped
-        return
-    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stopped
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
-
-
 def _to_stderr(label: str, line: str) -> None:
-    sys.stderr.write(f"[{label}] {line}\n")
+    with contextlib.suppress(OSError):  # the terminal may be gone, and the nodes have still to be ended
+        sys.stderr.write(f"[{label}] {line}\n")

@@ -139,6 +139,7 @@ class StreamNode(Node):
                 run()
             except BaseException as error:  # noqa: BLE001  (handed on to the main thread)
                 self.broken = error
+                self.thread_failed()
 
         return threading.Thread(target=guarded, name=name, daemon=True)
 
@@ -326,6 +327,9 @@ class StreamNode(Node):
     def health(self) -> list[Status]:
         """Return this node's checks, without the node's name."""
         return []
+
+    def thread_failed(self) -> None:
+        """Do at once, in the thread that has failed, what cannot wait for the end of the node."""
 
     def close(self) -> None:
         """Leave the outside world in order; the last thing called while publishing still works."""

@@ -35,6 +35,15 @@ _ROBOT: Table = (
         read_only=True,
     ),
     P(
+        "measurement_rate",
+        "float",
+        2000.0,
+        "Largest rate of joint_states: of faster measurements some are left out; the limits see every one.",
+        unit="Hz",
+        minimum=1.0,
+        read_only=True,
+    ),
+    P(
         "robot_commands",
         "str",
         "/effort_controller/commands",
@@ -152,6 +161,21 @@ _WATCHDOG: Table = (
         unit="s",
         minimum=1e-3,
         maximum=10.0,
+        read_only=True,
+    ),
+    P(
+        "require_guardian",
+        "bool",
+        True,
+        "Drive the motor only while a guardian watches this process: it stops the motor when the bridge dies or hangs.",
+        read_only=True,
+    ),
+    P(
+        "allow_other_commanders",
+        "bool",
+        False,
+        "Let commands pass although more than one node publishes joint_command; else the motor is stopped until one "
+        "is left.",
         read_only=True,
     ),
     P("latch_watchdog", "bool", False, "What the watchdog found stays until ~/reset.", read_only=True),

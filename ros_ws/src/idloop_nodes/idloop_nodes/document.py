@@ -22,6 +22,9 @@ ABOUT = {
     "stop or a breach of a limit, while a stream is silent, not finite or its clock jumps, and at its end the motor is "
     "told to stay. All limits are in our units, and ours = scale × the robot's + offset. [Which fault ends how "
     "soon](bridge.md).",
+    "guardian": "Watches the process of the bridge through a Unix socket. When the bridge ends, whatever ends it, or "
+    "gives no sign of life, the guardian sends the robot the message that stops the motor, which the bridge has told "
+    "it before. When the guardian ends or hangs, the bridge stops the motor. It runs on the machine of the bridge.",
     "plant": "Simulates the machine. In lock-step it steps when the command arrives and waits for slow listeners; "
     "in real time it measures at absolute deadlines.",
     "mujoco_plant": "Takes the place of the plant (node name `plant`) with a joint of any MJCF file, moved by MuJoCo "
@@ -64,6 +67,7 @@ EXAMPLE = {
     "excitation": "-p signal:=prbs -p prbs.band_hz:=10.0 -p amplitude:=0.6",
     "controller": "-p model:=torsion",
     "bridge": "-r __ns:=/axis -p robot_joints:=\"['elbow']\" -p joints:=\"['motor']\" -p limit.command:=2.0",
+    "guardian": "-r __ns:=/axis",
     "plant": "-p model:=torsion -p duration:=10.0 -p effects:=\"['coulomb_friction@motor(level=0.01)']\"",
     "mujoco_plant": "-p mjcf:=robot.xml -p model:=axis -p joints:=\"['elbow']\" -p actuator:=elbow_motor",
     "recorder": "-p bag:=bags/first",

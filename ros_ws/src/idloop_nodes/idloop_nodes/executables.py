@@ -22,6 +22,11 @@ def bridge() -> None:
     sys.exit(run("bridge"))
 
 
+def guardian() -> None:
+    """Run the guardian of the bridge."""
+    sys.exit(run("guardian"))
+
+
 def plant() -> None:
     """Run the simulated plant."""
     sys.exit(run("plant"))

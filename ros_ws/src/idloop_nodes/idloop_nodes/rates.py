@@ -9,8 +9,8 @@ class RateCounter:
     """Counts events and gives their rate since the last question."""
 
     def __init__(self) -> None:
-        self.count = 0
-        self._count_then = 0
+        self.count: float = 0
+        self._count_then: float = 0
         self._then = time.monotonic()
 
     def rate(self) -> float:

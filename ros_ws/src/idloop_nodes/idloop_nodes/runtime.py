@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import gc
 import importlib
@@ -19,18 +20,18 @@ from typing import Any
 
 from idloop_nodes.patience import become_patient, become_preferred
 from idloop_nodes.sockets_only import use_sockets_only
+from idloop_nodes.standstill import StandstillWatch
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PATIENCE = 10  # seconds, whole, after which a further signal ends a process that still has not ended
 LEAVE = 10.0  # seconds in which the middleware takes leave, before the process ends without it
 LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
 
 
 def run(kind: str, arguments: list[str] | None = None) -> int:
-    """Run one node until Ctrl-C, SIGTERM or its own end.
+    """Run one node until a signal that ends a process (Ctrl-C, SIGTERM, a closed terminal, ...), or its own end.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
     ensure_log_directory()
     try:
         use_sockets_only()
-        _spin(kind, sys.argv if arguments is None else arguments)
+        forgotten = _spin(kind, sys.argv if arguments is None else arguments)
     except errors.InputError as error:
         return _complain(kind, str(error))
     except errors.IdloopError as error:
@@ -73,16 +74,32 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
         signal.alarm(0)
         # While the interpreter ends it gives a handler of Python's up, and the signal would kill.
         _answer_signals_by(signal.SIG_IGN)
+    if forgotten:
+        _start_anew(kind)
     return DONE
 
 
+def _start_anew(kind: str) -> None:
+    """Become the same program again, as the same process: who started it notices nothing."""
+    _complain(kind, "stood still for so long that the other nodes have forgotten it: starts anew")
+    _answer_signals_by(signal.SIG_DFL)
+    if hasattr(os, "sched_setscheduler"):
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.closerange(3, os.sysconf("SC_OPEN_MAX"))  # the middleware's sockets
+    os.execv(sys.executable, sys.orig_argv)  # noqa: S606  (the command line that started this process)
+
+
 def _answer_signals_by(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> None:
-    for number in SIGNALS:
+    from idloop.ending_signals import ending_signals
+
+    for number in ending_signals():
         signal.signal(number, handler)
 
 
 def _complain(kind: str, text: str, code: int = WRONG_USE) -> int:
-    sys.stderr.write(f"{kind}: {' '.join(text.split())}\n")
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        sys.stderr.write(f"{kind}: {' '.join(text.split())}\n")
     return code
 
 
@@ -115,7 +132,8 @@ def make_executor() -> Any:
     return EventsExecutor()
 
 
-def _spin(kind: str, arguments: list[str]) -> None:
+def _spin(kind: str, arguments: list[str]) -> bool:
+    """Run the node to its end; return whether it has to be started anew."""
     import rclpy
     from rclpy.exceptions import ParameterException
     from rclpy.signals import SignalHandlerOptions
@@ -136,12 +154,14 @@ def _spin(kind: str, arguments: list[str]) -> None:
     signal.signal(signal.SIGALRM, lambda number, frame: _answer_signals_by(signal.SIG_DFL))
     module = importlib.import_module(f"idloop_nodes.nodes.{kind}")
     getattr(module, "prepare", lambda: None)()
+    standstill = StandstillWatch(time.monotonic(), time.process_time())
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
         raise InputError(f"{type(error).__name__}: {error}") from error
     node = None
     executor = None
+    forgotten = False
     try:
         try:
             node = module.make()
@@ -158,7 +178,7 @@ def _spin(kind: str, arguments: list[str]) -> None:
         elif node.preferred:
             become_preferred()
         next_look = 0.0
-        while not stop.is_set() and not node.finished:
+        while not (stop.is_set() or node.finished or forgotten):
             # `spin` of the events executor in the PyPI wheels calls nothing; `spin_once` does.
             executor.spin_once(timeout_sec=node.poll_period)
             node.poll()
@@ -169,6 +189,7 @@ def _spin(kind: str, arguments: list[str]) -> None:
                 next_look = now + LOOK_PERIOD
                 if not rclpy.ok() or orphaned():
                     break
+                forgotten = standstill.forgotten(now, time.process_time())
     finally:
         if node is not None:
             node.close()
@@ -178,3 +199,4 @@ def _spin(kind: str, arguments: list[str]) -> None:
             executor.shutdown()
         if node is not None:
             node.destroy_node()
+    return forgotten and not stop.is_set()

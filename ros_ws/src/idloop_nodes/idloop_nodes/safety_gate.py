@@ -33,8 +33,6 @@ class SafetyGate:
         Only an active gate lets commands pass.
     reason : str
         Why nothing passes, empty while commands do.
-    forbidden : str
-        Why nobody's command may pass, for a reason that the gate cannot see; empty when there is none.
     faults : int
         How often commands that passed were stopped.
     limited : int
@@ -46,7 +44,6 @@ class SafetyGate:
     def __init__(self, settings: GateSettings) -> None:
         self.active = False
         self.reason = "inactive"
-        self.forbidden = ""
         self.faults = 0
         self.limited = 0
         self.limiter = CommandLimiter(settings.command)
@@ -61,6 +58,7 @@ class SafetyGate:
         self._wanted = 0.0
         self._bad_command = self._bad_measurement = ""
         self._breach = self._latched = ""
+        self._forbidden: dict[str, str] = {}
         self._left_at: int | None = None
 
     # what comes in
@@ -98,6 +96,22 @@ class SafetyGate:
         return output if self.reason or output != before else None
 
     # orders
+
+    def forbid(self, source: str, reason: str) -> None:
+        """Let nobody's command pass for a reason that the gate cannot see; an empty one lets them pass again.
+
+        Parameters
+        ----------
+        source : str
+            Who says so: each source has one reason at a time.
+        reason : str
+        """
+        self._forbidden[source] = reason
+
+    @property
+    def forbidden(self) -> str:
+        """Why no command may pass although the streams are well; empty when there is no such reason."""
+        return next(filter(None, self._forbidden.values()), "")
 
     def activate(self) -> None:
         """Let commands pass from the next one on, with a soft start."""
@@ -185,6 +199,10 @@ class SafetyGate:
         self.limiter.sent(now_ns, output, self._base)
         return output
 
+    def farewell(self, now_ns: int) -> float | None:
+        """Return what has to be sent if no further call comes; None where the motor is not this gate's."""
+        return self._resting() if self.active or self._leaving(now_ns) else None
+
     def _leaving(self, now_ns: int) -> bool:
         return self._left_at is not None and now_ns - self._left_at <= FAREWELL_NS
 
@@ -194,13 +212,17 @@ class SafetyGate:
 
     def _neutral(self) -> float | None:
         """Return the command that moves nothing; None where a position is commanded and none is known."""
+        self._held = self._resting()
+        return self._held
+
+    def _resting(self) -> float | None:
         if not self._follows_position:
             return 0.0
-        if self._held is None:
-            known = self._output if self._settings.neutral == "hold_command" else None
-            known = self._position if known is None else known
-            self._held = None if known is None else self._inside(known)
-        return self._held
+        if self._held is not None:
+            return self._held
+        known = self._output if self._settings.neutral == "hold_command" else None
+        known = self._position if known is None else known
+        return None if known is None else self._inside(known)
 
     def _inside(self, value: float) -> float:
         """Return a commanded position inside the limits of the axis; other commands as they are."""

@@ -308,6 +308,22 @@ REPLAY: Table = (
 
 BRIDGE: Table = bridge_table(PEERS, START_TIMEOUT, AUTOSTART)
 
+GUARDIAN: Table = (
+    PEERS,
+    START_TIMEOUT,
+    P("bridge", "str", "bridge", "Name of the bridge's node that is watched.", read_only=True),
+    P(
+        "silence",
+        "float",
+        0.03,
+        "Time without a sign of life from the bridge after which the motor is told to stop; it gives one every 5 ms.",
+        unit="s",
+        minimum=0.01,
+        maximum=1.0,
+        read_only=True,
+    ),
+)
+
 WORKBENCH: Table = workbench_table(PEERS, START_TIMEOUT, SAMPLE_TIME, MODEL)
 
 
@@ -362,6 +378,7 @@ def tables() -> dict[str, Table]:
         "excitation": excitation_table(),
         "controller": CONTROLLER,
         "bridge": BRIDGE,
+        "guardian": GUARDIAN,
         "plant": PLANT,
         "mujoco_plant": MUJOCO_PLANT,
         "recorder": RECORDER,

@@ -51,6 +51,7 @@ NODES: dict[str, Wiring] = {
     "excitation": Wiring(("reference", "excitation"), ("/clock",)),
     "controller": Wiring(("joint_command",), ("joint_states", "reference", "excitation")),
     "bridge": Wiring(("joint_states", "bridge/command"), ("joint_command",)),
+    "guardian": Wiring((), ()),
     "plant": Wiring(("joint_states", "/clock"), ("joint_command",)),
     "recorder": Wiring((), RECORDED),
     "estimator": Wiring(

@@ -3,39 +3,44 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import threading
 import time
 from typing import Any
 
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Float64MultiArray
 
 from idloop.errors import InputError
 from idloop_nodes import qos
 from idloop_nodes.base import ManagedNode
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status
 from idloop_nodes.deadlines import become_urgent
+from idloop_nodes.decimator import Decimator
 from idloop_nodes.emergency_stop import EmergencyStop
 from idloop_nodes.gate_settings import gate_settings
+from idloop_nodes.guardian_link import BridgeEnd, Hello, address
+from idloop_nodes.last_node import MESSAGES, PRIORITY, TICK, prepare
 from idloop_nodes.rates import RateCounter
 from idloop_nodes.robot_clock import RobotClock
 from idloop_nodes.robot_joints import RobotJoints
 from idloop_nodes.safety_gate import SafetyGate
 from idloop_nodes.tables import BRIDGE
 
-PRIORITY = 40  # above that of the other nodes' loops, 20
-LOOK_PERIOD = 0.2  # seconds between looks at who else commands the robot
-TICK = 0.005  # seconds between looks at the watchdog
+__all__ = ["BridgeNode", "make", "prepare"]
+
+LOOK_PERIOD = 0.05  # seconds between looks at who else commands the robot
 FAREWELL = Duration(nanoseconds=200_000_000)  # longest wait for the robot to acknowledge the last command
-MESSAGES = {"float64_multi_array": Float64MultiArray, "float64": Float64, "joint_state": JointState}
+GUARDIAN_PATIENCE_NS = 40_000_000  # silence after which the guardian counts as hung; it beats every 5 ms
+FULL = 0.9  # share of a processor core beyond which messages begin to wait
+LOCK_PATIENCE = 0.02  # seconds for which the last command waits for a thread that may hang
 
 
 class BridgeNode(ManagedNode):
     """Turns a robot's messages into ours and ours into the robot's, through a `SafetyGate`.
 
-    Every message is passed on when it comes; a thread looks at the watchdog whatever the executor does.
+    Every message is passed on when it comes; a thread looks at the watchdog whatever the executor does, and shows the
+    guardian after each look that it has.
     """
 
     def __init__(self) -> None:
@@ -48,9 +53,11 @@ class BridgeNode(ManagedNode):
         self._command_reader = JointReader([(self._robot.names[0], "effort")])
         self._sent_writer = JointWriter(self._robot.names[:1], ["effort"])
         self._robot_clock = RobotClock()
+        self._decimator = Decimator(values["measurement_rate"])
         self._measured = RateCounter()
         self._commanded = RateCounter()
         self._sent = RateCounter()
+        self._load = RateCounter()  # processor time of the thread that passes messages on, per second
         self._unreadable = 0
         self._said = ""
         self._look_again = 0.0
@@ -65,9 +72,16 @@ class BridgeNode(ManagedNode):
         )
         # Only the newest command counts: a bridge that was held up must not play back what has passed.
         self._subscriptions_by_topic["joint_command"] = self.create_subscription(
-            JointState, "joint_command", self._on_command, qos.newest(), raw=True
+            JointState,
+            "joint_command",
+            self._on_command,
+            qos.newest(),
+            raw=True,
+            # Known before the first command of the newcomer.
+            event_callbacks=SubscriptionEventCallbacks(matched=lambda info: self._look_for_commanders()),
         )
         self._emergency = EmergencyStop(self, self._lock, self._stop_motor, self._gate.reset, "soft start")
+        self._guardian = self._guardian_link() if values["require_guardian"] else None
         self._stop = threading.Event()
         self._thread = self.thread(self._watch, "watchdog")
         self._thread.start()
@@ -81,6 +95,11 @@ class BridgeNode(ManagedNode):
                     f"bridge: {parameter} is {topic}, which is our own {ours}; start the graph in a namespace "
                     "(-r __ns:=/axis) or give the robot's topic another name"
                 )
+
+    def _guardian_link(self) -> BridgeEnd:
+        topic = self.resolve_topic_name(self.parameters["robot_commands"])
+        where = address(self.context.get_domain_id(), self.get_fully_qualified_name())
+        return BridgeEnd(where, Hello(topic, self.parameters["command_type"]), GUARDIAN_PATIENCE_NS)
 
     # streams
 
@@ -100,7 +119,8 @@ class BridgeNode(ManagedNode):
             self._robot_clock.hear(stamp, wall)
             self._send(self._gate.measure(now, stamp, position, velocity))
             self._measured.count += 1
-        self._publish_states(robot.pack(stamp or wall, values))
+        if self._decimator.passes(stamp or wall):
+            self._publish_states(robot.pack(stamp or wall, values))
 
     def _on_command(self, data: bytes) -> None:
         now = time.monotonic_ns()
@@ -115,22 +135,34 @@ class BridgeNode(ManagedNode):
 
     def _watch(self) -> None:
         self._urgent = become_urgent(PRIORITY)
+        guardian = self._guardian
         while not self._stop.wait(TICK):
+            now = time.monotonic_ns()
+            unguarded = "" if guardian is None else guardian.listen(now)
             with self._lock:
-                self._send(self._gate.tick(time.monotonic_ns()))
+                self._gate.forbid("guardian", unguarded)
+                self._send(self._gate.tick(now))
+                farewell = self._gate.farewell(now)
+            # Only now: a beat says that this thread, the lock and the middleware all work.
+            if guardian is not None:
+                guardian.beat(self._message(time.time_ns(), farewell) or b"")
 
     def _send(self, command: float | None) -> None:
         """Tell the robot, then the recorder; the caller holds the lock."""
         stamp = time.time_ns()
-        message = None if command is None else self._robot.command(stamp, command)
+        message = self._message(stamp, command)
         if message is not None and command is not None:
             self._to_robot.publish(message)
             self._publish_sent(self._sent_writer.pack(self._robot_clock.stamp(stamp), (command,)))
             self._sent.count += 1
 
+    def _message(self, stamp: int, command: float | None) -> bytes | None:
+        return None if command is None else self._robot.command(stamp, command)
+
     def poll(self) -> None:
         """Look for others who command the robot, and say once why the motor stands still."""
         super().poll()
+        self._load.count = time.thread_time()
         now = time.monotonic()
         if now >= self._look_again:
             self._look_again = now + LOOK_PERIOD
@@ -146,9 +178,27 @@ class BridgeNode(ManagedNode):
     def _look_for_rivals(self) -> None:
         """What others publish to the robot goes past every limit: then at least nothing comes from here."""
         topic = self.parameters["robot_commands"]
-        rivals = self.count_publishers(topic) - 1
+        known = [self.get_fully_qualified_name(), "" if self._guardian is None else self._guardian.guardian]
+        publishers = [_name(one) for one in self.get_publishers_info_by_topic(topic)]
+        rivals = [one for one in publishers if one not in known]
+        # A second process under a name that is known is a rival as well.
+        rivals += [name for name in known if publishers.count(name) > 1]
+        text = f"{', '.join(sorted(set(rivals)))} also publish on {topic}, past all limits" if rivals else ""
         with self._lock:
-            self._gate.forbidden = f"{rivals} more publish on {topic}, past all limits" if rivals > 0 else ""
+            self._gate.forbid("rivals", text)
+        self._look_for_commanders()
+
+    def _look_for_commanders(self) -> None:
+        """Nobody knows which of two commands is meant: then neither passes."""
+        if self.parameters["allow_other_commanders"]:
+            return
+        count = self._subscriptions_by_topic["joint_command"].get_publisher_count()
+        text = ""
+        if count > 1:
+            names = ", ".join(sorted(_name(one) for one in self.get_publishers_info_by_topic("joint_command")))
+            text = f"{count} nodes publish joint_command ({names}): end all but one, or set allow_other_commanders"
+        with self._lock:
+            self._gate.forbid("commanders", text)
 
     # lifecycle, services, health
 
@@ -165,13 +215,29 @@ class BridgeNode(ManagedNode):
     def _stop_motor(self) -> None:
         self._send(self._gate.stop(time.monotonic_ns()))
 
+    def thread_failed(self) -> None:
+        """Stop the motor at once when a thread of this node has ended with an error."""
+        self._last_word()
+
+    def _last_word(self) -> None:
+        """Send the neutral command, whatever else hangs."""
+        locked = self._lock.acquire(timeout=LOCK_PATIENCE)
+        try:
+            self._send(self._gate.deactivate(time.monotonic_ns()))
+        finally:
+            if locked:
+                self._lock.release()
+
     def close(self) -> None:
         """Leave a motor behind that stands still."""
+        self._last_word()
         self._stop.set()
         self._thread.join(timeout=1.0)
-        self.deactivated()
+        self._last_word()
         with contextlib.suppress(Exception):  # without a robot there is nobody to acknowledge
             self._to_robot.wait_for_all_acked(FAREWELL)
+        if self._guardian is not None:
+            self._guardian.close()
 
     def health(self) -> list[Status]:
         """Return the streams, and what the safety gate has done."""
@@ -179,9 +245,12 @@ class BridgeNode(ManagedNode):
         commanders = self.count_publishers("joint_command")
         driven = robot.robot_names[0]
         strangers = robot.seen if self._measured.count == 0 else ()
+        rate, load = self._measured.rate(), self._load.rate()
         streams = {
             "measurements": str(self._measured.count),
-            "measurement_rate": f"{self._measured.rate():.1f}",
+            "measurement_rate": f"{rate:.1f}",
+            "left_out": str(self._decimator.left_out),
+            "load": f"{load:.2f}",
             "commands": str(self._commanded.count),
             "command_rate": f"{self._commanded.rate():.1f}",
             "sent": str(self._sent.count),
@@ -196,6 +265,8 @@ class BridgeNode(ManagedNode):
         text, level = "ok", Level.OK
         if commanders > 1:
             text, level = f"{commanders} nodes publish joint_command", Level.WARN
+        if load > FULL:
+            text, level = f"overloaded: this processor serves about {rate / load:.0f} measurements/s", Level.WARN
         if strangers:
             text, level = f"no joint {driven} in {self.parameters['robot_states']}: {', '.join(strangers)}", Level.ERROR
         safety = {
@@ -213,15 +284,9 @@ class BridgeNode(ManagedNode):
         ]
 
 
-def prepare() -> None:
-    """See to it that neither another process nor a busy machine can keep this one from its watchdog.
-
-    Every thread becomes urgent, for the watchdog needs the interpreter, and the others hold it now and then. What has
-    been imported is taken from the garbage collector, which would stop everything to look through it.
-    """
-    become_urgent(PRIORITY)
-    gc.collect()
-    gc.freeze()
+def _name(endpoint: Any) -> str:
+    """Fully qualified name of the node that an endpoint belongs to."""
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
 
 
 def make() -> BridgeNode:

@@ -1,0 +1,269 @@
+"""The link between a bridge and its guardian: a Unix socket over which each shows the other that it is alive.
+
+The kernel closes it when a process ends, however that happens, so that a death is known at once; a hang is known by
+the silence. It carries no ROS message: it works when the middleware does not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import socket
+import struct
+from dataclasses import asdict, dataclass
+
+from idloop.errors import InputError
+
+LONGEST = 65_536  # bytes of a record: a hello or a message to the robot
+BACKLOG = 1  # a bridge that comes while another is there waits
+HELLO, BEAT = b"H", b"B"  # first byte of what a bridge sends
+WATCHES, WAITS, STOPPED = b"W", b"U", b"S"  # first byte of what a guardian sends; the name of its node follows
+
+
+@dataclass(frozen=True)
+class Hello:
+    """What a guardian has to know of its bridge.
+
+    Attributes
+    ----------
+    topic : str
+        Topic on which the robot takes commands, fully qualified.
+    message : str
+        Name of the message type it takes, as in the bridge's parameter ``command_type``.
+    """
+
+    topic: str
+    message: str
+
+
+def address(domain: int, bridge: str) -> str:
+    """Return the abstract socket address at which the guardian of a bridge listens.
+
+    Parameters
+    ----------
+    domain : int
+        ROS domain.
+    bridge : str
+        Fully qualified name of the bridge's node.
+    """
+    # Hashed, since an address holds 107 bytes and a namespace may be longer.
+    return "\0idloop-guardian-" + hashlib.sha256(f"{os.getuid()} {domain} {bridge}".encode()).hexdigest()
+
+
+def _of_this_user(connection: socket.socket) -> bool:
+    """Whether the process at the other end runs for the same user, or for root."""
+    _, user, _ = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+    return user in (os.getuid(), 0)
+
+
+def _new_socket() -> socket.socket:
+    # Sequenced packets: a record is read as it was written, and the end of the other process is an empty one.
+    one = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    one.setblocking(False)
+    return one
+
+
+def _receive(connection: socket.socket) -> list[bytes] | None:
+    """Return the records that have come; None when the other end is gone."""
+    records: list[bytes] = []
+    while True:
+        try:
+            record = connection.recv(LONGEST)
+        except BlockingIOError:
+            return records
+        except OSError:
+            return None
+        if not record:
+            return None
+        records.append(record)
+
+
+class BridgeEnd:
+    """The bridge's end of the link.
+
+    Parameters
+    ----------
+    where : str
+        Address from `address`.
+    hello : Hello
+        What the guardian has to know.
+    patience_ns : int
+        Silence after which the guardian counts as hung [ns].
+
+    Attributes
+    ----------
+    guardian : str
+        Fully qualified name of the guardian's node, empty while none has spoken.
+    """
+
+    def __init__(self, where: str, hello: Hello, patience_ns: int) -> None:
+        self.guardian = ""
+        self._where = where
+        self._hello = HELLO + json.dumps(asdict(hello)).encode()
+        self._patience_ns = patience_ns
+        self._connection: socket.socket | None = None
+        self._heard: int | None = None  # None until the guardian has spoken on this connection
+        self._state = WAITS
+        self._lost = ""
+
+    def listen(self, now_ns: int) -> str:
+        """Take in what the guardian says; never waits.
+
+        Parameters
+        ----------
+        now_ns : int
+            Steady time [ns].
+
+        Returns
+        -------
+        str
+            Why the motor must not be driven; empty while the guardian watches.
+        """
+        stopped = self._take(now_ns)
+        if self._connection is None or self._heard is None:
+            return self._lost or "no guardian watches the bridge (start idloop_nodes guardian)"
+        if now_ns - self._heard > self._patience_ns:
+            return "the guardian is silent"
+        if stopped:
+            return "the guardian stopped the motor because the bridge was silent"
+        return "" if self._state == WATCHES else "the guardian has not met the robot yet"
+
+    def beat(self, neutral: bytes) -> None:
+        """Show that the bridge is alive; never waits.
+
+        Parameters
+        ----------
+        neutral : bytes
+            Message to the robot that the guardian is to send if the bridge falls silent; empty for none.
+        """
+        if self._connection is not None:
+            with contextlib.suppress(OSError):  # a guardian that hangs does not empty its queue
+                self._connection.send(BEAT + neutral)
+
+    def close(self) -> None:
+        """End the link."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _take(self, now_ns: int) -> bool:
+        """Take in what has come; return whether the guardian had to stop the motor since the last time."""
+        if self._connection is None and not self._connect():
+            return False
+        records = _receive(self._connection) if self._connection is not None else None
+        if records is None:
+            self._lost = "the guardian is gone"
+            self.close()
+            return False
+        if records:
+            self._heard = now_ns
+            self._state = records[-1][:1]
+            self.guardian = records[-1][1:].decode(errors="replace")
+        return any(record[:1] == STOPPED for record in records)
+
+    def _connect(self) -> bool:
+        connection = _new_socket()
+        try:
+            connection.connect(self._where)
+            connection.send(self._hello)
+        except OSError:
+            connection.close()
+            return False
+        if not _of_this_user(connection):
+            connection.close()
+            return False
+        self._connection, self._heard = connection, None
+        return True
+
+
+class GuardianEnd:
+    """The guardian's end of the link; one bridge at a time.
+
+    Parameters
+    ----------
+    where : str
+        Address from `address`.
+
+    Attributes
+    ----------
+    hello : Hello or None
+        Of the bridge that came last.
+
+    Raises
+    ------
+    InputError
+        Another guardian listens there.
+    """
+
+    def __init__(self, where: str) -> None:
+        self.hello: Hello | None = None
+        self._listener = _new_socket()
+        try:
+            self._listener.bind(where)
+        except OSError as error:
+            self._listener.close()
+            raise InputError(f"guardian: another guardian watches this bridge already ({error.strerror})") from error
+        self._listener.listen(BACKLOG)
+        self._connection: socket.socket | None = None
+
+    @property
+    def sockets(self) -> list[socket.socket]:
+        """What to wait for."""
+        return [self._connection or self._listener]
+
+    @property
+    def connected(self) -> bool:
+        """Whether a bridge is there."""
+        return self._connection is not None
+
+    def receive(self) -> tuple[bytes | None, bool]:
+        """Take in what has come.
+
+        Returns
+        -------
+        bytes or None
+            The newest neutral message (empty: nothing is to be sent), None when no beat has come.
+        bool
+            Whether the bridge has gone since the last time.
+        """
+        if self._connection is None:
+            self._accept()
+        if self._connection is None:
+            return None, False
+        neutral: bytes | None = None
+        records = _receive(self._connection)
+        for record in records or ():
+            if record[:1] == BEAT:
+                neutral = record[1:]
+            elif record[:1] == HELLO:
+                self.hello = Hello(**json.loads(record[1:]))
+        if records is None:
+            self._connection.close()
+            self._connection = None
+        return neutral, records is None
+
+    def send(self, state: bytes, name: str) -> None:
+        """Tell the bridge that the guardian is alive, and its state: `WATCHES`, `WAITS` or `STOPPED`."""
+        if self._connection is not None:
+            with contextlib.suppress(OSError):  # a bridge that hangs does not empty its queue
+                self._connection.send(state + name.encode())
+
+    def close(self) -> None:
+        """End the link."""
+        for one in (self._connection, self._listener):
+            if one is not None:
+                one.close()
+        self._connection = None
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:
+            return
+        if not _of_this_user(connection):
+            connection.close()
+            return
+        connection.setblocking(False)
+        self._connection = connection

@@ -1,0 +1,30 @@
+"""What the last two processes before a motor share, the bridge and its guardian: their pace, and that they keep it."""
+
+from __future__ import annotations
+
+import gc
+import signal
+
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray
+
+from idloop_nodes.deadlines import become_urgent
+
+PRIORITY = 40  # above that of the other nodes' loops, 20
+TICK = 0.005  # seconds between looks at the watchdog, and between two beats
+MESSAGES = {"float64_multi_array": Float64MultiArray, "float64": Float64, "joint_state": JointState}
+
+
+def prepare() -> None:
+    """See to it that nothing keeps this process from its watchdog: no other process, no busy machine, no terminal.
+
+    Every thread becomes urgent, for the watchdog needs the interpreter, and the others hold it now and then. What has
+    been imported is taken from the garbage collector, which would stop everything to look through it. Ctrl-Z ends the
+    process instead of stopping it: a stopped one would leave the motor with its last command.
+    """
+    become_urgent(PRIORITY)
+    gc.collect()
+    gc.freeze()
+    signal.signal(signal.SIGTSTP, signal.getsignal(signal.SIGTERM))
+    for number in (signal.SIGTTIN, signal.SIGTTOU):
+        signal.signal(number, signal.SIG_IGN)

@@ -1,0 +1,59 @@
+"""When a guardian speaks for its bridge: as soon as that one is silent or gone. No ROS and no clock in here."""
+
+from __future__ import annotations
+
+SECOND = 1_000_000_000
+FAREWELL_NS = (
+    SECOND // 2
+)  # after the bridge has gone the neutral message is repeated for so long; then others may speak
+
+
+class SilenceWatch:
+    """Decides what is sent in place of a bridge.
+
+    Parameters
+    ----------
+    silence_ns : int
+        Time without a beat after which the bridge counts as hung [ns].
+
+    Attributes
+    ----------
+    interventions : int
+        How often it spoke for the bridge.
+    longest_ns : int
+        Longest time between two beats [ns].
+    """
+
+    def __init__(self, silence_ns: int) -> None:
+        self.interventions = 0
+        self.longest_ns = 0
+        self._silence_ns = silence_ns
+        self._neutral = b""
+        self._heard: int | None = None  # None without a bridge
+        self._gone_at: int | None = None
+        self._speaks = False
+
+    @property
+    def speaks(self) -> bool:
+        """Whether it sends in place of the bridge."""
+        return self._speaks
+
+    def beat(self, now_ns: int, neutral: bytes) -> None:
+        """Take in a beat and the message that stops the motor; empty when nothing is to be sent."""
+        if self._heard is not None:
+            self.longest_ns = max(self.longest_ns, now_ns - self._heard)
+        self._heard, self._neutral = now_ns, neutral
+        self._gone_at, self._speaks = None, False
+
+    def gone(self, now_ns: int) -> None:
+        """Take in that the bridge has ended."""
+        self._heard, self._gone_at = None, now_ns
+
+    def tick(self, now_ns: int) -> bytes:
+        """Return what has to be sent now, empty for nothing."""
+        hung = self._heard is not None and now_ns - self._heard > self._silence_ns
+        leaving = self._gone_at is not None and now_ns - self._gone_at <= FAREWELL_NS
+        speaks = bool(self._neutral) and (hung or leaving)
+        self.interventions += speaks and not self._speaks
+        self._speaks = speaks
+        return self._neutral if speaks else b""
