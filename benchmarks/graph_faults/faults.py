@@ -16,8 +16,9 @@ from functools import partial
 import places
 from live import LiveGraph
 from outcome import Outcome
-from robot_graph import PATIENCE
+from robot_graph import PATIENCE, ZEROS
 
+from idloop.ending_signals import ending_signals
 from idloop_nodes.bag_writer import CHUNK_SIZE
 from idloop_nodes.codec import JointSample, encode_joint_state
 
@@ -27,7 +28,11 @@ LIMIT = 2.0  # limit.command of the bridge
 ENDING = 1.0  # longest time from the last sample that a failed recorder has taken to its end [s]
 # Without these, measurements do not come through.
 ON_THE_WAY = ("bridge", "robot")
-DRIVERS = ("controller", "excitation")
+# What may not die, hang or end without a zero.
+DRIVERS = ("controller", "excitation", "bridge", "guardian")
+# The excitation is published ahead: its last samples are commands still, and good ones.
+AHEAD = ("excitation",)
+SIGNALS = [number for number in (*ending_signals(), signal.SIGTSTP) if number < signal.SIGRTMIN]
 
 
 def at_random(graph: LiveGraph, chance: random.Random, most: int = 400) -> None:
@@ -36,13 +41,27 @@ def at_random(graph: LiveGraph, chance: random.Random, most: int = 400) -> None:
     graph.until(lambda: graph.lines() >= lines)
 
 
+def _zero_after(name: str, number: int, graph: LiveGraph, found: Outcome) -> int:
+    """Send a signal that has to stop the motor; return the steady time of it.
+
+    Counted from the signal, not from the last good command: a node that goes on driving shows.
+    """
+    begin = time.monotonic_ns()
+    graph.signal(name, number)
+    waited = graph.until_zero_after(begin, 1 if name == "bridge" else ZEROS)
+    found.told_zero(waited if name in AHEAD else max(waited, graph.first_zero_after(begin)))
+    return begin
+
+
 def _killed(name: str, graph: LiveGraph, chance: random.Random) -> Outcome:
     at_random(graph, chance)
     found = Outcome()
-    begin = graph.signal(name, signal.SIGKILL)
-    graph.processes[name].wait()
+    begin = time.monotonic_ns()
     if name in DRIVERS:
-        found.told_zero(graph.until_zero_after(begin))
+        _zero_after(name, signal.SIGKILL, graph, found)
+    else:
+        graph.signal(name, signal.SIGKILL)
+    graph.processes[name].wait()
     if name == "recorder":
         kept = graph.kept(begin)
         found.tail = kept.tail
@@ -51,19 +70,21 @@ def _killed(name: str, graph: LiveGraph, chance: random.Random) -> Outcome:
     return found
 
 
-def _restarted(name: str, graph: LiveGraph, chance: random.Random) -> Outcome:
+def _ended(name: str, number: int, graph: LiveGraph, chance: random.Random) -> Outcome:
     at_random(graph, chance)
     found = Outcome()
     if name == "recorder":
         begin = time.monotonic_ns()
         graph.end_recorder(found)
     else:
-        begin = graph.signal(name, signal.SIGINT)
+        begin = time.monotonic_ns()
+        if name in DRIVERS:
+            _zero_after(name, number, graph, found)
+        else:
+            graph.signal(name, number)
         code = graph.processes[name].wait(timeout=PATIENCE)
         if code != 0 and name != "robot":
             found.wrong.append(f"{name} ended with {code}: {graph.said(name).splitlines()[-1:]}")
-        if name in DRIVERS:
-            found.told_zero(graph.until_zero_after(begin))
         if name == "bridge" and graph.newest()[1] != 0.0:
             found.wrong.append(f"the last word of the bridge was {graph.newest()[1]}")
     _again(name, graph, found, begin)
@@ -82,14 +103,16 @@ def _again(name: str, graph: LiveGraph, found: Outcome, begin: int) -> None:
 def _stopped(name: str, graph: LiveGraph, chance: random.Random) -> Outcome:
     at_random(graph, chance)
     found = Outcome()
-    begin = graph.signal(name, signal.SIGSTOP)
+    begin = time.monotonic_ns()
     try:
         if name in DRIVERS:
-            found.told_zero(graph.until_zero_after(begin))
-        elif name == "robot":
-            time.sleep(chance.uniform(0.1, 1.5))
+            _zero_after(name, signal.SIGSTOP, graph, found)
         else:
-            at_random(graph, chance)
+            graph.signal(name, signal.SIGSTOP)
+            if name == "robot":
+                time.sleep(chance.uniform(0.1, 1.5))
+            else:
+                at_random(graph, chance)
     finally:
         graph.signal(name, signal.SIGCONT)
     started = time.monotonic()
@@ -220,11 +243,16 @@ def _foreign(topic: str, graph: LiveGraph, chance: random.Random) -> Outcome:
     return found
 
 
-NODES = ("excitation", "controller", "bridge", "estimator", "recorder", "robot")
+NODES = ("excitation", "controller", "bridge", "guardian", "estimator", "recorder", "robot")
 
 FAULTS: dict[str, Fault] = {
     **{f"{name}: kill -9, started again": partial(_killed, name) for name in NODES},
-    **{f"{name}: Ctrl-C, started again": partial(_restarted, name) for name in NODES if name != "robot"},
+    **{f"{name}: Ctrl-C, started again": partial(_ended, name, signal.SIGINT) for name in NODES if name != "robot"},
+    **{
+        f"bridge: {signal.Signals(number).name}, started again": partial(_ended, "bridge", number)
+        for number in SIGNALS
+        if number != signal.SIGINT
+    },
     **{f"{name}: SIGSTOP, SIGCONT": partial(_stopped, name) for name in NODES},
     "disk full": _disk_full,
     "bag directory read-only": _read_only,

@@ -92,8 +92,6 @@ class LiveGraph(RobotGraph):
 
     def start(self, name: str, bag: Path | None = None) -> None:
         """Start a node; every recorder gets a bag of its own."""
-        if (before := getattr(self, "processes", {}).get(name)) is not None and before.stdin is not None:
-            before.stdin.close()
         if name == "robot":
             self.start_robot()
             return

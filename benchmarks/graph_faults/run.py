@@ -130,7 +130,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=6, help="of every kind of fault (default 6)")
     parser.add_argument("--only", nargs="+", choices=SECTIONS, default=SECTIONS, help="some kinds; all when left out")
-    parser.add_argument("--fault", help="faults on the live graph whose name has this in it")
+    parser.add_argument("--fault", nargs="+", default=("",), help="faults on the live graph whose name begins so")
     parser.add_argument("--seed", type=int, default=0, help="of order and times (default 0)")
     parser.add_argument("--domain", type=int, default=97, help="ROS domain of the graph (default 97)")
     parser.add_argument("--soak", type=float, metavar="SECONDS", help="run the graph at 1 kHz and watch its memory")
@@ -148,7 +148,7 @@ def main() -> int:
             own.mkdir()
             print(f"{section}, round {number + 1}", file=sys.stderr)
             if section == "live":
-                wanted = {one: fault for one, fault in FAULTS.items() if (arguments.fault or "") in one}
+                wanted = {one: fault for one, fault in FAULTS.items() if one.startswith(tuple(arguments.fault))}
                 live_round(own, wanted, chance, found)
             elif section == "clock" and not clock.left_out():
                 with clock.steerable(own) as faults:

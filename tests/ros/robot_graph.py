@@ -48,6 +48,8 @@ class RobotGraph:
             self.start(name)
 
     def _popen(self, name, words):
+        if name in self.processes:
+            self.processes[name].stdin.close()
         with (self.folder / f"{name}.txt").open("a", encoding="utf-8") as said:
             self.processes[name] = subprocess.Popen(
                 words, env=self.environment, stdin=subprocess.PIPE, stdout=said, stderr=subprocess.STDOUT, text=True
@@ -143,6 +145,10 @@ class RobotGraph:
         first = self._zeros(since, count)
         last = [time_ns for time_ns, command, _ in self.told() if time_ns < first and command != 0.0][-1]
         return (first - last) / 1e9
+
+    def first_zero_after(self, since):
+        """Seconds from an instant to the first zero that the robot was told after it."""
+        return next(time_ns - since for time_ns, command, _ in self.told(since) if command == 0.0) / 1e9
 
     def _zeros(self, since, count):
         """Time of the first of so many zeros in a row."""

@@ -24,7 +24,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 MS = 1_000_000
 ROBOT, COMMANDS = "/robot/joint_states", "/robot/commands"
 # Nothing here depends on how fast this machine is: silence is tested where the tests tell the time.
-PATIENT = {"watchdog": 10.0, "soft_start": 0.0, "limit.command": 2.0}
+PATIENT = {"require_guardian": False, "watchdog": 10.0, "soft_start": 0.0, "limit.command": 2.0}
 WHERE = {"robot_states": ROBOT, "robot_commands": COMMANDS, "robot_joints": "['elbow']", "joints": "['motor']"}
 
 
@@ -164,12 +164,87 @@ def test_somebody_else_at_the_robots_topic_stops_the_motor_and_is_named(bench):
     one = BridgeBench(bench)
     assert one.command(1.5) == 1.5
     rival = one.bench.other.create_publisher(Float64MultiArray, COMMANDS, qos.newest())
-    one.bench.until(lambda: "1 more publish on /robot/commands" in one.gate.reason)
+    one.bench.until(lambda: "others publish on /robot/commands, past all limits: /bench" in one.gate.reason)
     assert one.command(1.5) == 0.0
-    one.bench.until(lambda: "1 more publish" in statuses(one).get("bridge: safety", ""))
+    one.bench.until(lambda: "past all limits: /bench" in statuses(one).get("bridge: safety", ""))
     one.bench.other.destroy_publisher(rival)
     one.bench.until(lambda: not one.gate.forbidden)
     assert one.command(1.5) == 1.5
+
+
+def test_a_second_commander_stops_the_motor_until_it_has_gone(bench):
+    one = BridgeBench(bench)
+    assert one.command(1.5) == 1.5
+    second = one.bench.talk("joint_command")
+    one.bench.until(lambda: "2 nodes publish joint_command" in one.gate.reason)
+    assert one.command(1.5) == 0.0
+    assert "end all but one, or set allow_other_commanders" in one.gate.reason
+    one.bench.other.destroy_publisher(second)
+    one.bench.until(lambda: not one.gate.forbidden)
+    assert one.command(1.5) == 1.5
+
+
+def test_a_second_commander_that_is_allowed_is_said(bench):
+    one = BridgeBench(bench, allow_other_commanders=True)
+    second = one.bench.talk("joint_command")
+    one.bench.matched(second)
+    one.bench.until(lambda: "2 nodes publish joint_command" in statuses(one).get("bridge: streams", ""))
+    assert one.command(1.5) == 1.5
+
+
+def failing(*arguments):
+    raise MemoryError
+
+
+def test_a_thread_that_fails_sends_zero_at_once(bench, monkeypatch):
+    one = BridgeBench(bench)
+    assert one.command(1.5) == 1.5
+    monkeypatch.setattr(one.gate, "tick", failing)
+    one.until_told(0.0)
+    assert isinstance(one.bench.node.broken, MemoryError)
+
+
+def test_a_callback_that_fails_ends_the_node_with_a_zero(bench, monkeypatch):
+    one = BridgeBench(bench)
+    assert one.command(1.5) == 1.5
+    monkeypatch.setattr(one.gate, "command", failing)
+    with pytest.raises(MemoryError):
+        one.say(1.5)
+    one.bench.node.close()  # as the end of every process does
+    monkeypatch.undo()
+    one.until_told(0.0)
+
+
+def test_the_last_word_needs_no_lock(bench):
+    """Whoever hangs may hold it."""
+    one = BridgeBench(bench)
+    assert one.command(1.5) == 1.5
+    with one.bench.node._lock:
+        one.bench.node._last_word()
+        assert one.gate._output == 0.0
+
+
+def test_a_bridge_that_cannot_send_shows_the_guardian_no_beat(bench, monkeypatch):
+    one = BridgeBench(bench, require_guardian=True)
+    beats = []
+    monkeypatch.setattr(one.bench.node._guardian, "beat", beats.append)
+    one.measure()
+    one.bench.until(lambda: len(beats) > 3)
+    assert decode_floats(beats[-1]) == (0.0,), "what the guardian is to send"
+    monkeypatch.setattr(one.bench.node, "_to_robot", None)  # the middleware is lost
+    one.bench.until(lambda: one.bench.node.broken is not None)
+    before = len(beats)
+    one.bench.executor.spin_once(timeout_sec=0.05)
+    assert len(beats) == before
+    monkeypatch.undo()
+
+
+def test_faster_measurements_than_asked_for_are_left_out(bench):
+    one = BridgeBench(bench, measurement_rate=250.0)
+    for _ in range(40):
+        one.measure()  # 1 ms apart
+    one.bench.until(lambda: len(one.bench.got["joint_states"]) == 10)
+    assert one.bench.node._decimator.left_out == 30
 
 
 def test_health_names_a_joint_that_is_not_there(bench):

@@ -18,8 +18,10 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 import rclpy
 from robot_graph import PATIENCE, RobotGraph
 
+from idloop.ending_signals import ending_signals
 from idloop_nodes.codec import JointSample, encode_joint_state
 from idloop_nodes.qos import stream
+from idloop_nodes.standstill import LEASE
 
 pytestmark = [pytest.mark.ros, pytest.mark.whole_graph]
 
@@ -152,18 +154,31 @@ def test_a_robot_that_measures_nonsense_is_told_zero(graph):
     graph.until_driven()
 
 
-@pytest.mark.parametrize(("value", "passed"), [(float("nan"), 0.0), (-1e300, -2.0)])
-def test_a_stranger_that_commands_nonsense_moves_nothing_past_the_limits(graph, value, passed):
-    since = graph.until_driven()
-
-    def told():
-        return [command for _, command, _ in graph.told(since)]
-
+def test_a_stranger_that_commands_is_zero_until_it_has_gone(graph):
+    graph.until_driven()
     with stranger("/joint_command") as publisher:
         graph.until(publisher.get_subscription_count)
-        graph.until(lambda: publish(publisher, value) and passed in told() and len(told()) > 400)
-    assert all(abs(command) <= 2.0 for command in told())
+        began = time.monotonic_ns()
+        graph.until(lambda: publish(publisher, 2.0) and len(graph.told(began)) > 400)
+        graph.until_zero_after(began)
+        assert 2.0 not in {command for _, command, _ in graph.told()}
+        assert "2 nodes publish joint_command (/controller, /stranger)" in graph.said("bridge")
     graph.until_driven()
+
+
+@pytest.mark.parametrize("bridge_parameters", [{"allow_other_commanders": True}])
+@pytest.mark.parametrize(("value", "passed"), [(float("nan"), 0.0), (-1e300, -2.0)])
+def test_a_stranger_that_is_allowed_moves_nothing_past_the_limits(own_graph, value, passed):
+    since = own_graph.until_driven()
+
+    def told():
+        return [command for _, command, _ in own_graph.told(since)]
+
+    with stranger("/joint_command") as publisher:
+        own_graph.until(publisher.get_subscription_count)
+        own_graph.until(lambda: publish(publisher, value) and passed in told() and len(told()) > 400)
+    assert all(abs(command) <= 2.0 for command in told())
+    own_graph.until_driven()
 
 
 def publish(publisher, value):
@@ -182,12 +197,56 @@ def test_the_emergency_stop_holds_whatever_the_controller_says(graph):
     graph.until_driven()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_last_word_of_a_bridge_is_zero(own_graph, number):
+@pytest.mark.parametrize("bridge_parameters", [{"require_guardian": False}])
+def test_the_last_word_of_a_bridge_is_zero_whatever_signal_ends_it(own_graph):
+    """Without the guardian, which would say it as well."""
+    own_graph.signal("guardian", signal.SIGKILL)
+    own_graph.processes["guardian"].wait()
+    numbers = [*ending_signals(), signal.SIGTSTP]
+    assert {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGABRT} < set(numbers)
+    for number in numbers:
+        own_graph.until_driven()
+        own_graph.signal("bridge", number)
+        assert own_graph.processes["bridge"].wait(timeout=PATIENCE) == 0, number
+        own_graph.until(lambda: own_graph.newest()[1] == 0.0)
+        own_graph.start("bridge")
+
+
+def test_a_bridge_that_is_killed_or_hangs_is_zero_by_its_guardian(own_graph):
     own_graph.until_driven()
-    own_graph.signal("bridge", number)
-    assert own_graph.processes["bridge"].wait(timeout=PATIENCE) == 0
-    own_graph.until(lambda: own_graph.newest()[1] == 0.0)
+    own_graph.until_zero_after(own_graph.signal("bridge", signal.SIGSTOP))
+    own_graph.signal("bridge", signal.SIGCONT)
+    own_graph.until_driven()
+    own_graph.until_zero_after(own_graph.signal("bridge", signal.SIGKILL))
+    own_graph.processes["bridge"].wait()
+    own_graph.start("bridge")
+    own_graph.until_driven()
+    assert own_graph.said("guardian").count("/bridge is silent or gone: the motor is told to stop") == 2
+
+
+def test_a_guardian_that_is_killed_or_hangs_is_zero_by_its_bridge(own_graph):
+    own_graph.until_driven()
+    own_graph.until_zero_after(own_graph.signal("guardian", signal.SIGSTOP))
+    own_graph.signal("guardian", signal.SIGCONT)
+    own_graph.until_driven()
+    own_graph.until_zero_after(own_graph.signal("guardian", signal.SIGKILL))
+    own_graph.processes["guardian"].wait()
+    said = own_graph.said("bridge")
+    assert "the motor is stopped: the guardian is silent" in said
+    assert "the motor is stopped: the guardian is gone" in said
+    own_graph.start("guardian")
+    own_graph.until_driven()
+
+
+@pytest.mark.parametrize("name", ["controller", "excitation", "bridge", "guardian"])
+def test_a_node_that_stood_still_until_it_was_forgotten_is_met_again(own_graph, name):
+    own_graph.until_driven()
+    stopped = own_graph.signal(name, signal.SIGSTOP)
+    own_graph.until_zero_after(stopped)
+    own_graph.until(lambda: time.monotonic_ns() - stopped > (LEASE + 2.0) * 1e9)
+    own_graph.signal(name, signal.SIGCONT)
+    own_graph.until_driven()
+    assert "stood still for so long that the other nodes have forgotten it: starts anew" in own_graph.said(name)
 
 
 @pytest.mark.parametrize(
@@ -199,10 +258,8 @@ def test_nobody_drives_the_motor_past_its_position_limit(own_graph):
     own_graph.until_zero_after(driven)
     assert "coasting to position" in own_graph.said("bridge")
     stopped = time.monotonic_ns()
-    with stranger("/joint_command") as publisher:
-        own_graph.until(publisher.get_subscription_count)
-        own_graph.until(lambda: publish(publisher, 2.0) and len(own_graph.told(stopped)) > 400)
-    assert own_graph.still(stopped), "nobody pushes it on"
+    own_graph.until(lambda: len(own_graph.told(stopped)) > 400)
+    assert own_graph.still(stopped), "the controller cannot push it on"
     assert max(position for _, _, position in own_graph.told()) > 19.0
     call("/bridge/reset")
     own_graph.until(lambda: len(own_graph.told(stopped)) > 1000)

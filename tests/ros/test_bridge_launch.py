@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import select
 import subprocess
 import sys
+import termios
 import threading
 import time
 from pathlib import Path
@@ -62,3 +66,28 @@ def test_the_example_drives_and_records_a_joint_of_a_robot(robot, tmp_path):
     assert record.output_names == ("motor.position", "motor.velocity")
     assert np.ptp(record.output[:, 1]) > 0.0
     assert any("lost 0, dropped 0" in line for line in said), said
+
+
+def test_a_closed_terminal_ends_the_nodes_in_order(robot, tmp_path):
+    """The hangup reaches the launcher alone: its nodes have process groups of their own."""
+    ours, terminal = os.openpty()
+    words = [sys.executable, "-m", "idloop", "launch", "robot", "namespace:=left", f"bag:={tmp_path / 'bag'}"]
+    process = subprocess.Popen(
+        [*words, "fit_period:=0.0"],
+        env=node_environment(), stdin=terminal, stdout=terminal, stderr=terminal,
+        start_new_session=True, preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY),  # noqa: PLW1509 (no thread of ours)
+    )  # fmt: skip
+    os.close(terminal)
+    try:
+        deadline = time.monotonic() + 200.0
+        while sum(command != 0.0 for command in told(robot)) < COMMANDS:
+            assert time.monotonic() < deadline
+            if select.select([ours], [], [], 0.01)[0]:
+                os.read(ours, 65536)  # else the launcher would wait for a reader
+        os.close(ours)
+        process.wait(timeout=200.0)
+    finally:
+        process.kill()
+        process.wait()
+    assert told(robot)[-1] == 0.0
+    assert read_streams(tmp_path / "bag")["/left/bridge/command"].effort.size > COMMANDS

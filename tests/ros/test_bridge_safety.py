@@ -319,7 +319,7 @@ def test_the_speedometer_needs_its_window():
 def test_one_publisher_too_many_lets_nothing_pass():
     driver = Driver(settings())
     driver.good(command=1.0)
-    driver.gate.forbid("rivals", "1 more publish")
+    driver.gate.forbid("rivals", "others publish")
     assert driver.play("tick") == 0.0
     driver.gate.forbid("rivals", "")
     assert driver.good(command=1.0) == 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -139,7 +140,8 @@ class StreamNode(Node):
                 run()
             except BaseException as error:  # noqa: BLE001  (handed on to the main thread)
                 self.broken = error
-                self.thread_failed()
+                with contextlib.suppress(Exception):  # where that fails too, the first error is the one to be told
+                    self.thread_failed()
 
         return threading.Thread(target=guarded, name=name, daemon=True)
 

@@ -65,18 +65,20 @@ def _new_socket() -> socket.socket:
     return one
 
 
-def _receive(connection: socket.socket) -> list[bytes] | None:
-    """Return the records that have come; None when the other end is gone."""
+def _receive(connection: socket.socket) -> tuple[list[bytes], bool]:
+    """Return the records that have come, and whether the other end is gone."""
     records: list[bytes] = []
     while True:
         try:
             record = connection.recv(LONGEST)
         except BlockingIOError:
-            return records
+            return records, False
+        except ConnectionResetError:  # it left something unread; what it had sent comes all the same
+            continue
         except OSError:
-            return None
+            return records, True
         if not record:
-            return None
+            return records, True
         records.append(record)
 
 
@@ -150,10 +152,12 @@ class BridgeEnd:
 
     def _take(self, now_ns: int) -> bool:
         """Take in what has come; return whether the guardian had to stop the motor since the last time."""
-        if self._connection is None and not self._connect():
+        if self._connection is None:
+            self._connect()
+        if self._connection is None:
             return False
-        records = _receive(self._connection) if self._connection is not None else None
-        if records is None:
+        records, gone = _receive(self._connection)
+        if gone:
             self._lost = "the guardian is gone"
             self.close()
             return False
@@ -163,19 +167,18 @@ class BridgeEnd:
             self.guardian = records[-1][1:].decode(errors="replace")
         return any(record[:1] == STOPPED for record in records)
 
-    def _connect(self) -> bool:
+    def _connect(self) -> None:
         connection = _new_socket()
         try:
             connection.connect(self._where)
             connection.send(self._hello)
         except OSError:
             connection.close()
-            return False
+            return
         if not _of_this_user(connection):
             connection.close()
-            return False
+            return
         self._connection, self._heard = connection, None
-        return True
 
 
 class GuardianEnd:
@@ -233,16 +236,16 @@ class GuardianEnd:
         if self._connection is None:
             return None, False
         neutral: bytes | None = None
-        records = _receive(self._connection)
-        for record in records or ():
+        records, gone = _receive(self._connection)
+        for record in records:
             if record[:1] == BEAT:
                 neutral = record[1:]
             elif record[:1] == HELLO:
                 self.hello = Hello(**json.loads(record[1:]))
-        if records is None:
+        if gone:
             self._connection.close()
             self._connection = None
-        return neutral, records is None
+        return neutral, gone
 
     def send(self, state: bytes, name: str) -> None:
         """Tell the bridge that the guardian is alive, and its state: `WATCHES`, `WAITS` or `STOPPED`."""

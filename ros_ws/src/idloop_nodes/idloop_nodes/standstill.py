@@ -1,4 +1,4 @@
-"""A process that stood still for so long that the others have forgotten its participant. No ROS and no clock in here."""
+"""A process that stood still until the others have forgotten its participant. No ROS and no clock in here."""
 
 from __future__ import annotations
 

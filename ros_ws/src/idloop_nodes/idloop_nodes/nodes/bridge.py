@@ -183,7 +183,7 @@ class BridgeNode(ManagedNode):
         rivals = [one for one in publishers if one not in known]
         # A second process under a name that is known is a rival as well.
         rivals += [name for name in known if publishers.count(name) > 1]
-        text = f"{', '.join(sorted(set(rivals)))} also publish on {topic}, past all limits" if rivals else ""
+        text = f"others publish on {topic}, past all limits: {', '.join(sorted(set(rivals)))}" if rivals else ""
         with self._lock:
             self._gate.forbid("rivals", text)
         self._look_for_commanders()

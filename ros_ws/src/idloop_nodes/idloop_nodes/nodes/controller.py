@@ -264,6 +264,10 @@ class ControllerNode(ManagedNode):
         self._controller.reset()
         return ""
 
+    def thread_failed(self) -> None:
+        """Leave a zero command behind at once."""
+        self._publish_zero()
+
     def close(self) -> None:
         """Leave a zero command behind."""
         self._stop.set()
