@@ -229,7 +229,7 @@ def test_see_the_error_add_the_effect_take_it_back_run_the_experiment_and_stop(g
     page.wait_for_selector("#activity >> text=the experiment is running")
     graph.until(lambda: any(graph.efforts(50)))
     page.click("#stop")
-    page.wait_for_selector("#stopped:not([hidden])")
+    page.wait_for_selector("#stopped[data-stop=stopped]:not([hidden])")
     graph.until_still()
     count = len(graph.commands)
     graph.until(lambda: len(graph.commands) > count + 50)
@@ -239,7 +239,7 @@ def test_see_the_error_add_the_effect_take_it_back_run_the_experiment_and_stop(g
 
     # from the keyboard, in the other browser
     other.page.keyboard.press("Escape")
-    page.wait_for_selector("#stopped:not([hidden])")
+    page.wait_for_selector("#stopped[data-stop=stopped]:not([hidden])")
     graph.until_still()
     page.click("#reset")
     graph.until(graph.moved)
@@ -283,7 +283,7 @@ def test_without_a_controller_the_page_says_that_nothing_was_stopped(bench, monk
     one.until(lambda: one.node.source.board.snapshot.note is not None)
     note = one.node.source.board.snapshot.note
     assert note.text.startswith("THE MOTOR WAS NOT STOPPED: nobody/emergency_stop does not answer")
-    assert not one.node.source.board.snapshot.stopped
+    assert one.node.source.board.snapshot.stop == "sent"
 
 
 def test_the_layouts_for_other_tools_name_topics_that_there_are():

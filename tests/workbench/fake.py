@@ -10,7 +10,7 @@ import numpy as np
 from idloop.diagnose import Candidate, Ladder, Step
 from idloop.errors import InputError
 from idloop.physics import load_model
-from idloop.workbench.source import Board, Fit, Health, Missing, Note, Snapshot
+from idloop.workbench.source import FREE, SENT, Board, Fit, Health, Missing, Note, Snapshot
 
 FRICTION = Candidate(
     "coulomb_friction", "motor", "yes", "it reverses often", "A force of one size against the motion.", gain=812.0,
@@ -102,10 +102,10 @@ class FakeSource:
             others = [one for one in self.board.snapshot.automatic if one != what]
             self.board.change(automatic=(*others, what) if to == "on" else tuple(others))
         elif verb == "reset":
-            self.board.change(stopped=False)
+            self.board.change(stop=FREE)
         return f"{verb} {effect}".strip()
 
     def stop(self):
         self.stops += 1
-        self.board.change(stopped=True, note=Note("stopped", 1))
+        self.board.change(stop=SENT, note=Note("stopped", 1))
         return "stopped"

@@ -13,8 +13,8 @@ from fake import DEAD_ZONE, FRICTION, MISSING, FakeSource
 
 from idloop.diagnose import Ladder
 from idloop.workbench.server import Place, Site
+from idloop.workbench.source import RELEASING, STOPPED, Activity, Health
 from idloop.workbench.source import STALE as SILENT
-from idloop.workbench.source import Activity, Health
 
 PEAK = "peak => strips.values('measured').includes(peak)"
 
@@ -111,6 +111,29 @@ def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(sit
     assert page.is_disabled("#undo")
 
 
+def colour(page, selector):
+    return page.eval_on_selector(selector, "one => getComputedStyle(one).backgroundColor")
+
+
+def test_a_page_that_has_lost_the_workbench_does_not_say_that_the_motor_is_stopped(site, source, visit):
+    visitor = visit(site.address)
+    source.board.change(stop=STOPPED)
+    visitor.page.wait_for_selector("#stopped[data-stop=stopped]")
+    visitor.page.context.set_offline(True)
+    visitor.page.wait_for_selector("#stopped[data-stop=unknown]")
+    assert "switch the drive off by hand" in visitor.page.inner_text("#stopped")
+    visitor.page.context.set_offline(False)
+    visitor.page.wait_for_selector("#stopped[data-stop=stopped]")
+    visitor.complaints.clear()  # of requests without a network
+
+
+def test_a_release_that_is_not_confirmed_is_said(site, source, visit):
+    page = visit(site.address).page
+    source.board.change(stop=RELEASING)
+    page.wait_for_selector("#stopped[data-stop=releasing]")
+    assert page.inner_text("#stop-state") == "Release sent, not confirmed."
+
+
 @pytest.mark.parametrize("how", ["button", "key"])
 def test_stop_is_one_click_or_one_key(site, source, visit, how):
     visitor = visit(site.address)
@@ -123,6 +146,14 @@ def test_stop_is_one_click_or_one_key(site, source, visit, how):
         page.keyboard.press("Escape")
     page.wait_for_selector("#stopped:not([hidden])")
     assert source.stops == 1
+    assert page.inner_text("#stop-state") == "Stop sent, not confirmed."
+    assert "switch the drive off by hand" in page.inner_text("#stopped")
+    sent = colour(page, "#stopped")
+    source.board.change(stop=STOPPED)
+    page.wait_for_selector("#stopped[data-stop=stopped]")
+    assert page.inner_text("#stop-state") == "Motor stopped."
+    assert "by hand" not in page.inner_text("#stopped")
+    assert colour(page, "#stopped") != sent
     page.click("#reset")
     page.wait_for_selector("#stopped", state="hidden")
     assert source.orders == [("reset", "")]
@@ -345,11 +376,11 @@ def test_words_stand_out_from_what_is_behind_them(site, visit, theme):
     colours = page.evaluate(
         "() => { const s = getComputedStyle(document.body); return Object.fromEntries("
         "['--page','--surface','--text','--muted','--found','--good','--warn','--bad','--accent','--on-accent','--stop',"
-        "'--on-stop','--tint','--found-tint'].map(n => [n.slice(2), s.getPropertyValue(n).trim()])); }"
+        "'--on-stop','--on-warn','--tint','--found-tint'].map(n => [n.slice(2), s.getPropertyValue(n).trim()])); }"
     )
     pairs = [(ink, paper) for ink in ("text", "muted") for paper in ("page", "surface", "tint", "found-tint")]
     pairs += [(ink, "surface") for ink in ("found", "good", "warn", "bad")]
-    pairs += [("found", "found-tint"), ("on-accent", "accent"), ("on-stop", "stop")]
+    pairs += [("found", "found-tint"), ("on-accent", "accent"), ("on-stop", "stop"), ("on-warn", "warn")]
     weak = {pair: contrast(colours[pair[0]], colours[pair[1]]) for pair in pairs}
     assert {pair: ratio for pair, ratio in weak.items() if ratio < 4.5} == {}
 

@@ -19,6 +19,9 @@ AUTOMATIC = ("add", "experiment")
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3  # as in diagnostic_msgs
 
+# What is known of the stop, see `Snapshot`.
+FREE, SENT, STOPPED, RELEASING = "", "sent", "stopped", "releasing"
+
 ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
 
 
@@ -148,8 +151,9 @@ class Snapshot:
         What an experiment may do: name, value with unit.
     automatic : tuple of str, or None
         Those of `AUTOMATIC` that are switched on; None where there is nothing to switch.
-    stopped : bool
-        The emergency stop is set.
+    stop : str
+        `FREE`; `SENT`: the stop is set or asked for, and not seen to work; `STOPPED`: the last node before the motor
+        has confirmed it, and neutral commands have been seen since; `RELEASING`: the reset is asked for.
     moves : bool
         There is a motor that a button could move.
     assessment : Assessment or None
@@ -175,7 +179,7 @@ class Snapshot:
     health: tuple[Health, ...] = ()
     limits: tuple[tuple[str, str], ...] = ()
     automatic: tuple[str, ...] | None = None
-    stopped: bool = False
+    stop: str = FREE
     moves: bool = False
     assessment: Assessment | None = None
     pictures: Mapping[str, Characteristic] = field(default_factory=dict)

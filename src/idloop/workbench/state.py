@@ -54,7 +54,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "live": snapshot.live,
         "title": snapshot.title,
         "moves": snapshot.moves,
-        "stopped": snapshot.stopped,
+        "stop": snapshot.stop,
         "automatic": None if snapshot.automatic is None else list(snapshot.automatic),
         "effects": [words(name) for name in snapshot.effects],
         "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],

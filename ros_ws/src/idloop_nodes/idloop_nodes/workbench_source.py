@@ -10,7 +10,7 @@ from idloop.errors import InputError
 from idloop.workbench.assessment import FEWEST, assess, draw_characteristics
 from idloop.workbench.desk import Desk
 from idloop.workbench.signals import SECOND, Signals
-from idloop.workbench.source import AUTOMATIC, Board, Snapshot
+from idloop.workbench.source import AUTOMATIC, FREE, Board, Snapshot
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -65,8 +65,8 @@ class LiveSource:
             raise InputError(f"{what!r} is nothing that can be switched")
         if verb == "add" and not what:
             raise InputError("no effect is named")
-        if verb == "experiment" and self.board.snapshot.stopped:
-            raise InputError("the motor is stopped: release the stop first")
+        if verb == "experiment" and self.board.snapshot.stop != FREE:
+            raise InputError("the motor is held by its stop: release the stop first")
         self.requests.put((verb, what))
         return "asked the graph"
 

@@ -11,6 +11,14 @@
   const LEVELS = ["ok", "warning", "error", "silent"];
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
   const FAILED = 2; // level of a check from which on the head says so
+  // What is said of the stop, and what the reader does about it.
+  const BY_HAND = "The motor may still be driven: switch the drive off by hand.";
+  const STOPS = {
+    sent: ["Stop sent, not confirmed", BY_HAND],
+    stopped: ["Motor stopped", "The last node before the motor has confirmed it, and it sends the neutral command until it is released."],
+    releasing: ["Release sent, not confirmed", "The motor may move at any time."],
+    unknown: ["Stop not confirmed", `The workbench does not answer. ${BY_HAND}`],
+  };
   const $ = (id) => document.getElementById(id);
   const automatic = document.querySelectorAll("#automatic input");
   const base = new URL(".", location.href);
@@ -186,16 +194,26 @@
       return fits;
     });
     $("stop").hidden = !s.moves;
-    $("stopped").hidden = !s.stopped;
+    showStop(s.stop);
     const worst = s.health.filter((one) => one.level >= FAILED);
-    $("state").className = `state ${worst.length || s.stopped ? "bad" : s.live ? "running" : ""}`;
+    $("state").className = `state ${worst.length || s.stop ? "bad" : s.live ? "running" : ""}`;
     $("state").title = worst.map((one) => `${one.name}: ${one.message}`).join("\n");
-    say("state", s.stopped ? "motor stopped" : worst.length === 1 ? `${worst[0].name.split(":")[0]}: ${LEVELS[worst[0].level]}`
+    say("state", s.stop ? STOPS[s.stop][0].toLowerCase() : worst.length === 1 ? `${worst[0].name.split(":")[0]}: ${LEVELS[worst[0].level]}`
       : worst.length ? `${worst.length} checks failed, see health` : s.live ? "live" : "recording");
     for (const one of document.querySelectorAll(".live-only")) one.hidden = !s.live;
     $("whole").hidden = s.live;
     const text = s.note ? JSON.stringify(s.note) : "";
     if (text && text !== drawn.get("note") ) { drawn.set("note", text); note(s.note.text, s.note.level > 0); }
+  }
+
+  // "" while there is nothing to say; "unknown" when the workbench itself is silent.
+  function showStop(stop) {
+    $("stopped").hidden = !stop;
+    if (!stop) return;
+    $("stopped").dataset.stop = stop;
+    say("stop-state", `${STOPS[stop][0]}.`);
+    say("stop-text", STOPS[stop][1]);
+    $("reset").hidden = stop === "releasing" || stop === "unknown";
   }
 
   function showWhere(s) {
@@ -367,7 +385,7 @@
     $("onward").hidden = !open;
     const aim = tied ? "that tells them apart" : "that shows more";
     say("experiment", s.live ? `Run the experiment ${aim} …` : `Work out the experiment ${aim}`);
-    $("experiment").disabled = Boolean(s.activity) || s.stopped;
+    $("experiment").disabled = Boolean(s.activity || s.stop);
     say("onward-words", s.activity && s.automatic?.includes("experiment") ? "The graph runs it without being asked, as the box below says." : s.live ? "It moves the motor: you see the limits first." : "It says what to send in, and what each effect would show.");
     $("experiment-panel").hidden = !s.suggested;
     if (s.suggested && awaited && !s.activity) {
@@ -449,6 +467,7 @@
       failures += 1;
       if (failures >= PATIENCE) {
         $("lost").hidden = false;
+        if (state?.stop) showStop("unknown");
         $("state").className = "state bad";
         say("state", "connection lost");
       }

@@ -95,7 +95,9 @@ class WorkbenchNode(StreamNode):
         guards = [node_seen_from(here, one) for one in (values["bridge_node"], values["controller_node"]) if one]
         self._estimator = node_seen_from(here, estimator)
         self._named = {self._estimator, *guards, node_seen_from(here, excitation)}
-        self._motor = MotorStop(self._calls, self._board, guards, self._start_again)
+        self._motor = MotorStop(
+            self._calls, self._board, guards, self._start_again, holds_position=model.input.field == "position"
+        )
         self._calls.expect(
             *(f"{excitation}/{name}" for name in ("stop", "start")),
             *(f"{estimator}/{name}" for name in ("add_best_effect", *ASKED.values())),
@@ -150,6 +152,9 @@ class WorkbenchNode(StreamNode):
                 self._signals.extend(name, stamps, rows)
                 if name == "measured":
                     self._samples.count += len(stamps)
+                elif name == "command":
+                    self._motor.see(value for (value,) in rows)
+        self._motor.poll()
         self._look_around()
         self.source.work()
 
@@ -277,7 +282,7 @@ class WorkbenchNode(StreamNode):
                 if not self._asked:
                     self._board.change(activity=activity_of(one))
             else:
-                self._motor.hear(node, check, one.message)
+                self._motor.hear(node, check, f"{one.message} {one.values.get('latched', '')}")
 
     # end and health
 
