@@ -111,6 +111,17 @@ def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(sit
     assert page.is_disabled("#undo")
 
 
+def test_through_a_tunnel_that_passes_on_the_pages_port_alone_the_page_stops(source, visit):
+    site = Site(source, Place())
+    site._stop.close()
+    visitor = visit(site.address)
+    visitor.page.click("#stop")
+    held(lambda: source.stops == 1)
+    visitor.page.goto("about:blank")
+    site.close()
+    visitor.complaints.clear()  # of the port that does not answer
+
+
 def colour(page, selector):
     return page.eval_on_selector(selector, "one => getComputedStyle(one).backgroundColor")
 

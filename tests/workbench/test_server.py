@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import socket
+import threading
+import time
 import urllib.error
+import urllib.parse
 import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 
@@ -21,6 +25,7 @@ from idloop.errors import InputError
 from idloop.report.effect_names import words
 from idloop.workbench import server
 from idloop.workbench.server import KEY_HEADER, LONGEST_QUESTION, NONSENSE, Place, Site
+from idloop.workbench.strips import answer
 
 TOO_LONG = 1009  # code of a web socket that is closed
 
@@ -134,8 +139,120 @@ def test_an_order_needs_the_key_that_the_page_holds(site, source):
     assert source.orders == [("add", "dead_zone@input")]
 
 
-def test_a_foreign_name_for_this_machine_is_refused(site):
-    assert ask(f"{site.address}state", Host="elsewhere.example")[0] == 403
+@pytest.mark.parametrize("path", ["", "state", "strips", "assets/page.js", "static/js/bokeh.min.js", "ws", "nowhere"])
+def test_a_foreign_name_for_this_machine_is_refused_on_every_path(site, path):
+    assert ask(f"{site.address}{path}", Host="elsewhere.example")[0] == 403
+
+
+@pytest.mark.parametrize("path", ["", "state", "assets/page.js", "static/js/bokeh.min.js", "nowhere"])
+@pytest.mark.parametrize("host", [None, "elsewhere.example"])
+def test_no_other_site_can_show_the_page_and_every_answer_says_so(site, path, host):
+    head = raw(site, f"GET /{path} HTTP/1.1\r\nHost: {host or site.netloc}\r\nConnection: close\r\n\r\n").lower()
+    assert b"frame-ancestors 'none'" in head
+    for line in (b"x-content-type-options: nosniff", b"x-frame-options: deny", b"referrer-policy: no-referrer"):
+        assert line in head
+
+
+def raw(site, text, until=b"\r\n\r\n"):
+    """What the server answers to bytes, up to the end of its head."""
+    address = urllib.parse.urlsplit(site.address)
+    with socket.create_connection((address.hostname, address.port), timeout=200) as one:
+        one.sendall(text.encode())
+        answer = b""
+        while until not in answer and (more := one.recv(65_536)):
+            answer += more
+        return answer
+
+
+@pytest.mark.parametrize(
+    ("head", "status"),
+    [
+        ("POST /order HTTP/1.1\r\nHost: {host}\r\nContent-Length: 5000\r\n\r\n", 403),
+        ("POST /order HTTP/1.1\r\nHost: {host}\r\n{key}Content-Length: 1000000000\r\n\r\n", 413),
+        ("POST /order HTTP/1.1\r\nHost: {host}\r\n{key}Transfer-Encoding: chunked\r\n\r\n", 411),
+        ("POST / HTTP/1.1\r\nHost: {host}\r\n{key}Content-Length: 5000\r\n\r\n", 404),
+        ("PUT /order HTTP/1.1\r\nHost: {host}\r\n{key}Content-Length: 5000\r\n\r\n", 405),
+        ("GET /state HTTP/1.1\r\nHost: {host}\r\nContent-Length: 5000\r\n\r\n", 400),
+    ],
+)
+def test_a_body_that_nobody_wants_is_refused_before_it_is_sent(site, source, head, status):
+    text = head.format(host=site.netloc, key=f"{KEY_HEADER}: {site.key}\r\n")
+    assert raw(site, text).startswith(f"HTTP/1.1 {status} ".encode())
+    assert source.orders == []
+
+
+def test_a_browser_that_asks_and_does_not_read_costs_no_memory(site, source, monkeypatch):
+    """Every question is answered, and the answer sent, before the next one is read."""
+    asked = []
+    monkeypatch.setattr(server, "answer", lambda *words: asked.append(1) or answer(*words))
+    source.feed(20_000)
+    question = b"start=0&stop=20&buckets=5000"
+    address = urllib.parse.urlsplit(site.address)
+    with socket.create_connection((address.hostname, address.port), timeout=200) as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        one.sendall(
+            f"GET /strips HTTP/1.1\r\nHost: {site.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+        )
+        frame = bytes([0x81, 0x80 | len(question), 0, 0, 0, 0]) + question  # text, masked with zeros
+        one.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(5_000):
+                one.send(frame)
+        held(lambda: asked)
+        for _ in range(20):
+            assert ask(f"{site.address}state")[0] == 200, "the others are served"
+        assert len(asked) < 200
+
+
+def test_a_connection_that_takes_nothing_is_put_out(site, source, monkeypatch):
+    monkeypatch.setattr("idloop.workbench.admission.LOOKS", 1)
+    source.feed(20_000)
+    address = urllib.parse.urlsplit(site.address)
+    with socket.create_connection((address.hostname, address.port), timeout=200) as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        for _ in range(50):
+            one.sendall(f"GET /static/js/bokeh.min.js HTTP/1.1\r\nHost: {site.netloc}\r\n\r\n".encode())
+        held(lambda: closed(one))
+
+
+def closed(one):
+    """Whether the other side has closed the connection, without reading what it has sent."""
+    state = one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
+    return state != 1  # ESTABLISHED
+
+
+def held(condition):
+    deadline = time.monotonic() + 200.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_the_stop_does_not_wait_for_the_page(site, source):
+    """The page's own thread is held up for good; the stop has another."""
+    held_up = threading.Event()
+    site._loop.add_callback(held_up.wait, 200.0)
+    try:
+        assert ask(f"http://127.0.0.1:{site.stop_port}/stop/{site.key}", {})[0] == 400, "it takes no body"
+        request = urllib.request.Request(f"http://127.0.0.1:{site.stop_port}/stop/{site.key}", method="POST")
+        with urllib.request.urlopen(request, timeout=200) as response:
+            assert json.load(response) == {"said": "stopped"}
+        assert source.stops == 1
+    finally:
+        held_up.set()
+
+
+@pytest.mark.parametrize("key", ["", "guess"])
+@pytest.mark.parametrize("host", [{}, {"Host": "elsewhere.example"}])
+def test_the_stops_own_server_asks_for_the_key_and_the_host(site, source, key, host):
+    path = key or (site.key if host else "")
+    request = urllib.request.Request(f"http://127.0.0.1:{site.stop_port}/stop/{path}", headers=host, method="POST")
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(request, timeout=200)
+    refused.value.close()
+    assert refused.value.code == 403
+    assert source.stops == 0
 
 
 @pytest.mark.parametrize("body", [{}, {"verb": "shutdown"}, [], "x", {"verb": None}])

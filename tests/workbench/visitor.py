@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from urllib.parse import urlsplit
+
 WAIT = 200_000  # milliseconds
 
 
@@ -21,7 +23,9 @@ class Visitor:
         self.open()
 
     def _watch(self, request):
-        if not request.url.startswith((self.address, "data:", "blob:")):
+        # The stop has a port of its own.
+        here = urlsplit(request.url).hostname == urlsplit(self.address).hostname
+        if not (here or request.url.startswith(("data:", "blob:"))):
             self.foreign.append(request.url)
 
     def open(self):

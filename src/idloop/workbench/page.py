@@ -59,7 +59,7 @@ def judged_spread(ladder: Ladder, name: str) -> float:
     return float(missed / relative)
 
 
-def make_page(doc: Document, source: Source, key: str, run: str) -> None:
+def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int) -> None:
     """Fill the document of one browser.
 
     Parameters
@@ -70,6 +70,8 @@ def make_page(doc: Document, source: Source, key: str, run: str) -> None:
         Without it no order is taken.
     run : str
         Of the server: a page of another run loads itself anew.
+    stop_port : int
+        Port of `StopServer`.
     """
     request = getattr(doc.session_context, "request", None)
     cookies = {} if request is None else request.cookies
@@ -78,8 +80,9 @@ def make_page(doc: Document, source: Source, key: str, run: str) -> None:
     doc.title = f"idloop workbench: {source.board.snapshot.title}"
     doc.template = _template()
     doc.template_variables.update(
-        key=key, run=run, variables=[(name, TITLES[name]) for name in VARIABLES], spans=SPANS, theme=page.look["theme"]
-    )
+        key=key, run=run, stop_port=stop_port, variables=[(name, TITLES[name]) for name in VARIABLES], spans=SPANS,
+        theme=page.look["theme"],
+    )  # fmt: skip
     # The page has its own words for a lost connection, and loads itself anew when the server is back.
     if hasattr(doc, "config"):  # from Bokeh 3.8 on; before, nobody says or does anything about it
         doc.config.notify_connection_status = False

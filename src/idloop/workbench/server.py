@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import functools
 import ipaddress
 import json
 import logging
+import re
 import secrets
 import socket
 import threading
@@ -16,19 +18,26 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlsplit
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
-from bokeh.server.server import Server
+from bokeh.server.server import BaseServer
+from bokeh.server.tornado import BokehTornado
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPHeaders
 from tornado.ioloop import IOLoop
+from tornado.iostream import StreamBufferFullError
+from tornado.netutil import bind_sockets
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler
-from tornado.websocket import WebSocketHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from idloop.errors import IdloopError, InputError
+from idloop.workbench.admission import Admission
 from idloop.workbench.page import make_page
 from idloop.workbench.source import ORDERS, Source
 from idloop.workbench.state import page_state
+from idloop.workbench.stop_server import StopServer
 from idloop.workbench.strips import Question, answer
 
 ASSETS = Path(__file__).with_name("assets")
@@ -36,6 +45,8 @@ KEY_HEADER = "X-Idloop-Key"
 TRIES = 20  # free ports that are tried
 START_TIMEOUT = 120.0
 LONGEST_QUESTION = 10_000  # bytes of what a browser asks for at once
+LONGEST_ORDER = 10_000  # bytes of the body of an order
+POSTS = ("order", "stop")
 NONSENSE = 1003  # code of a web socket that is closed: it cannot take what was sent
 UNUSED_SESSION = 5_000  # milliseconds after which a closed browser's figures are forgotten
 
@@ -94,7 +105,8 @@ class Site:
         self.prefix = "" if place.local else secrets.token_urlsafe(24)
         self.address = ""
         self.hosts: set[str] = set()
-        self._server: Server | None = None
+        self._server: BaseServer | None = None
+        self._stop: StopServer | None = None
         self._loop: IOLoop | None = None
         self._failure: Exception | None = None
         self._ready = threading.Event()
@@ -112,8 +124,20 @@ class Site:
         server = self._server
         return 0 if server is None else len(server.get_sessions("/"))
 
+    @property
+    def netloc(self) -> str:
+        """Host and port of the page."""
+        return urlsplit(self.address).netloc
+
+    @property
+    def stop_port(self) -> int:
+        """Port of the stop's own server."""
+        return 0 if self._stop is None else self._stop.port
+
     def close(self) -> None:
         """End the server; browsers say that they lost it."""
+        if self._stop is not None:
+            self._stop.close()
         loop, server = self._loop, self._server
         if loop is None or server is None or not self._thread.is_alive():
             return
@@ -146,7 +170,7 @@ class Site:
         self._loop.start()
         self._loop.close()
 
-    def _found_a_place(self, loop: IOLoop) -> Server:
+    def _found_a_place(self, loop: IOLoop) -> BaseServer:
         """The server at the port asked for, or at any: one that was free may be taken by somebody who was quicker."""
         port = self.place.port
         tries = 1 if port else TRIES
@@ -158,7 +182,7 @@ class Site:
                 if tries == 0 or error.errno != errno.EADDRINUSE:
                     raise
 
-    def _make(self, loop: IOLoop, port: int) -> Server:
+    def _make(self, loop: IOLoop, port: int) -> BaseServer:
         place = self.place
         name = f"[{place.address}]" if ":" in place.address else place.address
         self.hosts = {f"{name}:{port}"} | ({f"localhost:{port}", f"127.0.0.1:{port}"} if place.local else set())
@@ -168,15 +192,17 @@ class Site:
             name = socket.gethostname()
         prefix = f"/{self.prefix}" if self.prefix else ""
         self.address = f"http://{name}:{port}{prefix}/"
-        page = functools.partial(make_page, source=self.source, key=self.key, run=self.run)
+        sockets = bind_sockets(port, place.address)
+        if self._stop is None:
+            names = {urlsplit(f"//{host}").hostname or "" for host in self.hosts}
+            self._stop = StopServer(self.source.stop, self.key, place.address, names)
+        page = functools.partial(make_page, source=self.source, key=self.key, run=self.run, stop_port=self._stop.port)
         own: dict[str, Any] = {"site": self}
-        return Server(
+        application = BokehTornado(
             {"/": Application(FunctionHandler(page))},
-            io_loop=loop,
-            address=place.address,
-            port=port,
             prefix=self.prefix,
-            allow_websocket_origin=["*"] if anywhere else sorted(self.hosts),
+            extra_websocket_origins=["*"] if anywhere else sorted(self.hosts),
+            absolute_url=self.address.removesuffix(f"{prefix}/"),
             extra_patterns=[
                 (r"/state", StateHandler, own),
                 (r"/strips", StripsHandler, own),
@@ -188,6 +214,50 @@ class Site:
             check_unused_sessions_milliseconds=1_000,
             stats_log_frequency_milliseconds=3_600_000,
         )
+        admission = Admission(application, self._refusal, self._headers)
+        http = HTTPServer(admission, max_body_size=LONGEST_ORDER, max_header_size=65_536, body_timeout=10.0)
+        http.add_sockets(sockets)
+        admission.start()
+        return BaseServer(loop, application, http)
+
+    def _refusal(self, method: str, path: str, headers: HTTPHeaders) -> int:
+        """Status with which a request is refused, from its head alone; 0 for none."""
+        # Another site must not reach the motor through the reader's browser, whatever name it gives this machine.
+        if self.hosts and headers.get("Host", "") not in self.hosts:
+            return 403
+        if method in ("GET", "HEAD"):
+            return 400 if "Transfer-Encoding" in headers or headers.get("Content-Length", "0") != "0" else 0
+        prefix = f"/{self.prefix}" if self.prefix else ""
+        if method != "POST" or path not in [f"{prefix}/{one}" for one in POSTS]:
+            return 404 if method == "POST" else 405
+        if not secrets.compare_digest(headers.get(KEY_HEADER, "").encode(), self.key.encode()):
+            return 403
+        length = headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdigit()):
+            return 411
+        return 413 if len(length) > 9 or int(length) > LONGEST_ORDER else 0
+
+    def _headers(self, headers: HTTPHeaders) -> dict[str, str]:
+        """Headers that keep other sites from showing the page, and the page from asking others."""
+        host = headers.get("Host", "")
+        # The host is the browser's word: only what can be one goes back.
+        host = host if re.fullmatch(r"[\w.\-:\[\]]+", host) else "invalid"
+        name = host.rpartition(":")[0] or host
+        policy = {
+            "default-src": "'self'",
+            "script-src": "'self' 'unsafe-inline' 'unsafe-eval'",  # Bokeh starts itself by a script in the page
+            "style-src": "'self' 'unsafe-inline'",
+            "img-src": "'self' data: blob:",
+            "connect-src": f"'self' ws://{host} http://{name}:{self.stop_port}",
+            "object-src": "'none'",
+            "base-uri": "'none'",
+            "form-action": "'none'",
+            "frame-ancestors": "'none'",
+        }
+        return {
+            "Content-Security-Policy": "; ".join(f"{name} {value}" for name, value in policy.items()),
+            "Cross-Origin-Resource-Policy": "same-origin",
+        }
 
 
 def _check(place: Place) -> None:
@@ -212,7 +282,7 @@ def _free_port(address: str) -> int:
 
 
 class _Handler(RequestHandler):
-    """A request of the page itself: from a host that we serve, and for orders with the key that the page holds."""
+    """A request of the page itself."""
 
     site: Site
 
@@ -221,11 +291,6 @@ class _Handler(RequestHandler):
 
     def prepare(self) -> None:
         self.set_header("Cache-Control", "no-store")
-        # Another site must not reach the motor through the reader's browser, whatever name it gives this machine.
-        if self.site.hosts and self.request.host not in self.site.hosts:
-            raise HTTPError(403)
-        if self.request.method == "POST" and self.request.headers.get(KEY_HEADER) != self.site.key:
-            raise HTTPError(403)
 
     def answer(self, document: dict[str, Any], status: int = 200) -> None:
         self.set_status(status)
@@ -265,14 +330,15 @@ class StripsHandler(_Handler, WebSocketHandler):
         """Of a question [B]."""
         return LONGEST_QUESTION
 
-    def on_message(self, message: str | bytes) -> None:
-        """Answer a `Question`, written as a query, in binary form."""
+    async def on_message(self, message: str | bytes) -> None:
+        """Answer a `Question`, written as a query, in binary form; the next one is read when that has been sent."""
         try:
             question = Question.read(dict(parse_qsl(message if isinstance(message, str) else "", strict_parsing=True)))
         except (InputError, ValueError):
             self.close(NONSENSE)
             return
-        self.write_message(answer(self.site.source.signals, question), binary=True)
+        with contextlib.suppress(WebSocketClosedError, StreamBufferFullError):
+            await self.write_message(answer(self.site.source.signals, question), binary=True)
 
 
 class OrderHandler(_Handler):

@@ -5,6 +5,7 @@
   const PERIOD = 400; // milliseconds between two questions
   const ALONE = 20; // seconds over which a model of a live graph is left alone
   const PATIENCE = 4; // questions without an answer before the page says so
+  const STOP_PATIENCE = 1000; // milliseconds that the stop's own server may take
   const LONGEST = 4000; // milliseconds that an answer may take
   const TITLES = Object.fromEntries([...document.querySelectorAll("#variables button")].map((b) => [b.dataset.variable, b.textContent]));
   const FIT = "100 % is perfect, 0 % no better than a constant";
@@ -96,7 +97,18 @@
     if (alone) order("assess");
   }
   const order = (verb, what = "") => post("order", { verb, what });
-  const stop = () => post("stop");
+  // The stop has a server of its own, which no other request holds up; where only the page's port is passed on (a tunnel),
+  // the page's server takes it.
+  async function stop() {
+    const own = `http://${location.hostname}:${document.body.dataset.stopPort}/stop/${key}`;
+    try {
+      const response = await fetch(own, { method: "POST", credentials: "omit", signal: AbortSignal.timeout(STOP_PATIENCE) });
+      if (!response.ok) throw new Error(String(response.status));
+      ask();
+    } catch {
+      post("stop");
+    }
+  }
 
   // -- what is shown: the strips here, the figures by the server ------------------------------
 
