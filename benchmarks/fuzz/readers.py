@@ -13,14 +13,18 @@ import json
 import re
 import shutil
 import tempfile
+import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from idloop.parameter_table import REQUIRED
+
 if TYPE_CHECKING:
+    from idloop.diagnose import Ladder
     from idloop.records.mapping import Mapping
 
 # Small inputs are read quickly, and more of their damage hits what matters.
@@ -46,6 +50,8 @@ class Reader:
         What a valid input is made of.
     share : float
         Inputs of this reader for one of the others: a quick reader gets more.
+    bombs : callable
+        Inputs that unpack to a thousand times their size, within what a table or a chunk may take.
     """
 
     name: str
@@ -55,6 +61,7 @@ class Reader:
     packages: tuple[str, ...]
     words: tuple[str, ...] = ()
     share: float = 1.0
+    bombs: Callable[[], list[bytes]] = list
 
 
 def _signals() -> dict[str, np.ndarray]:
@@ -78,6 +85,49 @@ def _models() -> list[bytes]:
     from idloop.physics.model_file import preset_names
 
     return [load_model(name).to_yaml().encode() for name in preset_names()]
+
+
+def _read_controller(path: Path, target: Path) -> object:
+    from idloop.control.controller_file import load_controller
+
+    return load_controller(path)
+
+
+def _controllers() -> list[bytes]:
+    from idloop.control.document import EXAMPLES
+
+    return [f"controller: {text}\n".encode() for text in EXAMPLES.values()]
+
+
+def _read_experiment(path: Path, target: Path) -> object:
+    from idloop.documents import read_text
+    from idloop_nodes.experiment import Limits, read_experiment
+
+    limits = Limits(amplitude=5.0, position_min=-5.0, position_max=5.0, velocity=50.0)
+    experiment = read_experiment(read_text(path), "reference", 0.01)
+    limits.refuse(experiment)
+    return experiment
+
+
+def _experiments() -> list[bytes]:
+    from idloop.signals import SIGNALS
+
+    own = {name: "".join(f", {one.name}: {_plain(one.default)}" for one in kind.parameters
+                         if one.default not in (None, REQUIRED)) for name, kind in SIGNALS.items()}  # fmt: skip
+    needed = {
+        "multisine": ", frequencies: [0.5, 1.5]", "sine": ", frequency: 0.5", "square": ", frequency: 0.5",
+        "triangle": ", frequency: 0.5", "saw": ", frequency: 0.5", "stepped_sine": ", frequencies: [0.5, 1.5]",
+        "chirp": ", start_frequency: 0.1, end_frequency: 2.0", "smooth": ", points: [1.0, -1.0]",
+    }  # fmt: skip
+    return [
+        f"{{signal: {{name: {name}, duration: 4.0, amplitude: 1.0, offset: 0.1{needed.get(name, '')}{more}}},"
+        " adds_to: reference}".encode()
+        for name, more in own.items()
+    ]
+
+
+def _plain(value: object) -> str:
+    return json.dumps(list(value) if isinstance(value, tuple) else value)
 
 
 def _read_mapping(path: Path, target: Path) -> object:
@@ -168,6 +218,28 @@ def _mapping(kind: str) -> Mapping:
     return parse_mapping(YAML(typ="safe").load(_MAPPING.format(format=kind)), "mapping.yaml")
 
 
+def _read_mapped(path: Path, target: Path) -> object:
+    """A table that is as it should be, with a mapping that may not be."""
+    from idloop.records.importing import import_bag
+
+    table = path.with_name("table.csv")
+    table.write_bytes(_csvs()[0])
+    return import_bag(table, target / "bag", path)
+
+
+def _table_mappings() -> list[bytes]:
+    plain = _MAPPING.format(format="csv")
+    more = """
+csv: {delimiter: ",", header: true, skip_rows: 0, decimal: "."}
+reference: {position: {column: angle, offset: 0.1, unit: rad}}
+rows: {start: 1, stop: 30}
+attributes: [kp]
+"""
+    wrapped = plain.replace("unit: deg", "unit: deg, wrap: 360, scale: 2.5, decode: {sign_bit: 10}")
+    even = plain.replace("time: {column: t, unit: s}", "time: {period: 0.005}")
+    return [text.encode() for text in (plain + more, wrapped, even, even.replace("period: 0.005", "rate: 200.0"))]
+
+
 def _csvs() -> list[bytes]:
     signals = _signals()
     rows = zip(*signals.values(), strict=True)
@@ -186,6 +258,24 @@ def _mats() -> list[bytes]:
     file = io.BytesIO()
     savemat(file, {"log": _signals(), "kp": 2.0}, do_compression=True)
     return [*found, file.getvalue()]
+
+
+def _mat_bombs() -> list[bytes]:
+    from scipy.io import savemat
+
+    file = io.BytesIO()
+    savemat(file, {**_signals(), "zeros": np.zeros(3_000_000)}, do_compression=True)
+    return [file.getvalue()]
+
+
+def _npz_bombs() -> list[bytes]:
+    packed, endless = io.BytesIO(), io.BytesIO()
+    np.savez_compressed(packed, **_signals(), zeros=np.zeros(3_000_000))
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    with zipfile.ZipFile(endless, "w") as archive:
+        archive.writestr("t.npy", header.getvalue())
+    return [packed.getvalue(), endless.getvalue()]
 
 
 def _npzs() -> list[bytes]:
@@ -245,6 +335,24 @@ class _BagReader:
     def seeds(self) -> list[bytes]:
         return [bytes([place]) + content for place, (_, content) in enumerate(sorted(self.files().items()))]
 
+    def bombs(self) -> list[bytes]:
+        """A chunk of zeros, compressed, in place of the file that is not metadata."""
+        if self._storage != "mcap":
+            return []
+        from mcap.writer import CompressionType, Writer
+
+        place = next(place for place, name in enumerate(sorted(self.files())) if name.endswith(".mcap"))
+        found = []
+        for compression in (CompressionType.ZSTD, CompressionType.LZ4):
+            file = io.BytesIO()
+            writer = Writer(file, compression=compression, chunk_size=1 << 26)
+            writer.start(profile="ros2", library="fuzz")
+            schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", b"string data")
+            writer.add_message(writer.register_channel("/joint_states", "cdr", schema), 1, bytes(12_000_000), 1, 0)
+            writer.finish()
+            found.append(bytes([place]) + file.getvalue())
+        return found
+
 
 def _use_bag(bag: Path, target: Path) -> object:
     from idloop.physics import load_model
@@ -264,14 +372,18 @@ def _recover(bag: Path, target: Path) -> object:
 # ladders and models of other kinds
 
 
-def _ladder_text() -> str:
+def _ladder() -> Ladder:
     from idloop.diagnose import Ladder
     from idloop.diagnose.ladder import Step
     from idloop.physics import load_model
 
     model = load_model("dc_motor")
     errors = {"nrmse": {"motor.position": 0.12}, "fit": {"motor.position": 87.6}, "force": None}
-    ladder = Ladder(steps=(Step(None, model, train=errors, validation=errors),), criterion="prediction", level=0.01)
+    return Ladder(steps=(Step(None, model, train=errors, validation=errors),), criterion="prediction", level=0.01)
+
+
+def _ladder_text() -> str:
+    ladder = _ladder()
     return json.dumps({**ladder.to_dict(), "bags": ["a"], "validate": [], "model_folder": None, "provenance": {}})
 
 
@@ -284,6 +396,50 @@ def _read_ladder(path: Path, target: Path) -> object:
 
 def _ladders() -> list[bytes]:
     return [_ladder_text().encode()]
+
+
+def _read_next(path: Path, target: Path) -> object:
+    from idloop.cli._ladder_folder import Kept, read_next_experiment
+
+    shutil.copyfile(path, target / "next.json")
+    ladder = replace(_ladder(), suggested_experiment={"signal": {}})
+    return read_next_experiment(target, Kept(ladder))
+
+
+def _nexts() -> list[bytes]:
+    from idloop.cli._common import to_json
+    from idloop.diagnose.suggest import Limits, Suggestion
+    from idloop.diagnose.suggest_words import Outcome
+    from idloop.physics import load_model
+    from idloop.report.next_file import next_document
+
+    motor = load_model("dc_motor")
+    rivals = tuple((name, motor.with_effects([f"{name}@motor"])) for name in ("coulomb_friction", "load_torque"))
+    signal = {"name": "triangle", "sample_time": 0.01, "duration": 4.0, "amplitude": 1.0, "frequency": 0.5}
+    outcomes = tuple(Outcome(name, 40.0, "the other", {}, f"if {name}: it leads") for name, _ in rivals)
+    limits = Limits(command=2.0, position=(-20.0, 20.0))
+    found = Suggestion(
+        signal, "command", 4.0, 40.0, outcomes, "expected to tell them apart", limits, 0.0, None, 0.01, rivals,
+        (0.002, 0.01),
+    )  # fmt: skip
+    return [json.dumps(to_json(next_document(found))).encode()]
+
+
+def _read_network(path: Path, target: Path) -> object:
+    from idloop.estimate.networks import load
+
+    return load(path)
+
+
+def _networks() -> list[bytes]:
+    from idloop.estimate.networks import narx_wavelet, save
+    from idloop.estimate.sampled import SampledData
+
+    command = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 50), 4)[:, None]
+    answer = np.convolve(command[:, 0], 0.1 * 0.9 ** np.arange(60))[:200, None]
+    data = SampledData("run", command, answer, 0.05, ("u",), ("V",), ("y",), ("rad",))
+    with tempfile.TemporaryDirectory() as folder:
+        return [save(narx_wavelet(data, units=2), Path(folder) / "model.json").read_bytes()]
 
 
 def _read_linear(path: Path, target: Path) -> object:
@@ -339,26 +495,37 @@ def _names_in(texts: list[bytes]) -> tuple[str, ...]:
 
 def readers() -> list[Reader]:
     """All of them."""
-    records, rosbags = "idloop.records", "rosbags"
+    documents, records, rosbags = "idloop.documents", "idloop.records", "rosbags"
     bags = [
-        Reader(f"{name}_{storage}", ".bin", one, one.seeds, (records, rosbags), share=0.25)
+        Reader(f"{name}_{storage}", ".bin", one, one.seeds, (records, rosbags), share=0.25, bombs=one.bombs)
         for name, use in (("bag", _use_bag), ("recover", _recover))
         for storage in ("mcap", "sqlite3")
         for one in [_BagReader(storage, use)]
     ]
     return [
-        Reader("model", ".yaml", _read_model, _models, ("idloop.physics.model", "idloop.physics.model_file",
-               "idloop.physics.schema"), _names_in(_models())),
-        Reader("mapping", ".yaml", _read_mapping, _mappings, ("idloop.records.mapping",),
+        Reader("model", ".yaml", _read_model, _models, (documents, "idloop.physics.model",
+               "idloop.physics.model_file", "idloop.physics.schema"), _names_in(_models())),
+        Reader("controller", ".yaml", _read_controller, _controllers, (documents, "idloop.control"),
+               _names_in(_controllers())),
+        Reader("experiment", ".yaml", _read_experiment, _experiments, (documents, "idloop.signals"),
+               _names_in(_experiments())),
+        Reader("mapping", ".yaml", _read_mapping, _mappings, (documents, "idloop.records.mapping"),
                _names_in(_ready_mappings())),
-        Reader("graph", ".yaml", _read_graph, _graphs, ("idloop.graph.description",), _names_in(_ready_graphs())),
+        Reader("mapped", ".yaml", _read_mapped, _table_mappings, (documents, records), _names_in(_table_mappings())),
+        Reader("graph", ".yaml", _read_graph, _graphs, (documents, "idloop.graph.description"),
+               _names_in(_ready_graphs())),
         Reader("csv", ".csv", _read_table("csv"), _csvs, (records,), share=2.0),
-        Reader("mat", ".mat", _read_table("mat"), _mats, (records, "scipy.io.matlab"), share=2.0),
-        Reader("npz", ".npz", _read_table("npz"), _npzs, (records,), share=2.0),
-        Reader("json", ".json", _read_table("json"), _jsons, (records,), share=2.0),
+        Reader("mat", ".mat", _read_table("mat"), _mats, (records, "scipy.io.matlab"), share=2.0,
+               bombs=_mat_bombs),
+        Reader("npz", ".npz", _read_table("npz"), _npzs, (documents, records), share=2.0, bombs=_npz_bombs),
+        Reader("json", ".json", _read_table("json"), _jsons, (documents, records), share=2.0),
         *bags,
         Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnose.ladder", "idloop.cli._ladder_folder"),
                _names_in(_ladders())),
+        Reader("next", ".json", _read_next, _nexts, ("idloop.diagnose", "idloop.report.next_file"),
+               _names_in(_nexts())),
+        Reader("network", ".json", _read_network, _networks, ("idloop.estimate.networks.model",
+               "idloop.estimate.networks.model_file"), _names_in(_networks())),
         Reader("linear", ".json", _read_linear, _linears, ("idloop.estimate.linear.model_file",), share=3.0),
         Reader("message", ".bin", _read_message, _messages, ("idloop_nodes.codec", records), share=4.0),
     ]  # fmt: skip

@@ -38,6 +38,8 @@ from trial import ForbiddenError, Trial
 
 # How long an input may take [s].
 _HANG = 60
+# Share of the inputs that unpack to a thousand times their size.
+_BOMBS = 0.01
 # Address space that a reader may use [bytes].
 _MEMORY = 6 << 30
 
@@ -50,8 +52,13 @@ def at_random(reader: Reader, trial: Callable[[bytes], None], inputs: int, seed:
         raise ForbiddenError(f"no answer within {_HANG} s")
 
     signal.signal(signal.SIGALRM, hung)
+    pools = [seeds, reader.bombs()]
     for number in range(inputs):
-        one = seeds[number] if number < len(seeds) else damaged(chance.choice(seeds), reader.words, seeds, chance)
+        if number < len(seeds):
+            one = seeds[number]
+        else:
+            pool = pools[bool(pools[1]) and chance.random() < _BOMBS]
+            one = damaged(chance.choice(pool), reader.words, seeds, chance)
         signal.alarm(_HANG)
         trial(one)
         signal.alarm(0)
@@ -71,7 +78,7 @@ def guided(reader: Reader, trial: Trial, inputs: int, seed: int, folder: Path, t
     corpus = folder / "corpus"
     corpus.mkdir()
     seeds = reader.seeds()
-    for place, content in enumerate(seeds):
+    for place, content in enumerate([*seeds, *reader.bombs()]):
         (corpus / str(place)).write_bytes(content[:LONGEST])
     chance = random.Random(seed)  # noqa: S311 (damage, no secrets)
 

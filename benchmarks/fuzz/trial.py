@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import resource
 import shutil
 import sys
 import traceback
@@ -17,8 +18,12 @@ from idloop.errors import IdloopError
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 
 
-class ForbiddenError(Exception):
-    """Something that a reader must not do."""
+# What reading an input may take [bytes]: it has at most two million itself.
+_ROOM = 1 << 30
+
+
+class ForbiddenError(BaseException):
+    """Something that a reader must not do, and that no reader can turn into a line of its own."""
 
 
 class Watch:
@@ -53,6 +58,7 @@ class Trial:
     def __init__(self, reader: Reader, folder: Path, keep: Path) -> None:
         self._reader, self._folder, self._keep = reader, folder, keep
         self._watch = Watch(folder)
+        self._room = _most_memory() + _ROOM
         self.inputs = self.refused = 0
         self.findings: dict[str, str] = {}
 
@@ -69,9 +75,9 @@ class Trial:
             self._reader.read(path, target)
         except IdloopError as error:
             self.refused += 1
-            if "\n" in str(error).strip():
-                self._found(data, f"refused in more than one line: {str(error)[:200]!r}")
-        except Exception as error:  # noqa: BLE001 (that is what is looked for)
+            if not str(error).strip():
+                self._found(data, "refused without a line")
+        except (Exception, ForbiddenError) as error:  # noqa: BLE001 (that is what is looked for)
             last = traceback.extract_tb(error.__traceback__)[-1]
             own = [f for f in traceback.extract_tb(error.__traceback__) if "idloop" in f.filename]
             at = f"{Path(own[-1].filename).name}:{own[-1].lineno}" if own else ""
@@ -81,6 +87,10 @@ class Trial:
             )
         finally:
             self._watch.on = False
+        taken = _most_memory()
+        if taken > self._room:
+            self._room = 2 * taken
+            self._found(data, f"took {taken / 2**30:.1f} GiB")
 
     def _found(self, data: bytes, what: str) -> None:
         self._watch.on = False
@@ -91,6 +101,11 @@ class Trial:
         name = f"{self._reader.name}-{hashlib.sha256(data).hexdigest()[:8]}"
         (self._keep / name).write_bytes(data)
         self.findings[key] = f"{name}: {' '.join(what.split())}"
+
+
+def _most_memory() -> int:
+    """What this process has taken at most so far [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def emptied(folder: Path) -> None:

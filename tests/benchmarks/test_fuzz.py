@@ -6,7 +6,7 @@ import pickle
 import random
 
 import pytest
-from damage import LONGEST, damaged
+from damage import LONGEST, TOO_MUCH, VERY_LONG, damaged
 from readers import Reader, readers
 from trial import Trial
 
@@ -24,8 +24,9 @@ def test_no_damage_breaks_a_reader(reader, tmp_path):
         trial(data)
     # Some are refused, such as a file with a pickle in it; never all of them.
     assert trial.refused < trial.inputs
-    for _ in range(INPUTS):
-        trial(damaged(chance.choice(seeds), reader.words, seeds, chance))
+    for pool in (seeds, reader.bombs()):
+        for _ in range(INPUTS if pool is seeds else len(pool)):
+            trial(damaged(chance.choice(pool), reader.words, seeds, chance))
     assert not trial.findings
 
 
@@ -33,8 +34,19 @@ def broken(path, target):
     raise KeyError("name")
 
 
-def talkative(path, target):
-    raise InputError("one line\nand another")
+def speechless(path, target):
+    raise InputError("")
+
+
+def greedy(path, target):
+    b"x" * (1 << 29)
+
+
+def stubborn(path, target):
+    try:
+        wandering(path, target)
+    except Exception:  # noqa: BLE001 (a reader that turns whatever happens into a line)
+        raise InputError("an excuse") from None
 
 
 def wandering(path, target):
@@ -45,8 +57,9 @@ def trusting(path, target):
     return pickle.loads(pickle.dumps(InputError))
 
 
-@pytest.mark.parametrize("read", [broken, talkative, wandering, trusting])
-def test_what_no_reader_may_do_is_found_and_its_input_kept(read, tmp_path):
+@pytest.mark.parametrize("read", [broken, speechless, wandering, trusting, stubborn, greedy])
+def test_what_no_reader_may_do_is_found_and_its_input_kept(read, tmp_path, monkeypatch):
+    monkeypatch.setattr("trial._ROOM", 1 << 27)
     folder = tmp_path / "work"
     folder.mkdir()
     trial = Trial(Reader("one", ".bin", read, list, ()), folder, tmp_path / "findings")
@@ -62,4 +75,11 @@ def test_damage_is_the_same_for_a_seed_and_bounded():
     first, again = ([damaged(seeds[1], ("word",), seeds, random.Random(k)) for k in range(50)] for _ in range(2))
     assert first == again
     assert len(set(first)) > 25
-    assert max(map(len, first)) <= LONGEST
+    assert max(map(len, first)) <= VERY_LONG
+
+
+@pytest.mark.parametrize("kind", range(len(TOO_MUCH)))
+def test_too_much_is_made_of_every_kind(kind):
+    made = {TOO_MUCH[kind](random.Random(k)) for k in range(200)}
+    assert len(made) > 10
+    assert max(map(len, made)) < 10 * VERY_LONG

@@ -145,7 +145,7 @@ def test_the_reference_of_a_recording(tmp_path, capsys):
         (["compensate", "axs"], "axis"),
         (["compensate", "axis", "--controller", "{type: none}"], "follows nothing"),
         (["compensate", "axis", "--controller", "{type: pidd}"], "pid"),
-        (["compensate", "axis", "--controller", "[1"], "no YAML"),
+        (["compensate", "axis", "--controller", "[1"], "not valid YAML"),
         (["compensate", "axis", "--controller", "1.0"], "no mapping"),
         (["compensate", "axis", "--reference", "{amplitude: 1.0}"], "name is missing"),
         (["compensate", "axis", "--reference", "{name: sinus}"], "sine"),

@@ -206,7 +206,7 @@ def test_a_broken_ladder_is_said(ladder, capsys):
     assert "not a whole ladder" in capsys.readouterr().err
     (ladder / "ladder.json").write_text("{", encoding="utf-8")
     assert main.run(words("refine", "--resume", ladder)) == 2
-    assert "no JSON" in capsys.readouterr().err
+    assert "not valid JSON" in capsys.readouterr().err
 
 
 def test_what_was_found_is_told_although_the_last_model_runs_away(hidden, monkeypatch, capsys):

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from idloop.physics import load_model
+from idloop.physics import load_model, trust
 from idloop.physics.effect import built_in
 from idloop.physics.model_file import from_text
 from idloop.report.equations import equations, plain_words
@@ -79,6 +79,7 @@ def test_an_effect_of_the_users_own_is_a_function_of_what_it_depends_on(tmp_path
     )
     path = tmp_path / "axis.yaml"
     path.write_text(load_model("emps").to_yaml())
+    trust.allow(folder)
     lines, symbols = equations(load_model(path).with_effects(["sticky@axis"]))
     assert any(line.latex == r"F_{\text{sticky}} = f(x, v)" for line in lines)
     assert symbols["sticky@axis.much"] == r"p_{\text{much}}"

@@ -227,7 +227,7 @@ class NarxModel:
                 history=TrainingHistory(**curves, **history),
                 notes=tuple(map(str, document["notes"])),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f"damaged, or not a network ({' '.join(str(error).split())})") from None
         _check_shapes(network, len(model.input_names), len(model.output_names))
         return model
