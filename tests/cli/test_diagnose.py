@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -148,3 +151,14 @@ def test_a_tie_that_no_motion_resolves_gets_a_check_by_hand(missing_pair, capsys
     assert "no motion can tell load_torque@axis and input_offset@input apart" in out
     assert "  by hand: " in out
     assert "idloop suggest" not in out
+
+
+def test_the_answer_does_not_depend_on_the_number_of_threads(hidden):
+    """The environment of a user may ask for any."""
+    answers = set()
+    for count in "1", "4":
+        names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+        words = [sys.executable, "-m", "idloop", "diagnose", str(hidden.model), str(hidden.levels), "--json"]
+        done = subprocess.run(words, env=os.environ | dict.fromkeys(names, count), capture_output=True, check=True)
+        answers.add(done.stdout)
+    assert len(answers) == 1

@@ -16,6 +16,8 @@ SILENCE = 30 * MS
 
 def test_without_a_bridge_it_says_nothing():
     watch = SilenceWatch(SILENCE)
+    assert FAREWELL_NS == 500 * MS
+    assert (watch.speaks, watch.interventions, watch.longest_ns) == (False, 0, 0)
     assert watch.tick(0) == b""
     assert watch.tick(10_000 * MS) == b""
 
@@ -52,6 +54,13 @@ def test_a_bridge_whose_motor_is_not_its_own_is_not_spoken_for(end):
         watch.gone(2 * MS)
     assert watch.tick(100 * MS) == b""
     assert watch.interventions == 0
+
+
+def test_the_longest_silence_is_that_between_two_beats():
+    watch = SilenceWatch(SILENCE)
+    for now in (100, 105, 125, 130):
+        watch.beat(now * MS, b"zero")
+    assert watch.longest_ns == 20 * MS
 
 
 def test_the_newest_neutral_message_counts():

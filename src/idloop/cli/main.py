@@ -160,9 +160,9 @@ def run(arguments: Sequence[str]) -> int:
 
 def main() -> NoReturn:
     """Run the command line of this process, or complete it for the shell."""
-    # Our matrices are tall and narrow: more threads of linear algebra only wait for each other.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    # Sums depend on how many threads share them, and equal seeds give equal answers. Besides, our matrices are tall and
+    # narrow: more threads of linear algebra only wait for each other.
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     if instruction := os.environ.get(COMPLETE):
         from click.shell_completion import shell_complete
 

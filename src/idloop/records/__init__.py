@@ -6,6 +6,7 @@ from idloop.records.align import read_record, read_records
 from idloop.records.checks import check_commands, check_identifiable, check_record
 from idloop.records.finding import Finding
 from idloop.records.from_model import record_from_model
+from idloop.records.gaps import cut_at_gaps
 from idloop.records.inspection import Inspection, inspect_bag
 from idloop.records.read import read_streams
 from idloop.records.record import Record
@@ -20,6 +21,7 @@ __all__ = [
     "check_commands",
     "check_identifiable",
     "check_record",
+    "cut_at_gaps",
     "inspect_bag",
     "make_stream",
     "read_record",

@@ -15,6 +15,7 @@ from idloop.records.bag import Bag, resolve_topic
 from idloop.records.checks import check_commands, check_record
 from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
 from idloop.records.finding import Finding
+from idloop.records.gaps import cut_at_gaps
 from idloop.records.missing import missing_values
 from idloop.records.read import read_streams
 from idloop.records.record import Record
@@ -132,7 +133,7 @@ def read_records(
 
     Parameters and errors as in `read_record`, but that a command may be constant: beside others, and to be compared
     with, that tells something. With `split` a bag in which the clock was set back gives one record for each run
-    instead of an error.
+    instead of an error. A record is cut where nothing was measured for long, see `cut_at_gaps`.
     """
     paths = [bags] if isinstance(bags, Path | str) else list(bags)
     records = []
@@ -141,7 +142,7 @@ def read_records(
             whole = record
             for name, span in (wrap or {}).items():
                 whole = whole.unwrapped(name, span)
-            records.append(check_record(whole))
+            records += [check_record(part) for part in cut_at_gaps(whole)]
     return records
 
 

@@ -148,7 +148,7 @@ class SafetyGate:
         settings = self._settings
         self.limiter.move(now_ns, velocity, self._base)
         self._breach = settings.motion.breach(position, velocity)
-        if not self._breach and settings.coast_time > 0.0:
+        if not self._breach:
             ahead = settings.motion.breach(position + velocity * settings.coast_time, math.nan)
             self._breach = f"coasting to {ahead}" if ahead else ""
         if not self._breach and settings.energy is not None and self.limiter.work > settings.energy:

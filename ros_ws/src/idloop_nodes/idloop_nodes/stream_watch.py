@@ -44,7 +44,7 @@ class StreamWatch:
     def hear(self, now_ns: int, stamp_ns: int) -> Arrival:
         """Take in one message: the steady time of its arrival, and its stamp (0 when it has none)."""
         step = stamp_ns - self._stamp
-        stamped = bool(stamp_ns and self._stamp)
+        stamped = stamp_ns != 0 and self._stamp != 0
         comparable = stamped and not self.silent(now_ns)
         if (comparable and -JUMP_NS < step < 0) or (stamped and step == 0):
             self.stale += 1
