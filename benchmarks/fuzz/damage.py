@@ -72,17 +72,25 @@ def _replace(data: bytearray, new: bytes, chance: random.Random) -> None:
         data[at:at] = new
 
 
+# Share of what is very large: each takes the time of a hundred others.
+_VERY_LARGE = 0.02
+
+
+def _count(chance: random.Random, small: tuple[int, ...], *large: int) -> int:
+    return chance.choice(large if chance.random() < _VERY_LARGE else small)
+
+
 def _nested(chance: random.Random) -> bytes:
     begin, end = chance.choice(
         ((b"[", b"]"), (b"{a: ", b"}"), (b'{"a":', b"}"), (b"- ", b""), (b"? ", b""), (b"(", b")"))
     )
-    count = chance.choice((63, 65, 100, 990, 20_000))
+    count = _count(chance, (63, 65, 100, 990), 20_000)
     return begin * count + (b"1" + end * count if chance.random() < 0.5 else b"")
 
 
 def _digits(chance: random.Random) -> bytes:
     begin = chance.choice((b"", b"-", b"0x", b"0o", b"0b", b"0.", b"1e", b"1e-", b"%YAML 1."))
-    count = chance.choice((17, 251, 310, 5_000, 100_000))
+    count = _count(chance, (17, 251, 310, 5_000), 100_000)
     if chance.random() < 0.1:
         return b"1" + b":59" * count
     return begin + chance.choice((b"9", b"1", b"7", b"f", b"0", b"1_")) * count
@@ -101,8 +109,8 @@ def _aliases(chance: random.Random) -> bytes:
 
 
 def _long(chance: random.Random) -> bytes:
-    text = chance.choice((b"n", b"1", b"\xc3\xa9", b" n", b"n\n", b"\\u00e9")) * chance.choice(
-        (256, 5_000, 140_000, 700_000)
+    text = chance.choice((b"n", b"1", b"\xc3\xa9", b" n", b"n\n", b"\\u00e9")) * _count(
+        chance, (256, 5_000), 140_000, 700_000
     )
     return chance.choice((text, b'"' + text + b'"', b'"' + text))
 
@@ -111,7 +119,7 @@ def _many(chance: random.Random) -> bytes:
     one = chance.choice(
         (b",", b";", b"a,", b"1,", b"[],", b"{},", b'"",', b"a: 1\n", b"- a\n", b"\n", b"#\n", b"a b ", b"null,")
     )
-    return one * chance.choice((300, 10_001, 60_000))
+    return one * _count(chance, (300, 2_000), 10_001, 60_000)
 
 
 # Each makes something of which there is too much.
