@@ -343,8 +343,9 @@ def test_a_known_controller_comes_from_a_model_file(bags, tmp_path, capsys):
 
 
 def test_one_failure_of_several_is_told_and_exit_code_1(bags, capsys):
-    code, out, _ = run(capsys, bags[0], "--method", "arx", "--method", "indirect", "--order", 2, *VELOCITY)
+    code, out, err = run(capsys, bags[0], "--method", "arx", "--method", "indirect", "--order", 2, *VELOCITY)
     assert code == 1
+    assert err.splitlines()[-1].startswith("idloop identify: 1 of 2 models failed: indirect: train: no reference")
     assert "indirect: failed: train: no reference recorded" in out
     assert "motor.velocity" in out
 

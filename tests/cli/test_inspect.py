@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from idloop.cli import main
-from idloop.records import make_stream, write_bag
+from idloop.records import Record, make_stream, write_bag
 
 
 @pytest.fixture
@@ -66,3 +68,16 @@ def test_mistakes(bag, capsys, words):
     code, out, err = _run(capsys, *(word.format(bag=bag) for word in words))
     assert (code, out) == (2, "")
     assert err.count("\n") == 1
+
+
+def test_numbers_that_nobody_measures_are_one_line(tmp_path, capsys):
+    time = 0.01 * np.arange(300)
+    output = np.column_stack([1e300 * np.sin(time), np.cos(time)])
+    names, units = ("motor.position", "motor.velocity"), ("rad", "rad/s")
+    record = Record("bag", time, np.sign(np.sin(5 * time)), time, output, "motor.effort", "V", names, units)
+    write_bag(tmp_path / "bag", record)
+    done = subprocess.run(
+        [sys.executable, "-m", "idloop", "inspect", str(tmp_path / "bag")], capture_output=True, text=True, check=True
+    )
+    assert "warning: motor.position reaches 1e+300: no measurement is above 1e+50; check its unit" in done.stdout
+    assert done.stderr == "", "no warning of a library"

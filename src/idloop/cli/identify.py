@@ -53,7 +53,7 @@ from idloop.cli._identification_tables import (
     print_verdicts,
 )
 from idloop.cli._places import OUTPUT_FILE, force_option
-from idloop.cli.main import COULD_NOT, DONE
+from idloop.cli.main import DONE
 from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
@@ -547,7 +547,10 @@ def finish(
     for written in (save, plot):
         if written is not None:
             log(f"written: {written}")
-    return COULD_NOT if any(one.error for one in outcomes) else DONE
+    failed = [one for one in outcomes if one.error]
+    if failed:
+        raise IdloopError(f"{len(failed)} of {len(outcomes)} models failed: {failed[0].label}: {failed[0].error}")
+    return DONE
 
 
 def finish_sweep(

@@ -8,6 +8,7 @@ import os
 import sys
 import tempfile
 import traceback
+import warnings
 from collections.abc import Sequence
 from typing import NamedTuple, NoReturn
 
@@ -163,6 +164,9 @@ def main() -> NoReturn:
     # Sums depend on how many threads share them, and equal seeds give equal answers. Besides, our matrices are tall and
     # narrow: more threads of linear algebra only wait for each other.
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    if not sys.warnoptions:
+        # What a library notices is no line for the user; what counts is said by us.
+        warnings.simplefilter("ignore")
     if instruction := os.environ.get(COMPLETE):
         from click.shell_completion import shell_complete
 

@@ -6,20 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.differenced import differenced
 from idloop.records.finding import Finding
+from idloop.records.magnitude import unusable_magnitude
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.record import Record
 
 FEWEST_SAMPLES = 10
-# Larger values, and smaller motions than its inverse, are no measurement: their products would leave the range of a
-# double.
-LARGEST = 1e50
-# Coarsest step of a double in a motion, as a share of it.
-COARSEST = 1e-4
 _FEW_SAMPLES = 100  # below, noise and effects look alike: a fit runs, and its numbers hardly hold
 
 
@@ -94,7 +89,10 @@ def check_record(record: Record) -> Record:
             )
     signals = [(record.input_name, record.input), *zip(record.output_names, record.output.T, strict=True)]
     for signal, values in signals:
-        _check_numbers(name, signal, values)
+        known = values[np.isfinite(values)]
+        unusable = unusable_magnitude(signal, float(known.min()), float(known.max()))
+        if unusable:
+            raise InputError(f"{name}: {unusable}")
     still = [
         output
         for column, output in enumerate(record.output_names)
@@ -106,31 +104,6 @@ def check_record(record: Record) -> Record:
     if short:
         found.append(Finding("few_samples", short, record.time.size, name, "warning"))
     return replace(record, findings=(*record.findings, *found))
-
-
-def _check_numbers(name: str, signal: str, values: NDArray[np.float64]) -> None:
-    """Refuse values with which no double can compute.
-
-    Raises
-    ------
-    InputError
-        Values too large to be squared, a motion too small, or one that an offset hides.
-    """
-    known = values[np.isfinite(values)]
-    largest, span = float(np.max(np.abs(known))), float(np.ptp(known))
-    if largest > LARGEST:
-        raise InputError(
-            f"{name}: {signal} reaches {largest:.3g}, and nothing that is measured is above {LARGEST:g}; check its unit"
-            " and how it is read"
-        )
-    if 0.0 < span < 1.0 / LARGEST:
-        raise InputError(f"{name}: {signal} varies by {span:.3g} only; check its unit and how it is read")
-    step = float(np.spacing(largest))
-    if span > 0.0 and step > COARSEST * span:
-        raise InputError(
-            f"{name}: {signal} is about {largest:.3g} and varies by {span:.3g}: numbers of that size have steps of"
-            f" {step:.2g}; subtract its offset where it is recorded or imported"
-        )
 
 
 def check_commands(records: Sequence[Record]) -> None:

@@ -18,6 +18,7 @@ from idloop.records.differenced import differenced_columns
 from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
 from idloop.records.insight import Evidence, insights, verdict
+from idloop.records.magnitude import unusable_magnitude
 from idloop.records.missing import missing_values
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
@@ -309,6 +310,11 @@ def _value_findings(signals: Mapping[str, Mapping[str, Motion]]) -> list[Finding
         for topic, motions in signals.items()
         for name, motion in motions.items()
         if motion.infinite
+    ] + [
+        Finding("magnitude", text, where=topic, level="warning")
+        for topic, motions in signals.items()
+        for name, motion in motions.items()
+        if (text := unusable_magnitude(name, motion.minimum, motion.maximum))
     ]
 
 

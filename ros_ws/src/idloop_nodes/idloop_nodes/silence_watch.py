@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-SECOND = 1_000_000_000
-FAREWELL_NS = (
-    SECOND // 2
-)  # after the bridge has gone the neutral message is repeated for so long; then others may speak
+FAREWELL_NS = 500_000_000  # after the bridge has gone the neutral message is repeated for so long; then others may speak
 
 
 class SilenceWatch:
