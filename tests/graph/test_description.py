@@ -9,6 +9,7 @@ import pytest
 from idloop.errors import InputError
 from idloop.graph import graph_names, graph_summary, load_graph
 from idloop.graph.command import parameter_document
+from idloop.graph.find import package_share
 
 LAUNCH = """
 launch:
@@ -126,6 +127,17 @@ def test_an_unknown_graph_lists_those_there_are():
     with pytest.raises(InputError, match=f"available: {names}") as caught:
         load_graph("torsoin")
     assert "did you mean 'torsion'" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "idlo\ud800op", "../etc", ""])
+def test_a_package_that_cannot_be_one_is_one_line(name):
+    with pytest.raises(InputError, match="no ROS package"):
+        package_share(name)
+
+
+def test_a_name_that_no_file_can_have_is_one_line():
+    with pytest.raises(InputError, match="no launch file"):
+        load_graph(f"{'x' * 300}.yaml")
 
 
 def test_a_missing_file_is_one_line():

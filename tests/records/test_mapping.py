@@ -56,6 +56,7 @@ def test_a_part_replaces_only_what_it_says():
 
 BAD = {
     "unknown key": ({"comand": "u"}, "unknown key comand (did you mean 'command'"),
+    "unknown key with a capital": ({"Infinity": 1}, "unknown key Infinity"),
     "unknown key of a channel": ({"command": {"column": "u", "scael": 2}}, "did you mean 'scale'"),
     "unknown key of a part": ({"parts": {"a": {"velocty": "v"}}}, "did you mean 'velocity'"),
     "key of another place": ({"time": {"scale": 2}}, "unknown key time.scale (known: column, unit,"),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from idloop.errors import InputError
 from idloop.signals import build_signal
 
 
@@ -26,3 +28,11 @@ def test_one_direction_only():
     signal = build_signal("coast_down", sample_time=0.01, duration=9.0, alternate=False)
     assert np.min(signal.value) == 0.0
     assert signal.segments[-1].stop == 900
+
+
+@pytest.mark.parametrize(
+    "times", [{"drive_time": 1e20}, {"coast_time": 1e308}, {"fractions": [1.0] * 500, "drive_time": 2e3}]
+)
+def test_times_that_no_memory_holds_are_one_line(times):
+    with pytest.raises(InputError, match="samples are too many"):
+        build_signal("coast_down", sample_time=0.01, duration=9.0, **times)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 from itertools import takewhile
 from pathlib import Path
 
 from idloop.errors import InputError
-from idloop.spelling import did_you_mean
+from idloop.spelling import did_you_mean, listed
 
 PACKAGE = "idloop_bringup"
 SUFFIX = ".launch.yaml"
+_NAME = re.compile(r"[A-Za-z0-9_\-]{1,200}")
 
 
 def package_share(package: str) -> Path:
@@ -21,6 +23,8 @@ def package_share(package: str) -> Path:
     InputError
         When it is neither in the sourced ROS environment nor in this checkout.
     """
+    if not _NAME.fullmatch(package):
+        raise InputError(f"no ROS package {listed([package])}: that is no name of one")
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         share = Path(prefix) / "share" / package
         if share.is_dir():
@@ -60,7 +64,7 @@ def graph_path(name: str) -> Path:
     """
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
-        if not path.is_file():
+        if not os.path.isfile(path):  # noqa: PTH113  (pathlib raises where a name is too long)
             raise InputError(f"no launch file {name}: check the path")
         return path
     names = graph_names()

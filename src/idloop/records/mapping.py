@@ -284,7 +284,9 @@ def _keys_at(place: list[str]) -> list[str]:
 
 def _explain(error: ValidationError) -> str:
     first = error.errors()[0]
-    place = [str(part) for part in first["loc"] if not (isinstance(part, str) and part[:1].isupper())]
+    # Between the keys stand the names of our classes; the last one is a key, whatever it is called.
+    *parents, last = first["loc"] or ("mapping",)
+    place = [str(part) for part in parents if not (isinstance(part, str) and part[:1].isupper())] + [str(last)]
     key = ".".join(place)
     if first["type"] == "extra_forbidden":
         known = _keys_at([part for part in place[:-1] if not part.isdigit()])

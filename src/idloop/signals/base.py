@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # An edge that falls on a sample up to rounding must count as on it, or square waves flicker.
+# 50 million samples are 14 hours at 1 kHz and 400 MB: more is a slip of the unit.
+LONGEST = 50_000_000
 CYCLE_TOLERANCE = 1e-9
 
 
@@ -95,7 +97,13 @@ class Request:
 
     def to_samples(self, seconds: float) -> int:
         """Nearest whole number of samples."""
-        return round(seconds / self.sample_time)
+        return round(self.checked(seconds / self.sample_time))
+
+    def checked(self, samples: float) -> float:
+        """Return a number of samples; InputError where it is a slip of the unit."""
+        if samples > LONGEST:
+            raise self.error(f"{samples:.3g} samples are too many (at most {LONGEST}); shorten its times")
+        return samples
 
     def error(self, text: str) -> InputError:
         """Error that names this signal."""

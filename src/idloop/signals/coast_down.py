@@ -26,6 +26,7 @@ def generate(
     driving = max(request.to_samples(drive_time), 1)
     coasting = max(request.to_samples(coast_time), 1)
     levels = [sign * level for level in fractions for sign in ((1.0, -1.0) if alternate else (1.0,))]
+    request.checked(len(levels) * (driving + coasting))
     one = np.concatenate([np.r_[np.full(driving, level), np.zeros(coasting)] for level in levels])
     samples = one.size if request.samples is None else request.samples
     value = np.tile(one, -(-samples // one.size))[:samples]

@@ -9,13 +9,10 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.parameter_table import check_values
-from idloop.signals.base import FloatArray, Request, Shape, SignalKind
+from idloop.signals.base import LONGEST, FloatArray, Request, Shape, SignalKind
 from idloop.signals.catalogue import COMMON_PARAMETERS, SIGNALS
 from idloop.signals.signal import Signal
 from idloop.spelling import did_you_mean
-
-# 50 million samples are 14 hours at 1 kHz and 400 MB: more is a slip of the unit.
-LONGEST = 50_000_000
 
 
 def build_signal(name: str, **parameters: Any) -> Signal:
