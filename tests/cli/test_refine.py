@@ -201,9 +201,15 @@ def test_wrong_use_is_one_line(arguments, word, hidden, capsys):
 
 
 def test_a_broken_ladder_is_said(ladder, capsys):
+    whole = (ladder / "ladder.json").read_text(encoding="utf-8")
     (ladder / "ladder.json").write_text('{"schema": "idloop/refine/1"}', encoding="utf-8")
     assert main.run(words("refine", "--resume", ladder)) == 2
     assert "not a whole ladder" in capsys.readouterr().err
+    document = json.loads(whole)
+    for change in ({"model_folder": 7.5}, {"bags": [1]}, {"unseen": [{"bag": "x"}]}, {"provenance": 3}, {"seen": 1}):
+        (ladder / "ladder.json").write_text(json.dumps(document | change), encoding="utf-8")
+        assert main.run(words("refine", "--resume", ladder)) == 2, change
+        assert "not a whole ladder" in capsys.readouterr().err
     (ladder / "ladder.json").write_text("{", encoding="utf-8")
     assert main.run(words("refine", "--resume", ladder)) == 2
     assert "not valid JSON" in capsys.readouterr().err

@@ -119,18 +119,18 @@ def read_ladder(folder: Path) -> Kept:
     if not path.is_file():
         raise InputError(f"{folder}: no ladder.json in it; write one with idloop refine --output {folder}")
     document = read_document(path)
-    own = document.get("model_folder")
-    effects = Path(own) if own else None
     try:
+        own = document.get("model_folder")
+        effects = Path(own) if own else None
         ladder = Ladder.from_dict(document, effects)
-    except (KeyError, TypeError, AttributeError) as error:
+        bags, validate = (tuple(Path(p) for p in document.get(key, ())) for key in ("bags", "validate"))
+        unseen, seen = (
+            tuple((Path(part["bag"]), float(part["start"]), float(part["stop"])) for part in document.get(key, ()))
+            for key in ("unseen", "seen")
+        )
+        provenance, taken_back = dict(document.get("provenance", {})), tuple(document.get("taken_back", ()))
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise InputError(f"{path}: not a whole ladder ({type(error).__name__}: {error})") from error
-    bags, validate = (tuple(Path(p) for p in document.get(key, ())) for key in ("bags", "validate"))
-    unseen, seen = (
-        tuple((Path(part["bag"]), float(part["start"]), float(part["stop"])) for part in document.get(key, ()))
-        for key in ("unseen", "seen")
-    )
-    provenance, taken_back = dict(document.get("provenance", {})), tuple(document.get("taken_back", ()))
     return Kept(ladder, bags, validate, effects, provenance, unseen, seen, taken_back)
 
 
