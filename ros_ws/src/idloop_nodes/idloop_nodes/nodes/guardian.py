@@ -26,7 +26,7 @@ class GuardianNode(StreamNode):
     A thread that neither the executor nor the middleware can hold up watches the socket.
     """
 
-    poll_period = 0.05
+    poll_period = 0.02
 
     def __init__(self) -> None:
         super().__init__("guardian", GUARDIAN)
