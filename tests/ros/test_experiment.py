@@ -64,6 +64,7 @@ def test_the_form_in_the_messages_is_one_that_is_read():
         ("{signal: {name: sine, duration: .nan}}", "duration"),
         ("{signal: {name: sine, duration: 1.0}, ads_to: command}", "adds_to"),
         ("{signal: {name: sine, duration: 1.0}, adds_to: drive}", "command or reference"),
+        ("{signal: {name: sine, duration: 1.0}, adds_to: [command]}", "command or reference"),
         ("{signal: {name: sine, duration: 1.0}, adds_to: reference}", "target of this node is effort"),
         ("{signal: {name: sine, duration: 1.0, sample_time: 0.001}}", "sample_time"),
     ],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from idloop.documents import read_yaml
 from idloop.errors import InputError
 from idloop.signals import build_signal
-from idloop.spelling import did_you_mean
+from idloop.spelling import did_you_mean, listed
 
 Array = NDArray[np.float64]
 
@@ -115,9 +115,9 @@ def read_experiment(text: str, target: str, sample_time: float) -> Experiment:
     unknown = [str(key) for key in document if key not in ("signal", "adds_to")]
     if unknown:
         raise InputError(f"experiment: unknown key {unknown[0]}{did_you_mean(unknown[0], ('signal', 'adds_to'))}")
-    adds_to = document.get("adds_to", next(key for key, targets in ADDS_TO.items() if target in targets))
+    adds_to = str(document.get("adds_to", next(key for key, targets in ADDS_TO.items() if target in targets)))
     if adds_to not in ADDS_TO:
-        raise InputError(f"experiment: adds_to is {adds_to!r}; choose command or reference")
+        raise InputError(f"experiment: adds_to is {listed([adds_to])}; choose command or reference")
     if target not in ADDS_TO[adds_to]:
         raise InputError(f"experiment: adds to the {adds_to}, but the target of this node is {target}")
     signal: dict[str, Any] = {str(key): value for key, value in document["signal"].items()}
@@ -125,7 +125,8 @@ def read_experiment(text: str, target: str, sample_time: float) -> Experiment:
         raise InputError(f"experiment: the signal has no name; write it as {FORM}")
     if signal.setdefault("sample_time", sample_time) != sample_time:
         raise InputError(
-            f"experiment: its sample_time {signal['sample_time']} s is not that of this node, {sample_time:g} s"
+            f"experiment: its sample_time {listed([str(signal['sample_time'])])} s is not that of this node,"
+            f" {sample_time:g} s"
         )
     built = build_signal(str(signal.pop("name")), **signal)
     rate = np.zeros_like(built.value) if built.rate is None else built.rate

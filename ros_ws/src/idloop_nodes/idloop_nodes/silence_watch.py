@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-FAREWELL_NS = 500_000_000  # after the bridge has gone the neutral message is repeated for so long; then others may speak
+FAREWELL_NS = 500_000_000  # for so long it speaks for a bridge that has gone; then others may speak
 
 
 class SilenceWatch:
