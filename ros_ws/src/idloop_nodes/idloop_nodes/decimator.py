@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 SECOND = 1_000_000_000
-# Stamps of a steady stream vary: a sample that is this share of a period early is not left out.
-EARLY = 0.1
+# Samples by which a stream may be ahead of the rate: stamps vary, and a stream that was held up catches up.
+BURST = 20
 
 
 class Decimator:
-    """Passes a sample when the period of the largest rate has gone by since the one before.
+    """Passes samples up to a mean rate, as a leaky bucket.
 
     Parameters
     ----------
@@ -23,13 +23,19 @@ class Decimator:
 
     def __init__(self, rate: float) -> None:
         self.left_out = 0
-        self._least_ns = (1.0 - EARLY) * SECOND / rate
-        self._passed: int | None = None
+        self._rate = rate
+        self._ahead = 0.0  # samples by which those that were passed are ahead of the rate
+        self._last: int | None = None
 
     def passes(self, stamp_ns: int) -> bool:
-        """Return whether the sample of this stamp [ns] is passed; one from before the last was, too."""
-        if self._passed is not None and 0 <= stamp_ns - self._passed < self._least_ns:
+        """Return whether the sample of this stamp [ns] is passed; one from before the last begins anew."""
+        last, self._last = self._last, stamp_ns
+        if last is None or stamp_ns < last:
+            self._ahead = 1.0
+            return True
+        self._ahead = max(self._ahead - (stamp_ns - last) / SECOND * self._rate, 0.0)
+        if self._ahead + 1.0 > BURST:
             self.left_out += 1
             return False
-        self._passed = stamp_ns
+        self._ahead += 1.0
         return True
