@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 from collections.abc import Awaitable, Callable, Mapping
 from http import HTTPStatus
 from typing import Any
@@ -70,6 +72,8 @@ class Admission(HTTPServerConnectionDelegate):
             waiting = looks + 1 if stream.writing() else 0
             self._streams[stream] = waiting
             if waiting > LOOKS:
+                # At once: the system would go on to offer what has been sent, and keep it.
+                stream.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                 stream.close()
 
 
