@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from idloop.errors import InputError
-from idloop.physics import load_model
+from idloop.physics import load_model, trust
 from idloop.records import Record
 from idloop.workbench.offline import OfflineSource
 from idloop.workbench.signals import Signals
@@ -108,3 +108,42 @@ def test_a_recording_is_shown_whole():
     time, values = signals.view(*signals.span, 10_000).points["measured"]
     assert time == pytest.approx(record.time)
     assert values == pytest.approx(record.output)
+
+
+LEAN = """\
+from pathlib import Path
+
+from idloop.physics import Effect, ParameterSpec, hook
+
+with Path(__file__).with_suffix(".log").open("a") as log:
+    log.write("{}")
+
+
+@hook
+def force(position, velocity, inertia, elapsed, state, parameters):
+    return parameters[0]
+
+
+EFFECT = Effect("lean", "body", "It leans.", (ParameterSpec("size", "{{force}}"),), force=force)
+"""
+
+
+@pytest.mark.parametrize("order", [("add", "lean@motor"), ("diagnose", "")])
+def test_the_page_runs_no_effect_that_was_changed_since_it_was_trusted(order, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    effect = tmp_path / "effects" / "lean.py"
+    effect.parent.mkdir()
+    effect.write_text(LEAN.format("trusted;"))
+    load_model("dc_motor").save(tmp_path / "model.yaml")
+    trust.trust(trust.read_effect_files(effect.parent))
+    source = OfflineSource(load_model(tmp_path / "model.yaml"), Study((recorded(1, 400),), effects=("lean",)))
+    try:
+        settled(source, lambda board: board.assessment is not None)
+        effect.write_text(LEAN.format("changed;"))
+        source.order(*order)
+        board = settled(source, lambda board: board.note is not None)
+        assert "which have changed since they were trusted" in board.note.text
+        assert board.effects == ()
+        assert "changed" not in effect.with_suffix(".log").read_text()
+    finally:
+        source.close()

@@ -1,4 +1,4 @@
-"""What the verbs share: arguments (MODEL, BAG, --set, --effect, --plot), --json, tables, progress."""
+"""What the verbs share: arguments (MODEL, BAG, --set, --effect, --trust-effects, --plot), --json, tables, progress."""
 
 from __future__ import annotations
 
@@ -35,9 +35,7 @@ class ModelArgument(click.ParamType["Model"]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Model:
         """Load it; an InputError says in one line what is wrong with it."""
-        from idloop.physics import load_model
-
-        return load_model(value)
+        return open_model(value)
 
 
 class BagArgument(click.ParamType[Path]):
@@ -55,6 +53,37 @@ class BagArgument(click.ParamType[Path]):
 
 MODEL = ModelArgument()
 BAG = BagArgument()
+_TRUST_EFFECTS = "idloop.trust_effects"
+
+
+def trust_option(function: Function) -> Function:
+    """Add `--trust-effects`, which `open_model` obeys; whatever its place, it is read before any model."""
+
+    def keep(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+        context.meta[_TRUST_EFFECTS] = value
+
+    return click.option(
+        "--trust-effects",
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=keep,
+        help="Run the Python files in `effects` beside a MODEL this once; see idloop trust.",
+    )(function)
+
+
+def open_model(source: str) -> Model:
+    """Load a model that the command line names.
+
+    Raises
+    ------
+    InputError
+        As `load_model`; effect files beside it that are not trusted, without `--trust-effects`.
+    """
+    from idloop.physics import load_model
+
+    context = click.get_current_context(silent=True)
+    return load_model(source, allow_effects=context is not None and context.meta.get(_TRUST_EFFECTS, False))
 
 
 def plot_option(function: Function) -> Function:
@@ -63,7 +92,8 @@ def plot_option(function: Function) -> Function:
 
 
 def model_options(function: Function) -> Function:
-    """Add `--set NAME=VALUE` and `--effect NAME@SITE(...)`, for `apply_options`."""
+    """Add `--set NAME=VALUE` and `--effect NAME@SITE(...)`, for `apply_options`, and `--trust-effects`."""
+    function = trust_option(function)
     function = click.option(
         "--effect",
         "effects",

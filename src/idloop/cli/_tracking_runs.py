@@ -161,13 +161,13 @@ def machine_of(source: str | None, effects: Sequence[str], model: Model) -> Mode
     model : Model
         The compensating model.
     """
-    from idloop.physics import load_model
+    from idloop.cli._common import open_model
 
     if source is not None and source.endswith(MJCF):
         if effects:
             raise InputError("--plant-effect: an MJCF file has effects of its own; change the file")
         return Path(source)
-    machine = model if source is None else load_model(source)
+    machine = model if source is None else open_model(source)
     machine = machine.with_effects(list(effects))
     if machine.output_names != model.output_names:
         raise InputError(

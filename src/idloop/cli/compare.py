@@ -23,6 +23,7 @@ from idloop.cli._common import (
     json_option,
     log,
     model_options,
+    open_model,
     plot_option,
     print_json,
     progress,
@@ -70,10 +71,9 @@ def command(
     Free run (only the start is fitted), some samples ahead, and the drive force that the measured motion needs;
     then where the error falls: by time, frequency, velocity, position, command, direction, time since a reversal.
     """
-    from idloop.physics import load_model
     from idloop.validate import compare
 
-    loaded = [apply_options(load_model(source), settings, effects) for source in models]
+    loaded = [apply_options(open_model(source), settings, effects) for source in models]
     if any(model.output_names != loaded[0].output_names for model in loaded):
         raise InputError(f"the models have different outputs: compare them one by one ({', '.join(models)})")
     records = [read_one_record(bag, model) for model in loaded]

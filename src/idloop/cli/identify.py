@@ -19,6 +19,7 @@ from idloop.cli._common import (
     print_json,
     progress,
     read_fitted_and_unseen,
+    trust_option,
 )
 from idloop.cli._identification import (
     Outcome,
@@ -101,6 +102,7 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
 @click.option("--method", "methods", multiple=True, metavar="NAME", help="Of --list. May be repeated.")
 @click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the models do not see.")
 @click.option("--model", type=MODEL, help="Preset or model file that names the streams and their units.")
+@trust_option
 @click.option("--joint", metavar="NAME", help="Commanded joint, where joint_command holds several.")
 @click.option("--output", "outputs", multiple=True, metavar="JOINT.FIELD", help="Only this output. May be repeated.")
 @click.option("--sample-time", type=float, metavar="SECONDS", help="Even grid to identify on; the record's own.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from idloop.cli._common import apply_options, json_option, model_options, print_json, print_table
+from idloop.cli._common import apply_options, json_option, model_options, open_model, print_json, print_table
 
 
 def list_presets(*, as_json: bool) -> None:
@@ -43,9 +43,9 @@ def command(
     if show_list or model is None:
         list_presets(as_json=as_json)
         return
-    from idloop.physics import load_model, preset_names
+    from idloop.physics import preset_names
 
-    checked = apply_options(load_model(model), settings, effects)
+    checked = apply_options(open_model(model), settings, effects)
     if as_json:
         from idloop.physics.model_file import to_mapping
 

@@ -17,6 +17,7 @@ from idloop.cli._common import (
     print_json,
     progress,
     read_records,
+    trust_option,
 )
 from idloop.cli._diagnosis import (
     DiagnosisCommand,
@@ -66,6 +67,7 @@ Run it: the excitation node takes the file as its parameter `experiment`, then c
 @click.option("--no-fit", is_flag=True, help="Take rival models as they are instead of fitting them first.")
 @criterion_option
 @seed_option
+@trust_option
 @click.option("--output", type=OUTPUT_FILE, metavar="NEXT.yaml", help="Write the experiment.")
 @force_option("Overwrite the file of --output.")
 @plot_option

@@ -18,7 +18,7 @@ the model: `{input}` of the command, `{force}` N·m or N, `{position}` rad or m,
 sensor. Add an effect in a model file (`- {effect: dead_zone, at: input, width: {value: 0.1}}`), on the
 command line (`--effect "dead_zone@input(width=0.1)"`) or on a running node (parameter `effects`). Effects
 [of your own](examples/own_effect/README.md) are Python files in a folder `effects` beside a model file, which run only
-after `idloop trust`.
+after `idloop trust`, or with `--trust-effects`.
 
 In the equations q, v, F and J are position, velocity, force and inertia (θ, ω, T and J of a rotary axis, x, v, F and
 m of a linear one), u is the command and y a reading. No sign and no corner is smoothed; where dry friction stops or
