@@ -121,10 +121,11 @@ def test_failures_of_a_verb(error, code, line, verb, capsys):
 def test_a_fault_names_a_file_with_the_traceback(verb, capsys, monkeypatch, tmp_path):
     monkeypatch.delenv("IDLOOP_DEBUG", raising=False)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    verb["do"] = raising(ZeroDivisionError("division by zero"))
+    verb["do"] = raising(ZeroDivisionError("division\nby \x1b[31mzero"))
     assert main.run(["try"]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1
+    assert err.rstrip("\n").isprintable()
     (log,) = tmp_path.iterdir()
     assert str(log) in err
     assert "ZeroDivisionError" in log.read_text()

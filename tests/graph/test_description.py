@@ -96,6 +96,8 @@ def test_wrong_arguments_are_one_line(launch_file, values, said):
         ("launch: [{node: {pkg: a}}]", "exec is missing"),
         ("launch: [{node: {pkg: a, exec: b, nam: c}}]", "did you mean 'name'"),
         ("launch: [{node: {pkg: a, exec: $(var b)}}]", "$(var b) has no value"),
+        ("launch: [{node: {pkg: a, exec: $(env IDLOOP_NOT_SET)}}]", "$(env IDLOOP_NOT_SET) is not set"),
+        ("launch: [{node: {pkg: a, exec: $(env)}}]", "$(env) needs a name"),
         ("launch: [{node: {pkg: a, exec: $(command ls)}}]", "not understood"),
         ("launch: [{node: {pkg: a, exec: $(find-pkg-share nowhere_at_all)}}]", "no ROS package nowhere_at_all"),
         ("launch: [{node: {pkg: a, exec: b, on_exit: respawn}}]", "only shutdown is"),
