@@ -37,7 +37,7 @@ _ROBOT: Table = (
     P(
         "measurement_rate",
         "float",
-        4000.0,
+        2500.0,
         "Largest rate of joint_states: of faster measurements some are left out; the limits see every one.",
         unit="Hz",
         minimum=1.0,
