@@ -195,6 +195,15 @@ def test_a_text_is_read_as_far_as_the_limit(tmp_path: Path) -> None:
         read_text(path)
 
 
+def test_a_document_of_a_message_is_read_as_far_as_the_limit() -> None:
+    assert read_yaml("1" + "\n" * (documents.MOST_YAML - 1), "a.yaml") == 1
+    with pytest.raises(InputError, match=r"a\.yaml: not valid YAML: longer than 4,194,304 characters"):
+        read_yaml("1" + "\n" * documents.MOST_YAML, "a.yaml")
+    assert read_json("[1]", "a.json", 3) == [1]
+    with pytest.raises(InputError, match=r"a\.json: longer than 3 characters"):
+        read_json("[1] ", "a.json", 3)
+
+
 def test_too_many_lists_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(documents, "MOST_LISTS", 3)
     assert read_json("[[], {}]", "a.json") == [[], {}]

@@ -31,7 +31,7 @@ BAGS = {
     "missing bag": (lambda make, tmp: tmp / "nowhere", ("nowhere", "no such bag")),
     "missing bag, name misspelt": (lambda make, tmp: make().with_name("mad0"), ("mad0", "did you mean 'made0'")),
     "directory without a bag": (lambda make, tmp: tmp, ("without a bag", "metadata.yaml")),
-    "empty file": (lambda make, tmp: _written(tmp / "a.mcap", b""), ("a.mcap", "empty")),
+    "empty file": (lambda make, tmp: _written(tmp / "a.mcap", b""), ("a.mcap", "empty (0 bytes)")),
     "no bag at all": (lambda make, tmp: _written(tmp / "a.csv", b"1,2"), ("a.csv", "idloop import")),
     "ROS 1 bag": (lambda make, tmp: _written(tmp / "a.bag", b"#ROSBAG V2.0"), ("ROS 1", "rosbags-convert")),
     "rubbish in a db3": (lambda make, tmp: _written(tmp / "a.db3", b"rubbish" * 99), ("a.db3", "cannot be read")),
