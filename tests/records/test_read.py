@@ -105,15 +105,17 @@ def test_an_unknown_type_does_not_stop_the_others(tmp_path, write_messages, join
         "SQLITE3",
         own,
     )
-    # Take the definition out, as bags of ROS 2 Humble and older have none.
     import sqlite3
 
-    with sqlite3.connect(next(path.glob("*.db3"))) as base:
-        base.execute("DELETE FROM message_definitions")
-    base.close()
-    assert set(read_streams(path)) == {"/joint_states"}
-    with pytest.raises(InputError, match="unknown type my_msgs/msg/Odd"):
-        read_streams(path, ["odd"])
+    # One that refers to another unknown type; then none, as in bags of ROS 2 Humble and older.
+    refers = "SET encoded_message_definition = 'gone_msgs/Gone gone' WHERE topic_type = 'my_msgs/msg/Odd'"
+    for change in (f"UPDATE message_definitions {refers}", "DELETE FROM message_definitions"):
+        with sqlite3.connect(next(path.glob("*.db3"))) as base:
+            assert base.execute(change).rowcount > 0
+        base.close()
+        assert set(read_streams(path)) == {"/joint_states"}
+        with pytest.raises(InputError, match="unknown type my_msgs/msg/Odd"):
+            read_streams(path, ["odd"])
     told = read_streams(path, definitions={"my_msgs/msg/Odd": "float32 pos\nuint8 state"})
     np.testing.assert_array_equal(told["/odd"].column("pos", "position"), [0, 0.5, 1, 1.5])
 
