@@ -95,6 +95,7 @@ def test_wrong_arguments_are_one_line(launch_file, values, said):
         ("launch: [{group: {}}]", "entry 'group'"),
         ("launch: [{node: {pkg: a}}]", "exec is missing"),
         ("launch: [{node: {pkg: a, exec: b, nam: c}}]", "did you mean 'name'"),
+        ("launch: [{node: {pkg: a, exec: b, 3: c, nam: d}}]", "key '3'"),
         ("launch: [{node: {pkg: a, exec: $(var b)}}]", "$(var b) has no value"),
         ("launch: [{node: {pkg: a, exec: $(env IDLOOP_NOT_SET)}}]", "$(env IDLOOP_NOT_SET) is not set"),
         ("launch: [{node: {pkg: a, exec: $(env)}}]", "$(env) needs a name"),

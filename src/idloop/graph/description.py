@@ -125,7 +125,7 @@ class _Reader:
         self.values[self.required(content, "let", "name")] = self.substitute(content.get("value", ""))
 
     def node(self, content: dict[str, Any]) -> None:
-        unknown = sorted(set(content) - _NODE_KEYS)
+        unknown = sorted(str(key) for key in content if key not in _NODE_KEYS)
         if unknown:
             raise self.fail(f"node: key {unknown[0]!r} is not understood here{did_you_mean(unknown[0], _NODE_KEYS)}")
         if not self.wanted(content):
