@@ -153,12 +153,17 @@ def test_a_tie_that_no_motion_resolves_gets_a_check_by_hand(missing_pair, capsys
     assert "idloop suggest" not in out
 
 
-def test_the_answer_does_not_depend_on_the_number_of_threads(hidden):
+@pytest.mark.parametrize("verb", ["diagnose", "identify"])
+def test_the_answer_does_not_depend_on_the_number_of_threads(hidden, verb):
     """The environment of a user may ask for any."""
+    said = {
+        "diagnose": ["diagnose", str(hidden.model), str(hidden.levels), "--json"],
+        "identify": ["identify", str(hidden.levels), "--method", "pem", "--json"],
+    }
     answers = set()
     for count in "1", "4":
         names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-        words = [sys.executable, "-m", "idloop", "diagnose", str(hidden.model), str(hidden.levels), "--json"]
+        words = [sys.executable, "-m", "idloop", *said[verb]]
         done = subprocess.run(words, env=os.environ | dict.fromkeys(names, count), capture_output=True, check=True)
         answers.add(done.stdout)
     assert len(answers) == 1
