@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import math
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -51,6 +53,25 @@ class ControllerBench:
         sample = decode_joint_state(self.bench.got["joint_command"][-1])
         assert sample.stamp_ns == stamp
         return sample.effort[0]
+
+
+def _participants():
+    """Event threads of the middleware in this process: one for each participant."""
+    names = (path.read_text(encoding="ascii") for path in Path("/proc/self/task").glob("*/comm"))
+    return sum(name.startswith("dds.ev.") for name in names)
+
+
+def test_a_destroyed_node_leaves_no_participant_behind(bench):
+    """A participant that waits for the collector goes on discovering others, and may wait for itself for ever."""
+    before = _participants()
+    gc.disable()
+    try:
+        one = bench("controller")
+        assert _participants() == before + 1
+        one.close()
+        assert _participants() == before
+    finally:
+        gc.enable()
 
 
 def test_controller_answers_each_measurement_with_its_stamp(bench):

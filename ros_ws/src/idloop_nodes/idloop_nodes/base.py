@@ -354,6 +354,11 @@ class ManagedNode(StreamNode, LifecycleNode):
         self._configured = False
         super().__init__(kind, table)
 
+    def destroy_node(self) -> None:
+        """Destroy the services of the lifecycle as well: left to the collector, they keep their participant alive."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def start_by_itself(self) -> None:
         """Configure and activate when the parameter autostart says so."""
         if self.parameters["autostart"]:
