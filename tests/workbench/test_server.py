@@ -234,11 +234,13 @@ def test_the_stop_does_not_wait_for_the_page(site, source):
     held_up = threading.Event()
     site._loop.add_callback(held_up.wait, 200.0)
     try:
-        assert ask(f"http://127.0.0.1:{site.stop_port}/stop/{site.key}", {})[0] == 400, "it takes no body"
         request = urllib.request.Request(f"http://127.0.0.1:{site.stop_port}/stop/{site.key}", method="POST")
         with urllib.request.urlopen(request, timeout=200) as response:
             assert json.load(response) == {"said": "stopped"}
         assert source.stops == 1
+        for body in ({}, {"verb": "release"}):
+            assert ask(f"http://127.0.0.1:{site.stop_port}/stop/{site.key}", body) == (200, '{"said": "stopped"}')
+        assert source.stops == 3, "a body is no reason not to stop"
     finally:
         held_up.set()
 

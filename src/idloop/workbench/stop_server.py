@@ -18,7 +18,7 @@ from idloop.workbench.admission import Admission
 
 
 class StopServer:
-    """Takes ``POST /stop/<key>``, without a body.
+    """Takes ``POST /stop/<key>``; what a body says changes nothing.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class StopServer:
             self._loop = IOLoop.current()
             application = Application([(r"/stop/.*", _StopHandler, {"stop": stop})])
             admission = Admission(application, self._refusal, self._headers)
-            server = HTTPServer(admission, max_body_size=0, max_header_size=16_384, idle_connection_timeout=60.0)
+            server = HTTPServer(admission, max_body_size=16_384, max_header_size=16_384, idle_connection_timeout=60.0)
             server.add_sockets(sockets)
             ready.set()
             self._loop.start()
