@@ -1,5 +1,6 @@
 """A recording cut off anywhere gives back what was written before the cut."""
 
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,20 @@ def test_what_is_saved_of_a_cut_bag_is_its_beginning(bag: Path, tmp_path_factory
     saved = read_streams(folder / "saved")["/joint_states"]
     assert 0 < result.messages <= 20_000  # all of them where only the index is cut
     np.testing.assert_array_equal(saved.stamp_ns, STAMPS[: result.messages])
+
+
+def test_a_message_with_a_damaged_time_is_kept_at_the_time_before_it(tmp_path: Path) -> None:
+    stamps = STAMPS[:100]
+    stream = make_stream("joint_states", stamps, {"motor": {"position": np.arange(100.0)}})
+    file = file_of(write_bag(tmp_path / "whole", [stream], storage="sqlite3"))
+    with sqlite3.connect(file) as connection:
+        connection.execute("UPDATE messages SET timestamp = ? WHERE timestamp = ?", (-5, int(stamps[40])))
+    connection.close()
+    result = recover_bag(file, tmp_path / "saved")
+    assert (result.messages, result.cut) == (100, (file,))
+    assert result.duration == pytest.approx(0.99)
+    saved = read_streams(tmp_path / "saved")["/joint_states"]
+    np.testing.assert_array_equal(np.sort(saved.position[:, 0]), np.arange(100.0))
 
 
 def test_nothing_readable_is_said_and_leaves_nothing(bag: Path, tmp_path: Path) -> None:

@@ -27,5 +27,5 @@ def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
         print_json({"schema": "idloop/recover/1", **vars(result)})
         return
     print_table(["topic", "messages"], [(topic, str(count)) for topic, count in result.topics.items()])
-    state = f"{len(result.cut)} file(s) cut off" if result.cut else "the recording was whole"
+    state = f"{len(result.cut)} file(s) cut off or damaged" if result.cut else "the recording was whole"
     click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {state}")

@@ -28,7 +28,7 @@ class Recovered:
     duration : float
         Time that they span on the recorder's clock [s].
     cut : tuple of Path
-        Files that ended before their end.
+        Files that ended before their end, or in which a time is damaged.
     """
 
     bag: Path
@@ -95,12 +95,18 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
                 key = (channel.topic, channel.message_type)
                 if key not in connections:
                     connections[key] = _connect(writer, store, channel)
-                writer.write(connections[key], message.stamp_ns, message.data)
+                if 0 <= message.stamp_ns < 2**63:
+                    first, last = min(first, message.stamp_ns), max(last, message.stamp_ns)
+                    stamp = message.stamp_ns
+                else:  # a damaged time is no reason to lose what was said then
+                    cut.append(file)
+                    stamp = last
+                writer.write(connections[key], stamp, message.data)
                 topics[channel.topic] = topics.get(channel.topic, 0) + 1
-                first, last = min(first, message.stamp_ns), max(last, message.stamp_ns)
     if writer is None:
         raise IdloopError(f"{bag}: no message in it can be read")
-    return Recovered(target, sum(topics.values()), (last - first) * 1e-9, dict(sorted(topics.items())), tuple(cut))
+    duration = max(last - first, 0) * 1e-9
+    return Recovered(target, sum(topics.values()), duration, dict(sorted(topics.items())), tuple(dict.fromkeys(cut)))
 
 
 def _connect(writer: Any, store: Any, channel: RecoveredChannel) -> Any:
