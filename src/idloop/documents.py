@@ -31,6 +31,9 @@ from idloop.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+# What reading a damaged document raises, where it is taken apart as if it were whole.
+NOT_WHOLE = (LookupError, ArithmeticError, AttributeError, TypeError, ValueError)
+
 # Characters of a YAML document: a model file has 2,000, the metadata of a recording in 1,000 files 300,000.
 MOST_YAML = 4 << 20
 # Values in it, those counted again that an alias stands for: ten seconds of reading; those 1,000 files have 10,000.

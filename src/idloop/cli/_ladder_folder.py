@@ -12,7 +12,7 @@ from idloop.cli._assessment import save_figure
 from idloop.cli._common import to_json
 from idloop.cli._diagnosis import experiment_text
 from idloop.cli._places import make_folder, probe_file, probe_folder, write_text
-from idloop.documents import MOST_JSON, read_json, read_text
+from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_text
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def read_ladder(folder: Path) -> Kept:
             for key in ("unseen", "seen")
         )
         provenance, taken_back = dict(document.get("provenance", {})), tuple(document.get("taken_back", ()))
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+    except NOT_WHOLE as error:
         raise InputError(f"{path}: not a whole ladder ({type(error).__name__}: {error})") from error
     return Kept(ladder, bags, validate, effects, provenance, unseen, seen, taken_back)
 
@@ -228,7 +228,7 @@ def read_next_experiment(folder: Path, kept: Kept) -> Suggestion | None:
         return None
     try:
         return read_next(read_document(path), kept.folder)
-    except (KeyError, TypeError, ValueError) as error:
+    except NOT_WHOLE as error:
         raise InputError(f"{path}: not a whole experiment ({type(error).__name__}: {error})") from error
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from idloop.documents import MOST_JSON, read_json, read_npz, read_text
+from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_npz, read_text
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.linear.model import Coefficient, LinearModel
 
@@ -107,7 +107,7 @@ def load(path: Path | str) -> LinearModel:
             coefficients=tuple(Coefficient(str(n), _number(v), _number(e)) for n, v, e in coefficients),
             **names,
         )
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+    except NOT_WHOLE as error:
         raise InputError(f"{path}: damaged, or not a linear model ({' '.join(str(error).split())})") from None
 
 

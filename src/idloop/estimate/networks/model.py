@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.documents import NOT_WHOLE
 from idloop.errors import InputError
 from idloop.estimate.networks.division import Split
 from idloop.estimate.networks.network import Network, ahead, parameters
@@ -227,7 +228,7 @@ class NarxModel:
                 history=TrainingHistory(**curves, **history),
                 notes=tuple(map(str, document["notes"])),
             )
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
+        except NOT_WHOLE as error:
             raise InputError(f"damaged, or not a network ({' '.join(str(error).split())})") from None
         _check_shapes(network, len(model.input_names), len(model.output_names))
         return model
