@@ -79,7 +79,7 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
 
     store = get_typestore(Stores.LATEST)
     topics: dict[str, int] = {}
-    cut: list[Path] = []
+    cut: dict[Path, None] = {}
     connections: dict[tuple[str, str], Any] = {}
     first, last = 2**63 - 1, 0
     with ExitStack() as stack:
@@ -87,7 +87,7 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
         for file in files:
             for message in _READERS[file.suffix](file):
                 if message is None:
-                    cut.append(file)
+                    cut[file] = None
                     continue
                 if writer is None:  # only now: nothing to save leaves nothing behind
                     writer = stack.enter_context(Writer(target, version=9, storage_plugin=StoragePlugin.MCAP))
@@ -99,14 +99,14 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
                     first, last = min(first, message.stamp_ns), max(last, message.stamp_ns)
                     stamp = message.stamp_ns
                 else:  # a damaged time is no reason to lose what was said then
-                    cut.append(file)
+                    cut[file] = None
                     stamp = last
                 writer.write(connections[key], stamp, message.data)
                 topics[channel.topic] = topics.get(channel.topic, 0) + 1
     if writer is None:
         raise IdloopError(f"{bag}: no message in it can be read")
     duration = max(last - first, 0) * 1e-9
-    return Recovered(target, sum(topics.values()), duration, dict(sorted(topics.items())), tuple(dict.fromkeys(cut)))
+    return Recovered(target, sum(topics.values()), duration, dict(sorted(topics.items())), tuple(cut))
 
 
 def _connect(writer: Any, store: Any, channel: RecoveredChannel) -> Any:
