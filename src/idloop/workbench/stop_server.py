@@ -49,7 +49,9 @@ class StopServer:
             self._loop = IOLoop.current()
             application = Application([(r"/stop/.*", _StopHandler, {"stop": stop})])
             admission = Admission(application, self._refusal, self._headers)
-            server = HTTPServer(admission, max_body_size=16_384, max_header_size=16_384, idle_connection_timeout=60.0)
+            server = HTTPServer(
+                admission, max_body_size=16_384, max_header_size=16_384, body_timeout=10.0, idle_connection_timeout=60.0
+            )
             server.add_sockets(sockets)
             ready.set()
             self._loop.start()
