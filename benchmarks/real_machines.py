@@ -62,7 +62,7 @@ class Machine(NamedTuple):
 
 def imported(source: Path, work: Path, mapping: str, model: Model, part: str | None = None) -> Record:
     """One record of a file, through a bag."""
-    bag = work / f"{source.stem}{'_' + part if part else ''}"
+    bag = work / "_".join(name for name in (source.parent.name, source.stem, part) if name)
     if not bag.exists():
         import_bag(source, bag, mapping, part=part)
     return read_record(bag, model)
@@ -148,6 +148,49 @@ def bam(folder: Path, work: Path) -> Data:
     return Data(model, train, held_out)
 
 
+def as_given(folder: Path, work: Path, train: Sequence[str], held_out: Sequence[str], kind: str = "") -> Data:
+    """Files of a folder, by the model and the mapping that lie beside them."""
+    model = load_model(folder / f"{kind}model.yaml")
+    mapping = str(folder / (f"{kind.removesuffix('_')}.yaml" if kind else "map.yaml"))
+    parts = [[imported(folder / name, work, mapping, model) for name in names] for names in (train, held_out)]
+    return Data(model, *parts)
+
+
+def screw(folder: Path, work: Path) -> Data:
+    """Runs at constant speed; every second one is held out."""
+    model = load_model(folder.parent / "model.yaml")
+    files = sorted(folder.glob("*.csv"), key=lambda path: int(path.stem.replace("n", "-")))
+    records = []
+    for path in files:
+        # The header of one file is two lines shorter.
+        header = path.read_text(errors="replace").partition(";Velocity")[0].count("\n")
+        mapping = folder.parent / ("map.yaml" if header > 11 else "map10.yaml")
+        records.append(imported(path, work, str(mapping), model))
+    return Data(model, records[::2], records[1::2])
+
+
+def hsm(folder: Path, work: Path) -> Data:
+    """Torque steps; two heights to fit, two held out."""
+    train = ("neg_0.045_1.csv", "neg_0.045_2.csv", "pos_0.065_1.csv", "pos_0.065_2.csv")
+    return as_given(folder, work, train, [name.replace("0.045", "0.04").replace("0.065", "0.06") for name in train])
+
+
+def odrive(folder: Path, work: Path) -> Data:
+    """Slow turns; those with other gains are held out."""
+    runs = ("nocomp_0.csv", "nocomp_1.csv")
+    return as_given(folder, work, [f"slow2_{name}" for name in runs], [f"slow_goodgains_2_{name}" for name in runs])
+
+
+def kuka(folder: Path, work: Path) -> Data:
+    """One joint of an arm that moves as a whole."""
+    return as_given(folder, work, ["train.csv"], ["val.csv"])
+
+
+def robot_arm(folder: Path, work: Path) -> Data:
+    """Joint 6 of a UR10e."""
+    return as_given(folder, work, ["ur10e_j6.csv"], ["ur10e_j6_unseen.csv"], "ur_")
+
+
 MACHINES = {
     "emps": Machine(
         "emps",
@@ -183,6 +226,32 @@ MACHINES = {
         "error more than halved against Coulomb and viscous friction, on other servos (arXiv:2410.08650)",
         mean_absolute=True,
     ),
+    "screw1": Machine(
+        "screw_drives/drive1",
+        screw,
+        ("auto",),
+        "force error by hand, all runs: viscous friction and offset 53 %, with Coulomb 4.1, with Stribeck 1.4",
+    ),
+    "screw2": Machine(
+        "screw_drives/drive2",
+        screw,
+        ("auto",),
+        "force error by hand, all runs: with Coulomb 1.8 %; Stribeck adds nothing",
+    ),
+    "hsm": Machine(
+        "hsm150",
+        hsm,
+        ("auto",),
+        "by hand, free run of the velocity: linear 22.4 %, with Coulomb 19.6, with offset 5.0 (0.0242 and 0.0092 N·m)",
+    ),
+    "odrive": Machine(
+        "odrive_cogging",
+        odrive,
+        ("auto",),
+        "by hand, force error: linear 98 %, with harmonics 7, 28, 14, 36, 12 and 84 of a turn 18 %",
+    ),
+    "kuka": Machine("kuka_joint", kuka, ("auto",), "by hand, force error 35 % with inertia and viscous friction"),
+    "ur10e": Machine("failing_inputs/05_start_values", robot_arm, ("auto",), "nothing published"),
 }
 
 

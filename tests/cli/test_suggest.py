@@ -126,8 +126,8 @@ def test_effects_that_are_one_equation_get_a_check_by_hand_and_no_experiment(hid
 def test_an_experiment_that_would_say_nothing_is_not_written(hidden, one_equation, tmp_path, capsys):
     """Taken as they are, a fitted load and an offset of the same force differ in nothing that moves."""
     offset, load = (load_model(path) for path in one_equation)
-    torque, gain = load.values["load_torque@motor.torque"], offset.values["drive.gain"]
-    values = {"input_offset@input.offset": torque / gain}
+    values = {name: value for name, value in load.values.items() if name in offset.values}
+    values["input_offset@input.offset"] = load.values["load_torque@motor.torque"] / load.values["drive.gain"]
     same = tmp_path / "same.yaml"
     offset.with_values(values).save(same)
     arguments = words("suggest", same, one_equation[1], hidden.two, "--no-fit", "--duration", 3)

@@ -30,7 +30,7 @@ def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Mo
     record = record_of(machine.with_effect("input_delay", "input", delay=0.01), 1, seconds=10.0, disturbance=0.02)
     plain = refit(prepare_setting(start, [record], "prediction"), start)
     assert plain.model.values["axis.inertia"] > 5.0 * axis.values["axis.inertia"]
-    found = diagnose(start, [record])
+    found = diagnose(start, [record], criterion="prediction")
     assert found.set == ("input_delay@input",)
     assert found.best is not None
     assert found.best.p_value < 1e-6

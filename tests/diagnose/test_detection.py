@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.diagnose.detection import DetectionLimit, detection_limit
-from idloop.diagnose.diagnosis import diagnose
+from idloop.diagnose.diagnose import diagnose
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.screen import Screened, Trace
 from idloop.physics import load_model

@@ -32,8 +32,16 @@ class DiagnosisCommand(ListOptionCommand):
 
 
 def diagnosis_options(function: Function) -> Function:
-    """Add `--level`, `--effects`, `--criterion`, `--seed`, given as `level`, `only`, `criterion`, `seed`."""
+    """Add `--level`, `--minimum-improvement`, `--effects` (given as `only`), `--criterion` and `--seed`."""
     function = seed_option(function)
+    function = click.option(
+        "--minimum-improvement",
+        type=click.FloatRange(0.0, 100.0, max_open=True),
+        default=1.0,
+        show_default=True,
+        metavar="PERCENT",
+        help="An effect that makes the errors on unseen samples smaller by less is listed, not added.",
+    )(function)
     function = criterion_option(function)
     function = click.option(
         "--effects",

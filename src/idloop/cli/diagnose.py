@@ -40,6 +40,7 @@ def command(
     bags: tuple[Path, ...],
     *,
     level: float,
+    minimum_improvement: float,
     only: tuple[str, ...],
     criterion: str,
     seed: int,
@@ -61,7 +62,14 @@ def command(
 
     with progress(f"diagnosing {model.name}") as update:
         found = diagnose(
-            model, records, level=level, criterion=criterion, effects=only or None, seed=seed, progress=update
+            model,
+            records,
+            level=level,
+            criterion=criterion,
+            minimum_improvement=0.01 * minimum_improvement,
+            effects=only or None,
+            seed=seed,
+            progress=update,
         )
         update(1.0, "what is left")
         left = compared(found.model, records)

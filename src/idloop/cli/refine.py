@@ -86,6 +86,7 @@ def command(
     *,
     validate: tuple[Path, ...],
     level: float,
+    minimum_improvement: float,
     only: tuple[str, ...],
     criterion: str,
     seed: int,
@@ -146,7 +147,9 @@ def command(
 
     answer: Next | None = None
     with progress(f"refining {model.name}") as update:
-        climb = _Climb(records, validation, level, criterion, only, seed, most, update, keep)
+        climb = _Climb(
+            records, validation, level, 0.01 * minimum_improvement, criterion, only, seed, most, update, keep
+        )
         if undo and add is None and kept is not None:
             ladder = kept.ladder
         else:
@@ -205,6 +208,7 @@ class _Climb:
     records: Sequence[Record]
     validation: Sequence[Record]
     level: float
+    least: float
     criterion: str
     only: tuple[str, ...]
     seed: int
@@ -229,6 +233,7 @@ class _Climb:
             self.validation,
             level=self.level,
             criterion=self.criterion,
+            minimum_improvement=self.least,
             effects=self.only or None,
             most=self.most,
             ladder=ladder,

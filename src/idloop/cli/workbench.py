@@ -65,6 +65,7 @@ def command(
     *,
     validate: tuple[Path, ...],
     level: float,
+    minimum_improvement: float,
     only: tuple[str, ...],
     criterion: str,
     seed: int,
@@ -101,7 +102,9 @@ def command(
     from idloop.workbench.steps import Study
 
     limits = read_limits(max_command, position_range, max_velocity)
-    study = Study(tuple(records), tuple(unseen), level, criterion, only, seed, limits, duration)
+    study = Study(
+        tuple(records), tuple(unseen), level, criterion, only, seed, limits, duration, 0.01 * minimum_improvement
+    )
     source = OfflineSource(model, study, keep=_keeper(output, bags, validate, model))
     try:
         site = Site(source, Place(address, port))

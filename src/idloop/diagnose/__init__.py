@@ -1,7 +1,8 @@
 """Which physical effect a model lacks: gate, screening, calibrated evidence, the ladder, the next experiment."""
 
 from idloop.diagnose.candidate import Candidate
-from idloop.diagnose.diagnosis import Diagnosis, diagnose
+from idloop.diagnose.diagnose import diagnose
+from idloop.diagnose.diagnosis import Diagnosis
 from idloop.diagnose.gate import Gate
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.refine import add_effect, refine

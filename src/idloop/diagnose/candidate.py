@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from idloop.physics.model import Model
+from idloop.physics.model import Model, effect_name
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,8 @@ class Candidate:
         The model with the effect fitted; None when it was only screened.
     replaces : str or None
         An effect of the model that it contains and takes the place of.
+    number : int
+        Which one it is of an effect that may act several times at a site.
     """
 
     effect: str
@@ -49,11 +51,12 @@ class Candidate:
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
     model: Model | None = None
     replaces: str | None = None
+    number: int = 1
 
     @property
     def name(self) -> str:
-        """``effect@site``."""
-        return f"{self.effect}@{self.at}"
+        """Name in the model that has it, such as ``effect@site``."""
+        return effect_name(self.effect, self.at, self.number)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -66,6 +69,7 @@ class Candidate:
             "gain": None if np.isnan(self.gain) else self.gain,
             "parameters": self.parameters,
             "replaces": self.replaces,
+            "number": self.number,
             "text": self.text,
             "why": self.why,
         }
@@ -85,6 +89,7 @@ class Candidate:
             explains=float(document.get("explains", 0.0)),
             parameters=dict(document.get("parameters", {})),
             replaces=document.get("replaces"),
+            number=int(document.get("number", 1)),
         )
 
 

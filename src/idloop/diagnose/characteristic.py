@@ -169,7 +169,7 @@ def _force_cloud(model: Model, without: Model, active: ActiveEffect, record: Rec
     """Force, command or torque along the measured motion, in the band in which forces are compared."""
     data = prepare(model, [record])[0]
     engine, plain = RememberingEngine(model), RememberingEngine(without)
-    balance = balance_of(engine, data, None)
+    balance = balance_of(engine, data)
     if balance is None:
         return None
     kind, motion = model.site_kind(active.at), balance.motion

@@ -139,10 +139,8 @@ def force_shapes(screen: Screen) -> list[Shape]:
         (laid("velocity", body, -fastest, 2.0 * fastest, force), f"{body}.velocity", f"{units.position}/s", 1),
         (laid("position", body, middle - 0.5 * span, span, force), f"{body}.position", units.position, 1),
     ]
-    # The command is what a force balance explains: a curve over it would explain it by itself.
-    if setting.kind != "force":
-        own = laid("command", INPUT, -most, 2.0 * most, 0.01 * sizes.command)
-        curves.append((own, "command", units.input, 1))
+    own = laid("command", INPUT, -most, 2.0 * most, 0.01 * sizes.command)
+    curves.append((own, "command", units.input, 1))
     period = remaining_period(model, setting)
     if period is not None:
         repeating = laid("period", body, middle - 0.5 * period.length, period.length, force, closed=True)

@@ -6,21 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from idloop.diagnose.calibrate import calibrate
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
-from idloop.diagnose.choice import FIRST_DISAGREEMENT, balance_disagrees, first_kind
-from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
 from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.evidence import consistent, distinguishable, holds, may_decide, rank, statistic
-from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command, unmoved
+from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
 from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import Gate, gate
 from idloop.diagnose.intervals import with_stderr
-from idloop.diagnose.leap import Leap, leap
+from idloop.diagnose.leap import Leap
 from idloop.diagnose.learnt import remaining
 from idloop.diagnose.listing import all_candidates, p_value_of, pair_candidates
 from idloop.diagnose.pairs import (
@@ -34,24 +30,18 @@ from idloop.diagnose.pairs import (
 )
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.reach import at_its_bound
-from idloop.diagnose.refit import Refit, refit
+from idloop.diagnose.refit import Refit
 from idloop.diagnose.rivals import with_rivals
 from idloop.diagnose.screen import Screen, Screened
-from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.setting import Setting
 from idloop.diagnose.slight import same_motion, too_slight
 from idloop.diagnose.stand_in import stands_in
 from idloop.diagnose.twins import Twins, find_twins
 from idloop.diagnose.unknown import UnknownStructure, unknown_structure
 from idloop.diagnose.verdict import ADEQUATE, MISSING, NOT_EXCITED, UNKNOWN
-from idloop.errors import InputError
-from idloop.estimate.dataset import prepare
-from idloop.estimate.direction import turned
-from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
-from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.estimate.whitening import choose_order
 from idloop.physics.model import Model
-from idloop.records import Record
 
 Progress = Callable[[float, str], None]
 
@@ -87,8 +77,8 @@ class Diagnosis:
     level : float
         Family-wise error rate, of which single effects have four fifths and pairs one fifth where pairs
         are searched; p-values are divided by these shares, so that both are held against the level itself.
-    fit : Refit
-        The refitted model, where a search can go on from.
+    fit : Refit or None
+        The refitted model, where a search can go on from; None by the force balance.
     best_fit : Refit or None
         With the best effect, or with both of a pair.
     pair : tuple of str, or None
@@ -110,7 +100,7 @@ class Diagnosis:
     unknown: UnknownStructure | None
     criterion: str
     level: float
-    fit: Refit
+    fit: Refit | None
     best_fit: Refit | None = None
     pair: tuple[str, str] | None = None
     rival_pairs: tuple[tuple[str, str], ...] = ()
@@ -173,7 +163,7 @@ class Diagnosis:
             As the user gave it.
         """
         told = [said for said in self.gate.findings if said in _UNFOLLOWED]
-        if not told or not reversed_command(setting, self.fit, start):
+        if not told or self.fit is None or not reversed_command(setting, self.fit, start):
             return self
         findings = tuple(REVERSED if said in told else said for said in self.gate.findings)
         return replace(
@@ -238,81 +228,6 @@ class Diagnosis:
             lines.append("nothing significant is left")
         lines += [f"significant, yet passed over: {name}: {why}" for name, why in self.passed_over.items()]
         return "\n".join(lines)
-
-
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def diagnose(
-    model: Model,
-    records: Sequence[Record],
-    *,
-    level: float = 0.01,
-    criterion: str = "auto",
-    effects: Sequence[str] | None = None,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> Diagnosis:
-    """Find the physical effect that a model lacks.
-
-    Parameters
-    ----------
-    model : Model
-    records : sequence of Record
-        Experiments; several amplitudes tell more than one.
-    level : float
-        Probability of naming an effect where none is missing, over the whole catalogue and all its pairs.
-    criterion : {"auto", "prediction", "simulation", "force"}
-        What the models are measured by, as in `idloop.estimate.fit`.
-    effects : sequence of str, optional
-        Choose from these only (``name`` or ``name@site``).
-    seed : int
-        Of the calibration.
-    progress : callable, optional
-        Called with the share done and a text.
-
-    Returns
-    -------
-    Diagnosis
-
-    Raises
-    ------
-    InputError
-        Bad level, unknown effects, records that do not suit the model.
-    """
-    if not 0.0 < level < 0.5:
-        raise InputError(f"level = {level} is no error rate; choose something such as 0.01")
-    tell = progress or (lambda share, text: None)
-    tell(0.0, "fitting the model as it is")
-    kind = first_kind(criterion)
-    together = common_scale(RememberingEngine(model), prepare(model, records))
-    if together is not None:
-        model = together.fixed(model)
-    diagnosis = _diagnose(model, records, kind, level, effects, seed, progress)
-    reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
-    if criterion == "auto" and balance_disagrees(reached, records, FIRST_DISAGREEMENT):
-        diagnosis = _diagnose(model, records, "force", level, effects, seed, progress)
-    told = [] if together is None else [together]
-    if diagnosis.best is not None and diagnosis.best.model is not None:
-        told += effect_scales(diagnosis.best.model, records)
-    texts = ["" if unmoved(diagnosis.gate.findings) else turned(model, reached), *(one.text for one in told)]
-    findings = (*diagnosis.gate.findings, *(text for text in texts if text))
-    return replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
-
-
-def _diagnose(
-    model: Model,
-    records: Sequence[Record],
-    kind: str,
-    level: float,
-    effects: Sequence[str] | None,
-    seed: int,
-    progress: Progress | None,
-) -> Diagnosis:
-    setting = with_common_whitening(prepare_setting(model, records, kind), model)
-    found = diagnose_fitted(setting, refit(setting, model), level=level, effects=effects, seed=seed, progress=progress)
-    further = leap(
-        setting, found.fit, model.values, level=level, effects=effects, pairs=found.best is None, seed=seed
-    )  # fmt: skip
-    return found.why_unmoved(setting, model) if further is None else found.or_rather(further)
 
 
 def diagnose_fitted(

@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.diagnose.choice import NOTHING
 from idloop.diagnose.evidence import distinguishable
 from idloop.diagnose.foretells import foretells
 from idloop.diagnose.refit import Refit, refit, refit_or_none, transfer
@@ -24,7 +23,6 @@ from idloop.errors import IdloopError
 from idloop.estimate.direction import AGAINST, TURN
 from idloop.physics.model import Model
 from idloop.records import Record
-from idloop.validate.drive import force_error
 
 UNMOVED = (
     "the measured motion does not follow the command: the model predicts it no better with the command than without. "
@@ -53,8 +51,6 @@ def follows(setting: Setting, fit: Refit) -> bool:
     bool
         True as well where that cannot be computed.
     """
-    if setting.kind == "force":
-        return _balances(setting, fit)
     still = tuple(replace(one, input=np.full_like(one.input, np.mean(one.input))) for one in setting.data)
     without = transfer(replace(setting, data=still), fit, own_disturbance=True)
     return without is None or distinguishable(fit, without)
@@ -107,15 +103,6 @@ def unrelated(start: Model, records: Sequence[Record]) -> str:
     except (IdloopError, np.linalg.LinAlgError):
         return ""
     return "" if foretells(records) else UNMOVED
-
-
-def _balances(setting: Setting, fit: Refit) -> bool:
-    """Whether a balance of forces along the measured motion explains anything of the commanded force."""
-    try:
-        errors = [force_error(fit.model, record).relative for record in setting.records]
-    except (IdloopError, np.linalg.LinAlgError):
-        return True
-    return float(np.sqrt(np.mean(np.square(errors)))) < NOTHING
 
 
 def unmoved(findings: Iterable[str]) -> bool:

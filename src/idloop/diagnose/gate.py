@@ -94,11 +94,6 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
     """
     sizes = Sizes(model, setting)
     facts = _facts(model, setting, sizes)
-    findings = [facts.sentence]
-    if facts.command_levels <= 1:
-        findings.append("the command has one size only: what depends on its size cannot be told from the gain")
-    if facts.reversals < 4:
-        findings.append(f"the axis reverses {facts.reversals} times: friction and play hardly show")
     testable, why, limits = {}, {}, {}
     for s in screened:
         name, limit, reach = s.proposal.name, detection_limit(s, chance), Reach()
@@ -113,7 +108,22 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
             if quicker:
                 testable[name], why[name] = "no", quicker
     levels = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
-    return Gate(tuple(findings), testable, why, levels, limits | resolution_limits(model, setting))
+    return Gate(facts.findings, testable, why, levels, limits | resolution_limits(model, setting))
+
+
+def excitation_findings(model: Model, setting: Setting) -> tuple[str, ...]:
+    """Facts about the excitation, one line each.
+
+    Parameters
+    ----------
+    model : Model
+    setting : Setting
+
+    Returns
+    -------
+    tuple of str
+    """
+    return _facts(model, setting, Sizes(model, setting)).findings
 
 
 def _quicker(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
@@ -139,6 +149,16 @@ class _Facts:
     turns: float
     angle: bool
     sentence: str
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """One line each."""
+        found = [self.sentence]
+        if self.command_levels <= 1:
+            found.append("the command has one size only: what depends on its size cannot be told from the gain")
+        if self.reversals < 4:
+            found.append(f"the axis reverses {self.reversals} times: friction and play hardly show")
+        return tuple(found)
 
 
 def _facts(model: Model, setting: Setting, sizes: Sizes) -> _Facts:

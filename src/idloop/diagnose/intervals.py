@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.refit import Refit, felt
 from idloop.diagnose.weighing import residual_or_infinite
-from idloop.estimate import fit as fit_model
-from idloop.estimate.force import ForceCriterion
 from idloop.estimate.levenberg import difference_jacobian
 from idloop.estimate.spread import problem_covariance
 from idloop.physics.model import Model
@@ -30,9 +28,6 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
     -------
     Model
     """
-    if isinstance(fit.criterion, ForceCriterion):
-        # Instruments make the force balance consistent in the closed loop; the ranking does not need them.
-        return fit_model(fit.model, records, criterion="force").model
     spread = np.sqrt(np.maximum(np.diag(parameter_covariance(fit)), 0.0))
     names = fit.model.free
     values = {name: float(v) for name, v in zip(names, fit.point, strict=False)}

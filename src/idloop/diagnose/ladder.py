@@ -54,6 +54,7 @@ class Step:
                 "parameters": self.added.parameters,
                 "explains": self.added.explains,
                 "replaces": self.added.replaces,
+                "number": self.added.number,
                 "text": self.added.text,
             }
         return {

@@ -94,11 +94,11 @@ def _remaining(model: Model, setting: Setting) -> list[tuple[Array, Array, float
     found: list[tuple[Array, Array, float] | None] = []
     for data in setting.data:
         with np.errstate(all="ignore"):
-            narrow = balance_of(engine, data, None)
+            narrow = balance_of(engine, data)
             if narrow is None:
                 return [None]
             cutoff = min(_WIDER * narrow.motion.cutoff, 0.2 / narrow.motion.sample_time)
-            balance = balance_of(engine, data, None, max(cutoff, narrow.motion.cutoff))
+            balance = balance_of(engine, data, max(cutoff, narrow.motion.cutoff))
         if balance is None:
             return [None]
         m = balance.motion

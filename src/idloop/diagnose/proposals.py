@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from idloop.errors import InputError
 from idloop.physics.effect import INPUT, OUTPUT, Effect, catalogue
-from idloop.physics.model import Model, values_of
+from idloop.physics.model import Model, effect_name, values_of
 from idloop.physics.schema import Value
 from idloop.physics.trial import Scales, Trial
 from idloop.spelling import did_you_mean_or_known
@@ -39,9 +40,14 @@ class Proposal:
     plain: Trial | None = None
 
     @property
+    def number(self) -> int:
+        """Which one it is of an effect that may act several times at a site."""
+        return self.base.next_number(self.effect, self.at)
+
+    @property
     def name(self) -> str:
-        """``effect@site``."""
-        return f"{self.effect.name}@{self.at}"
+        """Name in the model that has it, such as ``effect@site``."""
+        return effect_name(self.effect.name, self.at, self.number)
 
     def alternatives(self, scales: Scales) -> list[list[Trial]]:
         """Values to try, see `idloop.physics.trial`."""
@@ -130,7 +136,8 @@ def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]
         ``only`` names an effect or a site that there is not.
     """
     known = catalogue(*model.effect_folders)
-    for text in only or ():
+    wanted = None if only is None else [re.sub(r"#\d+", "", text) for text in only]
+    for text in wanted or ():
         name, _, at = text.partition("@")
         if name not in known:
             raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
@@ -140,7 +147,7 @@ def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]
     for effects in known.values():
         for effect in effects:
             for at in model.sites(effect.site):
-                if only is None or effect.name in only or f"{effect.name}@{at}" in only:
+                if wanted is None or effect.name in wanted or f"{effect.name}@{at}" in wanted:
                     proposal = _propose(model, effect, at)
                     if proposal is not None:
                         found.append(proposal)
@@ -149,7 +156,8 @@ def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]
 
 def _fits(model: Model, effect: Effect, at: str) -> bool:
     """Whether an effect makes sense at a site of a model that does not have it."""
-    if f"{effect.name}@{at}" in model.effect_names and not _is_plain(model, effect, at):
+    there = f"{effect.name}@{at}" in model.effect_names
+    if there and not effect.several and not _is_plain(model, effect, at):
         return False
     if effect.site == OUTPUT and next(o for o in model.outputs if o.site == at).field not in effect.outputs:
         return False
@@ -171,7 +179,7 @@ def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
     if not _fits(model, effect, at):
         return None
     beside = [active for active in model.effects if active.at == at and active.effect.site == effect.site]
-    own = next((active for active in beside if active.effect.name == effect.name), None)
+    own = None if effect.several else next((active for active in beside if active.effect.name == effect.name), None)
     if own is not None:
         values = values_of(own, model.values)
         return Proposal(effect, at, model.without_effect(own.name), own.name, plain=values)

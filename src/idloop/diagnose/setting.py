@@ -9,17 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.criterion import Criterion, Errors
+from idloop.estimate.criterion import Criterion
 from idloop.estimate.dataset import Data, output_noise, prepare
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.force import Balance, ForceCriterion, balance_of
 from idloop.estimate.greybox import force_scale
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.whitening import Whitener
 from idloop.physics import kernel
-from idloop.physics.effect import INPUT
 from idloop.physics.layout import Layout
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -40,11 +38,6 @@ _UNSEEN, _COARSE = 2.0, 2.0
 
 # Errors below this part of an output's deviation are rounding.
 _EXACT = 1e-9
-
-# Part of the commanded force that the drive must still apply.
-LEAST_DRIVE = 0.02
-
-KINDS = ("prediction", "simulation", "force")
 
 
 class FrugalEngine(RememberingEngine):
@@ -90,37 +83,13 @@ class FrugalEngine(RememberingEngine):
         return layout
 
 
-class DriveForceCriterion(ForceCriterion):
-    """Unexplained force in units of the drive force that is left of the command.
-
-    An effect that takes the drive's force away would otherwise make all errors small.
-    """
-
-    def errors(self, theta: Array, nuisance: Array) -> Errors:
-        """Unexplained force by record, times the commanded over the applied force."""
-        rows = super().errors(theta, nuisance)[0]
-        if not any(active.effect.site == INPUT for active in self.engine.model.effects):
-            return [rows]
-        gain = self.engine.layout(theta).axis.constants[kernel.GAIN]
-        scaled = []
-        for b, error in zip(self.balances, rows, strict=True):
-            m, command = b.motion, b.command(0.0)
-            applied, _ = self.engine.drive_force(theta, m.position, m.velocity, m.acceleration, m.time, command, m.time)
-            # An offset adds to the force without making it follow the command any better.
-            left = min(float(np.std(applied) / max(float(np.std(gain * command)), 1e-300)), 1.0)
-            if left < LEAST_DRIVE:
-                raise IdloopError("these values leave nothing of the command")
-            scaled.append(error / left)
-        return [scaled]
-
-
 @dataclass(frozen=True)
 class Setting:
     """Data and criterion of a diagnosis.
 
     Attributes
     ----------
-    kind : {"prediction", "simulation", "force"}
+    kind : {"prediction", "simulation"}
         Criterion, see `idloop.estimate.fit`.
     records : tuple of Record
     data : tuple of Data
@@ -131,8 +100,6 @@ class Setting:
         Typical drive force.
     speed : float
         Largest speed seen.
-    balances : tuple of Balance
-        Measured motion of each record, for the force criterion.
     spread : array, shape (p,)
         Standard deviation of each output.
     whiteners : tuple of Whitener or None
@@ -146,7 +113,6 @@ class Setting:
     force: float
     speed: float
     spread: Array
-    balances: tuple[Balance, ...] = ()
     whiteners: tuple[Whitener, ...] | None = None
 
     def problem(self, criterion: Criterion, parameters: int) -> Problem:
@@ -165,21 +131,11 @@ class Setting:
         return Problem(criterion, parameters, None if self.whiteners is None else list(self.whiteners), floors)
 
     def criterion(self, model: Model) -> Criterion:
-        """The criterion for one model.
-
-        Raises
-        ------
-        InputError
-            The force criterion cannot serve a model of which not every body is measured.
-        """
+        """The criterion for one model."""
         engine = FrugalEngine(model, min(d.sample_time for d in self.data), self.speed)
         if self.kind == "simulation":
             return SimulationCriterion(engine, list(self.data))
-        if self.kind == "prediction":
-            return InnovationCriterion(engine, list(self.data), self.noise, self.force)
-        if engine.layout(None).bodies != len(model.bodies):
-            raise InputError("the force criterion needs every body measured")
-        return DriveForceCriterion(engine, self.balances)
+        return InnovationCriterion(engine, list(self.data), self.noise, self.force)
 
 
 def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: Sequence[Record] = ()) -> Setting:
@@ -189,7 +145,7 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: 
     ----------
     model : Model
     records : sequence of Record
-    kind : {"prediction", "simulation", "force"}
+    kind : {"prediction", "simulation"}
     beside : sequence of Record
         Further records that another setting of the same outputs is made of.
 
@@ -200,20 +156,12 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: 
     Raises
     ------
     InputError
-        Records that do not suit the model or the criterion, or a command that never changes.
+        Records that do not suit the model, or a command that never changes.
     """
     data = prepare(model, records, beside=beside)
     if all(np.ptp(d.input) == 0.0 for d in data):
         raise InputError("the command never changes in these records; excite the axis, nothing can be learnt")
     engine = RememberingEngine(model)
-    balances: list[Balance | None] = []
-    if kind == "force":
-        first = [balance_of(engine, d, None) for d in data]
-        known = [b for b in first if b is not None]
-        if len(known) < len(first):
-            raise InputError("the force criterion needs every body's position or velocity; use prediction")
-        cutoff = max(b.motion.cutoff for b in known)
-        balances = [balance_of(engine, d, r, cutoff) for d, r in zip(data, records, strict=True)]
     return Setting(
         kind,
         tuple(records),
@@ -222,7 +170,6 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: 
         force_scale(engine, data),
         _largest_speed(model, data),
         np.array([_spread(column) for column in np.concatenate([d.output for d in data]).T]),
-        tuple(b for b in balances if b is not None),
     )
 
 

@@ -59,7 +59,7 @@ def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion
             raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
     data = _shortened(prepare(first, records))
     views: Sequence[View] | None = None
-    if criterion == "force" or (criterion == "auto" and force_decides(first, data, records)):
+    if criterion == "force" or (criterion == "auto" and force_decides(first, data)):
         views = force_views(models, data)
     if views is None:
         noise = common_noise(models, data)
@@ -126,11 +126,13 @@ def experiment_gains(
     inside = contained([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
         wanted = [j for j in range(len(rivals)) if i != j and not inside[i, j] and (j == 0 or not against_first)]
-        record = experiment.run(truth.model, engine=truth.engine) if wanted else None
+        if not wanted:
+            continue
+        record = experiment.run(truth.model, engine=truth.engine)
+        own = truth.leaves(record, experiment.start)
         for j in wanted:
-            if record is not None:
-                missed = rivals[j].missed(record, experiment.start, searched=searched)
-                gains[i, j], alone[i, j] = missed.gain, missed.alone
+            missed = rivals[j].missed(record, experiment.start, own, searched=searched)
+            gains[i, j], alone[i, j] = missed.gain, missed.alone
     return gains, alone
 
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.suggest_view import Difference
 from idloop.errors import IdloopError
-from idloop.estimate.choose import after_fit, before_fit
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.force import Balance, ForceCriterion, balance_of
+from idloop.estimate.weak_fit import fit_by_force, model_error_rules
+from idloop.estimate.weak_form import NARROWEST, WeakForm, weak_form
 from idloop.estimate.whitening import Whitener, choose_order, fit_whitener
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ class ForceNoise:
         Inverse Cholesky factor of the whitened errors' covariance.
     spread : array, shape (bodies,)
         Standard deviation of the errors [force unit].
-    cutoff : float
-        Of the differentiating filter [Hz].
+    width : int
+        Of the windows [samples].
     sample_time : float
         Of the measurements [s].
     """
@@ -53,7 +53,7 @@ class ForceNoise:
     whitener: Whitener
     weight: Array
     spread: Array
-    cutoff: float
+    width: int
     sample_time: float
 
     def scaled(self, errors: Sequence[Array]) -> Array:
@@ -67,21 +67,20 @@ class ForceView:
     Parameters
     ----------
     model : Model
-    balances : list of Balance
-        Of the data so far.
+    form : WeakForm
+        Balance on the data so far.
     noise : ForceNoise
     """
 
     period = 1
 
-    def __init__(self, model: Model, balances: Sequence[Balance], noise: ForceNoise) -> None:
+    def __init__(self, model: Model, form: WeakForm, noise: ForceNoise) -> None:
         self.model, self.noise = model, noise
         self.engine = RememberingEngine(model)
-        self._criterion = ForceCriterion(self.engine, balances)
-        self._shift = _best_shift(self._criterion, model.theta)
-        errors = self._criterion.errors(model.theta, self._shift)[0]
-        self._own = force_noise(errors, noise.cutoff, noise.sample_time)
-        self._seen: tuple[int, ForceCriterion] | None = None
+        self._form = form.with_engine(self.engine)
+        self._shift = _best_shift(self._form, model.theta)
+        self._own = force_noise(_by_record(self._form, model.theta, self._shift), noise.width, noise.sample_time)
+        self._seen: tuple[int, WeakForm] | None = None
 
     @property
     def stronger(self) -> list[float]:
@@ -90,7 +89,7 @@ class ForceView:
 
     def seen(self, theta: Array) -> Array:
         """Errors on the data so far, white and of unit variance by this rival's own noise."""
-        return self._own.scaled(self._criterion.errors(theta, self._shift)[0])
+        return self._own.scaled(_by_record(self._form, theta, self._shift))
 
     def innovations(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
         """Force that is left unexplained along the motion of an experiment, shape (n, bodies)."""
@@ -99,15 +98,13 @@ class ForceView:
             data = Data(
                 record.name, record.input_time, record.input, record.time, record.output, step, np.zeros(0, dtype=int)
             )
-            balance = balance_of(self.engine, data, None, self.noise.cutoff)
-            if balance is None:
+            # The same sensors will tell standing from moving.
+            form = weak_form(self.engine, [data], self.noise.width, self._form.rest_speed)
+            if form is None:
                 raise IdloopError("the experiment is too short for a balance of forces")
-            self._seen = id(record), ForceCriterion(self.engine, [balance])
-        rule = self._seen[1]
+            self._seen = id(record), form
         # The experiment is simulated: its commands act at their stamps.
-        timing = np.zeros(1) if rule.free_timing else np.zeros(0)
-        errors: list[Array] = rule.errors(theta, timing)[0]
-        return errors[0]
+        return self._seen[1].residual(theta, 0.0)
 
     def scaled(self, raw: Array, decades: float = 0.0) -> Array:
         """Series of errors, white and of unit variance where the rival is right, shape (rows, k)."""
@@ -136,25 +133,20 @@ class ForceView:
         ]
 
 
-def force_decides(model: Model, data: Sequence[Data], records: Sequence[Record]) -> bool:
-    """Whether model error and not sensor noise limits what can be said, by the rule of `idloop.estimate.choose`.
+def force_decides(model: Model, data: Sequence[Data]) -> bool:
+    """Whether model error and not sensor noise limits what can be said.
 
     Parameters
     ----------
     model : Model
         Fitted to the records.
     data : sequence of Data
-    records : sequence of Record
-        The same experiments, with their references.
     """
-    engine = RememberingEngine(model)
-    if engine.layout(None).bodies != len(model.bodies):
+    form = weak_form(RememberingEngine(model), data, NARROWEST)
+    if form is None:
         return False
-    balances = [balance_of(engine, d, r) for d, r in zip(data, records, strict=True)]
-    if before_fit(balances).criterion != "force":
-        return False
-    rule = ForceCriterion(engine, [b for b in balances if b is not None])
-    return after_fit(engine, rule, model.theta, _best_shift(rule, model.theta)).criterion == "force"
+    shift = _best_shift(form, model.theta)
+    return model_error_rules(form, model.theta, shift)
 
 
 def force_views(models: Sequence[Model], data: Sequence[Data]) -> list[ForceView] | None:
@@ -173,33 +165,30 @@ def force_views(models: Sequence[Model], data: Sequence[Data]) -> list[ForceView
     engines = [RememberingEngine(model) for model in models]
     if any(engine.layout(None).bodies != len(model.bodies) for engine, model in zip(engines, models, strict=True)):
         return None
-    first = [balance_of(engines[0], d, None) for d in data]
-    known = [b for b in first if b is not None]
-    if len(known) < len(first):
+    fitted = fit_by_force(engines[0], data, models[0].theta, insist=True)
+    if fitted is None:
         return None
-    cutoff = max(b.motion.cutoff for b in known)
-    balances = [b for b in (balance_of(engines[0], d, None, cutoff) for d in data) if b is not None]
-    step = float(np.median([d.sample_time for d in data]))
+    form, step = fitted.form, float(np.median([d.sample_time for d in data]))
     best: tuple[float, ForceNoise] | None = None
     for engine, model in zip(engines, models, strict=True):
-        rule = ForceCriterion(engine, balances)
-        noise = force_noise(rule.errors(model.theta, _best_shift(rule, model.theta))[0], cutoff, step)
+        own = form.with_engine(engine)
+        noise = force_noise(_by_record(own, model.theta, _best_shift(own, model.theta)), form.width, step)
         size = -float(np.sum(np.log(np.diag(noise.weight))))
         if np.isfinite(size) and (best is None or size < best[0]):
             best = (size, noise)
     if best is None:
         return None
-    return [ForceView(model, balances, best[1]) for model in models]
+    return [ForceView(model, form, best[1]) for model in models]
 
 
-def force_noise(errors: Sequence[Array], cutoff: float, sample_time: float) -> ForceNoise:
+def force_noise(errors: Sequence[Array], width: int, sample_time: float) -> ForceNoise:
     """Colour and size of what a balance of forces leaves over, by record.
 
     Parameters
     ----------
     errors : sequence of array, shape (n, bodies)
-    cutoff : float
-        [Hz]
+    width : int
+        [samples]
     sample_time : float
         [s]
 
@@ -213,13 +202,18 @@ def force_noise(errors: Sequence[Array], cutoff: float, sample_time: float) -> F
     covariance = white.T @ white / max(len(white), 1)
     floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
     weight = np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(covariance))))
-    return ForceNoise(whitener, weight, np.sqrt(np.mean(stacked**2, axis=0)), cutoff, sample_time)
+    return ForceNoise(whitener, weight, np.sqrt(np.mean(stacked**2, axis=0)), width, sample_time)
 
 
-def _best_shift(rule: ForceCriterion, theta: Array) -> Array:
-    """Timing of the commands in the data so far, as the criterion's nuisance parameter."""
-    if not rule.free_timing:
-        return np.zeros(0)
-    shifts = [np.array([share * rule.sample_time]) for share in _SHIFTS]
-    power = [sum(float(np.sum(e**2)) for e in rule.errors(theta, shift)[0]) for shift in shifts]
+def _by_record(form: WeakForm, theta: Array, shift: float) -> list[Array]:
+    """Unexplained force of every record."""
+    return np.split(form.residual(theta, shift), form.starts[1:-1])
+
+
+def _best_shift(form: WeakForm, theta: Array) -> float:
+    """Timing of the commands in the data so far [s]."""
+    if not form.free_timing:
+        return 0.0
+    shifts = [float(share * form.sample_time) for share in _SHIFTS]
+    power = [float(np.sum(form.residual(theta, shift) ** 2)) for shift in shifts]
     return shifts[int(np.argmin(power))]

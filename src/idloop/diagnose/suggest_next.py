@@ -123,7 +123,8 @@ def open_question(
     seed : int
     progress : callable, optional
     """
-    from idloop.diagnose.diagnosis import Diagnosis, diagnose
+    from idloop.diagnose.diagnose import diagnose
+    from idloop.diagnose.diagnosis import Diagnosis
 
     if isinstance(found, Diagnosis):
         # Of a pair, either effect may be tied.

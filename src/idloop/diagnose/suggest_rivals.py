@@ -84,7 +84,11 @@ class Rival:
         known = [self.model.parameter(name).stderr for name in self.model.free]
         return np.array([np.nan if value is None else value for value in known])
 
-    def missed(self, record: Record, start: float, *, searched: bool = False) -> Missed:
+    def leaves(self, record: Record, start: float) -> Array:
+        """Errors of this rival as it is on a record, shape (n, p)."""
+        return self.view.innovations(record, start, self.theta)
+
+    def missed(self, record: Record, start: float, own: Array, *, searched: bool = False) -> Missed:
         """What this rival misses of a record without noise, refitted to it and to the data so far.
 
         It may also take what it misses for a stronger disturbance, as a fit would.
@@ -95,6 +99,8 @@ class Rival:
             From `Experiment.run` of the truth.
         start : float
             Where the axis rested before.
+        own : array, shape (n, p)
+            What the truth itself leaves of it, which is no motion that tells.
         searched : bool
             Refit by a search instead of one linear step: slower, and exact where the rival bends.
 
@@ -102,7 +108,7 @@ class Rival:
         -------
         Missed
         """
-        raw = self._with_slopes(record, start)
+        raw = self._with_slopes(record, start, own)
         if not np.all(np.abs(raw[:: self.view.period]) < _RUNS_AWAY):
             return Missed(np.inf, np.inf, self.theta)  # runs away where the truth does not: plainly told apart
         best, at = self._linear(raw, 0.0), 0.0
@@ -116,13 +122,13 @@ class Rival:
                 at = decades
             theta = other.theta if other.gain < best.gain else best.theta
             best = Missed(min(best.gain, other.gain), min(best.alone, other.alone), theta)
-        return self._search(record, start, best, at, len(raw)) if searched and len(self.theta) else best
+        return self._search(record, start, own, best, at) if searched and len(self.theta) else best
 
-    def _with_slopes(self, record: Record, start: float) -> Array:
+    def _with_slopes(self, record: Record, start: float, own: Array) -> Array:
         """Innovations, and their derivative by each parameter in units of its step, shape (n, p, 1 + k)."""
-        base = self.view.innovations(record, start, self.theta)
+        base = self.leaves(record, start)
         raw = np.empty((*base.shape, 1 + len(self.theta)))
-        raw[:, :, 0] = base
+        raw[:, :, 0] = base - own
         for i, step in enumerate(self.step):
             moved = self.theta.copy()
             sign = 1.0 if moved[i] + step <= self.upper[i] else -1.0
@@ -143,9 +149,9 @@ class Rival:
         """Log-likelihood of the data so far that a move of the parameters costs."""
         return 0.5 * float(np.sum((self.root @ (theta - self.theta)) ** 2))
 
-    def _search(self, record: Record, start: float, linear: Missed, decades: float, samples: int) -> Missed:
+    def _search(self, record: Record, start: float, own: Array, linear: Missed, decades: float) -> Missed:
         def residual(theta: Array) -> Array:
-            raw = self.view.innovations(record, start, theta, decades)[:, :, None]
+            raw = (self.view.innovations(record, start, theta, decades) - own)[:, :, None]
             return np.append(self.view.scaled(raw, decades)[:, 0], self.root @ (theta - self.theta))
 
         costs = [float(np.sum(residual(theta) ** 2)) for theta in (self.theta, linear.theta)]
@@ -154,7 +160,7 @@ class Rival:
             self.step.copy(), max_iterations=6, tolerance=1e-2, quick=True,
         )  # fmt: skip
         left = found.residual[: len(found.residual) - len(self.theta)]
-        gain = self._lost(left, samples, decades) + self._held(found.point)
+        gain = self._lost(left, len(own), decades) + self._held(found.point)
         return Missed(gain, linear.alone, found.point)
 
     def _refitted(self, jacobian: Array, base: Array, held: float) -> Array:

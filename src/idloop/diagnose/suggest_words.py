@@ -80,10 +80,11 @@ def outcomes_of(
     inside = contained([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
         record = experiment.run(truth.model, engine=truth.engine)
+        own = truth.leaves(record, experiment.start)
         others = [j for j in range(len(rivals)) if j != i and (j == 0 or i == 0 or not against_first)]
         errors = {}
         for other in (rivals[j] for j in others if not inside[i, j]):
-            theta = other.missed(record, experiment.start, searched=True).theta
+            theta = other.missed(record, experiment.start, own, searched=True).theta
             errors[other.label] = {
                 found.name: {"value": found.value, "unit": found.unit, "noise": found.noise}
                 for found in other.view.differences(record, experiment.start, theta, experiment)

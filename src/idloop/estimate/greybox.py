@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.choose import after_fit, before_fit, between
+from idloop.estimate.choose import between
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.dataset import Data, openings, output_noise, prepare
 from idloop.estimate.direction import turned
-from idloop.estimate.force import Balance, ForceCriterion, balance_of
 from idloop.estimate.levenberg import difference_jacobian
 from idloop.estimate.prediction import PredictionCriterion
 from idloop.estimate.problem import Problem
 from idloop.estimate.result import FitResult, RecordResidual
 from idloop.estimate.rough import is_rough
 from idloop.estimate.simulation import SimulationCriterion
-from idloop.estimate.solve import Solution, instrument, slopes_agree, solve, typical_size
+from idloop.estimate.solve import Solution, slopes_agree, solve, typical_size
 from idloop.estimate.spread import problem_covariance
 from idloop.estimate.uncertainty import bounded, findings, ties
 from idloop.estimate.undetermined import common_scale, exactly_tied
+from idloop.estimate.weak_fit import WeakFit, fit_by_force
 
 if TYPE_CHECKING:
     from idloop.physics import Engine, Model
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-
-# Share of noise in the acceleration beyond which a force balance is not even a start.
-_HOPELESS_NOISE = 0.3
 
 # A loss that is larger by less than this is no other fit.
 _NO_WORSE = 1.01
@@ -93,35 +90,19 @@ def fit(
         return scale.of_all(model, fit(scale.fixed(model), records, criterion, progress))
     noise = output_noise(model, data)
     tell(0.0, "looking at the data")
-    short = openings(data) if criterion == "simulation" else None
-    # Where it decides nothing, the balance of the openings is start enough.
-    balances = _balances(engine, data, records) if short is None else [balance_of(engine, d, None) for d in short]
-    chosen, why = criterion, "as asked"
-    if criterion == "auto":
-        first = before_fit(balances)
-        chosen, why = first.criterion, first.why
     start = model.theta
-    known = [b for b in balances if b is not None]
-    complete = len(known) == len(balances)
-    if chosen == "force" and not complete:
-        raise InputError("the force criterion needs every body's position or velocity measured; use prediction")
-    balance: Solution | None = None
-    noisy = any(float(np.max(b.motion.noise_share)) > _HOPELESS_NOISE for b in known)
-    if complete and (chosen == "force" or not noisy):
-        # The force balance is nearly linear in the parameters: a cheap start for every criterion.
-        force = ForceCriterion(engine, known)
-        try:
-            balance = solve(force, start, *model.bounds, draft=criterion in ("prediction", "simulation"))
-        except IdloopError:
-            balance = None
-        if criterion == "auto" and chosen == "force" and balance is not None:
-            verdict = after_fit(engine, force, balance.theta, balance.nuisance)
-            chosen, why = verdict.criterion, verdict.why
-    if chosen == "force":
-        if balance is None:
-            raise IdloopError("the force balance cannot be evaluated at the starting values")
-        result = _conclude(engine, model, data, balance, why, noise)
-        return _without_ties(model, records, criterion, tell, result, balance) or result
+    # The balance is nearly linear in the parameters: a cheap start for every criterion, and often more than that.
+    balance = _balance(engine, data, start, insist=criterion == "force")
+    if criterion == "force" and balance is None:
+        raise InputError(
+            "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "
+            "use prediction"
+        )
+    if balance is not None and (criterion == "force" or (criterion == "auto" and balance.model_error_rules)):
+        why = "as asked" if criterion == "force" else _why_force(balance)
+        result = _conclude_force(model, data, balance, why, noise)
+        return _without_ties(model, records, criterion, tell, result, balance.slopes) or result
+    chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as asked")
     starts = [start] if balance is None else [start, balance.theta]
     tell(0.1, f"{chosen} criterion")
 
@@ -139,7 +120,7 @@ def fit(
         tell(0.1, "simulation criterion")
         chosen, reason = "simulation", str(error).partition(";")[0]
         best, result = searched(chosen, f"the prediction criterion cannot serve: {reason}")
-    alone = _without_ties(model, records, criterion, tell, result, best)
+    alone = _without_ties(model, records, criterion, tell, result, best.jacobian)
     if alone is not None:
         return alone
     if criterion != "auto" or chosen == "simulation":
@@ -161,13 +142,13 @@ def _without_ties(
     criterion: str,
     tell: Progress,
     result: FitResult,
-    solution: Solution,
+    jacobian: Array,
 ) -> FitResult | None:
     """The fit again with one of the parameters held that nothing tells apart; None without any, or where it is worse.
 
     Along what changes nothing a search may have run far, to where rounding and bounds do.
     """
-    together = exactly_tied(model, solution.jacobian)
+    together = exactly_tied(model, jacobian)
     if together is None:
         return None
     settled = fit(together.fixed(model), records, criterion, lambda share, text: tell(0.8 + 0.2 * share, text))
@@ -219,13 +200,81 @@ def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array])
     return [near.theta, *ranked], slopes_agree(near)
 
 
-def _balances(engine: Engine, data: list[Data], records: Sequence[Record]) -> list[Balance | None]:
-    """Force balances of all records in one common band."""
-    first = [balance_of(engine, d, None) for d in data]
-    bands = [b.motion.cutoff for b in first if b is not None]
-    if len(bands) < len(first):
-        return list(first)
-    return [balance_of(engine, d, r, max(bands)) for d, r in zip(data, records, strict=True)]
+def _balance(engine: Engine, data: list[Data], start: Array, *, insist: bool) -> WeakFit | None:
+    """The fit by force balance; None where there is none."""
+    try:
+        return fit_by_force(engine, data, start, insist=insist)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+
+
+def _why_force(balance: WeakFit) -> str:
+    return (
+        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force, which sensor noise does not "
+        "account for: model error limits the fit"
+    )
+
+
+def _why_prediction(balance: WeakFit | None) -> str:
+    if balance is None:
+        return "not every body's motion is measured so well that a force balance shows more than measurement noise"
+    return (
+        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force, and measurement noise has too "
+        "large a part in that to say that model error limits the fit"
+    )
+
+
+def _conclude_force(model: Model, data: list[Data], fit: WeakFit, why: str, noise: Array) -> FitResult:
+    """What a fit by force balance returns."""
+    k, lower, upper = len(model.free), *model.bounds
+    tied, seen = ties(fit.slopes.T @ fit.slopes, k)
+    covariance = fit.covariance[:k, :k].copy()
+    covariance[~seen, :] = covariance[:, ~seen] = np.nan
+    for tie in tied:
+        if tie.exact:
+            covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
+    stderr = np.sqrt(np.diag(covariance))
+    warnings = findings(model.free, fit.theta, stderr, tied, seen)
+    limits = bounded(fit.theta, lower, upper, typical_size(fit.theta, lower, upper))
+    at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
+    warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
+    if not fit.converged:
+        warnings.append("the search stopped before it settled; try other starting values")
+    count = fit.form.starts[-1]
+    loss = float(np.prod(np.mean(fit.residual**2, axis=0)))
+    fitted = model.with_values(
+        dict(zip(model.free, (float(v) for v in fit.theta), strict=True)),
+        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
+    )
+    if other_way := turned(model, fitted):
+        warnings.append(other_way)
+    names = tuple(f"force[{body}]" for body in model.bodies)
+    times, edges = fit.form.along("time"), fit.form.starts
+    residuals = tuple(
+        RecordResidual(d.name, times[first:last], fit.residual[first:last], names)
+        for d, first, last in zip(data, edges[:-1], edges[1:], strict=True)
+    )
+    return FitResult(
+        model=fitted,
+        names=tuple(model.free),
+        values=fit.theta,
+        stderr=stderr,
+        covariance=covariance,
+        loss=loss,
+        fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12),
+        criterion="force",
+        why=why,
+        disturbance_intensity=None,
+        output_noise=noise,
+        command_shift=fit.shift if fit.form.free_timing else None,
+        residuals=residuals,
+        at_bound=at_bound,
+        warnings=tuple(warnings),
+        samples=int(count),
+        iterations=fit.iterations,
+        converged=fit.converged,
+        orders=(),
+    )
 
 
 def _criterion(name: str, engine: Engine, data: list[Data], noise: Array) -> Criterion:
@@ -286,23 +335,15 @@ def _conclude(
     hessian = solution.jacobian.T @ solution.jacobian
     tied, seen = ties(hessian, k)
     theta, nuisance = solution.theta, solution.nuisance
-    covariance: Array | None = None
-    if isinstance(rule, ForceCriterion) and rule.has_instruments:
-        refined = instrument(solution, lower, upper)
-        if refined is not None:
-            theta, nuisance, covariance = refined
-            why += "; the reference serves as instrument"
     point = np.concatenate([theta, nuisance])
     problem.reweigh(point, rule.whiten)
-    if covariance is None:
-        residual = problem.residual(point)
-        jacobian = solution.jacobian
-        if len(jacobian) != len(residual):
-            jacobian, _ = difference_jacobian(
-                problem.residual, point, residual, solution.lower, solution.upper, solution.step, solution.scale
-            )
-        covariance = problem_covariance(problem, point, residual, jacobian)
-    covariance = covariance[:k, :k].copy()
+    residual = problem.residual(point)
+    jacobian = solution.jacobian
+    if len(jacobian) != len(residual):
+        jacobian, _ = difference_jacobian(
+            problem.residual, point, residual, solution.lower, solution.upper, solution.step, solution.scale
+        )
+    covariance = problem_covariance(problem, point, residual, jacobian)[:k, :k].copy()
     covariance[~seen, :] = np.nan
     covariance[:, ~seen] = np.nan
     for tie in tied:
@@ -325,7 +366,6 @@ def _conclude(
     loss = problem.loss
     fpe = loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12)
     intensity = rule.intensity if isinstance(rule, PredictionCriterion) else None
-    shift = rule.shift if isinstance(rule, ForceCriterion) and rule.free_timing else None
     fitted = model.with_values(
         dict(zip(model.free, (float(v) for v in theta), strict=True)),
         {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
@@ -347,7 +387,7 @@ def _conclude(
         why=why,
         disturbance_intensity=intensity,
         output_noise=noise,
-        command_shift=shift,
+        command_shift=None,
         residuals=_residuals(model, data, rule, theta, nuisance),
         at_bound=at_bound,
         warnings=tuple(warnings),
@@ -362,12 +402,7 @@ def _residuals(model: Model, data: list[Data], rule: Any, theta: Array, nuisance
     names = tuple(o.name for o in model.outputs)
     found = []
     for index, d in enumerate(data):
-        if isinstance(rule, ForceCriterion):
-            value, motion = rule.errors(theta, nuisance)[0][index], rule.balances[index].motion
-            time = np.linspace(motion.time[0], motion.time[-1], len(value))
-            bodies = tuple(f"force[{body}]" for body in model.bodies)
-            found.append(RecordResidual(d.name, time, value, bodies))
-        elif isinstance(rule, PredictionCriterion):
+        if isinstance(rule, PredictionCriterion):
             found.append(RecordResidual(d.name, d.time, rule.innovation(theta, nuisance, index), names))
         else:
             value = d.output - rule.simulated(theta, nuisance, index)

@@ -227,9 +227,9 @@ def minimise(
         hessian = jacobian.T @ jacobian
         accepted = follows = False
         for _ in range(12 if fresh else 2):
-            move, predicted = _step(gradient, hessian, damping, point, lower, upper)
+            move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
             # A step that is damped because of a nuisance would promise less of the others than they have to go.
-            whole = move if leading is None else _step(gradient, hessian, 0.0, point, lower, upper)[0]
+            whole = move if leading is None else box_step(gradient, hessian, 0.0, point, lower, upper)[0]
             promised = predicted if leading is None else _worth(whole, hessian, leading)
             if promised <= tolerance or np.all(np.abs(move) <= 1e-10 * scale):
                 # A step bent by the box may promise nothing while a shorter one does.
@@ -293,7 +293,7 @@ def _half_square(residual: Array) -> float:
     return value if np.isfinite(value) else np.inf
 
 
-def _step(
+def box_step(
     gradient: Array, hessian: Array, damping: float, point: Array, lower: Array, upper: Array
 ) -> tuple[Array, float]:
     """Damped Gauss-Newton step in the box: what would leave it goes to its bound, the others make the best of that."""

@@ -32,6 +32,8 @@ _FILTER_RATIO = 10.0
 _COMPARISON_RATIO = 0.4
 # Slower than so many standard deviations of its noise, a velocity does not tell motion from standstill.
 _REST = 3.0
+# A sensor silent for longer than this many steps leaves a hole.
+_LONGEST_BRIDGE = 5.0
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class Motion:
         Standard deviation of what of the measurement noise is left in `velocity`, up to the cut-off.
     cutoff : float
         Cut-off of the differentiating filter [Hz].
+    measured : tuple of pairs
+        What the sensors of every body's position and velocity read on the grid, in SI units; None without a sensor.
     """
 
     time: Array
@@ -63,6 +67,7 @@ class Motion:
     noise: Array
     velocity_noise: Array
     cutoff: float
+    measured: tuple[tuple[Array | None, Array | None], ...]
 
     @property
     def sample_time(self) -> float:
@@ -233,9 +238,8 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
             bands.append(excitation_band(v, step))
         cutoff = _FILTER_RATIO * max(bands)
     cutoff = float(min(cutoff, 0.45 / step))
-    columns = [
-        _body(None if i is None else series[i], None if j is None else series[j], cutoff, step) for i, j in pairs
-    ]
+    sensed = tuple((None if i is None else series[i], None if j is None else series[j]) for i, j in pairs)
+    columns = [_body(place, speed, cutoff, step) for place, speed in sensed]
     return Motion(
         time=grid,
         position=np.column_stack([c[0] for c in columns]),
@@ -245,6 +249,7 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
         noise=np.stack([c[4] for c in columns]),
         velocity_noise=np.array([c[5] for c in columns]),
         cutoff=cutoff,
+        measured=sensed,
     )
 
 
@@ -282,3 +287,28 @@ def _noise(order: int, white: float, band: float, step: float) -> Array:
     density = 2.0 * white**2 * step * band
     derivatives = [n - order for n in range(3)]
     return np.array([density * (2.0 * np.pi * band) ** (2 * n) / (2 * n + 1) if n >= 0 else 0.0 for n in derivatives])
+
+
+def bridged(time: Array, model: Model, data: Data, margin: float) -> NDArray[np.bool_]:
+    """Instants at which the motion was bridged because a sensor was silent, and some time around.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+    model : Model
+    data : Data
+    margin : float
+        How far a hole reaches to either side [s].
+
+    Returns
+    -------
+    array of bool, shape (n,)
+    """
+    inside = np.zeros(len(time), dtype=bool)
+    for row in {row for pair in body_sensors(model) for row in pair if row is not None}:
+        if uniform(data.time, data.output[:, row]) is None:  # too sparse to have been used
+            continue
+        known = data.time[np.isfinite(data.output[:, row])]
+        for hole in np.flatnonzero(np.diff(known) > _LONGEST_BRIDGE * data.sample_time):
+            inside |= (time > known[hole] - margin) & (time < known[hole + 1] + margin)
+    return inside

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
-from idloop.estimate.covariance import sandwich
 from idloop.estimate.criterion import Criterion
-from idloop.estimate.force import ForceCriterion
 from idloop.estimate.free_run_slopes import FreeRunSlopes
 from idloop.estimate.levenberg import difference_jacobian, minimise
 from idloop.estimate.problem import Problem
@@ -205,61 +203,3 @@ def _conditional_errors(jacobian: Array, parameters: int) -> Array:
     size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     inverse = np.linalg.pinv(hessian / np.outer(size, size), rcond=1e-12, hermitian=True)
     return np.asarray((np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size)[:parameters])
-
-
-def instrument(solution: Solution, lower: Array, upper: Array) -> tuple[Array, Array, Array] | None:
-    """Instrumental-variable estimate from a least-squares solution of the force balance.
-
-    Solves ``Zᵀ r(θ) = 0`` with Z the slopes of the balance along the motion that
-    the reference explains.
-
-    Parameters
-    ----------
-    solution : Solution
-        Least-squares fit of a `ForceCriterion` with instruments.
-    lower, upper : array, shape (k,)
-        Bounds of the parameters.
-
-    Returns
-    -------
-    theta, nuisance, covariance : arrays, or None
-        None when the instruments are too weak or the estimate leaves the bounds.
-    """
-    problem = solution.problem
-    rule = problem.criterion
-    if not isinstance(rule, ForceCriterion):
-        return None
-    k = len(solution.theta)
-    weight = problem.weights[0]
-
-    def explained(point: Array) -> Array:
-        parts = rule.explained_errors(point[:k], point[k:])[0]
-        return np.concatenate([(e @ weight.T).ravel() for e in parts])
-
-    point = np.concatenate([solution.theta, solution.nuisance])
-    step = solution.step
-    for _ in range(10):
-        residual = problem.residual(point)
-        slope, step = difference_jacobian(
-            problem.residual, point, residual, solution.lower, solution.upper, step, solution.scale
-        )
-        base = explained(point)
-        z, _ = difference_jacobian(explained, point, base, solution.lower, solution.upper, step, solution.scale)
-        bread = z.T @ slope
-        size = np.maximum(np.linalg.norm(slope, axis=0), 1e-300)
-        scaled = bread / np.outer(size, size)
-        if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > 1e8:
-            return None
-        move = -np.linalg.solve(scaled, z.T @ residual / size) / size
-        point = np.clip(point + move, solution.lower, solution.upper)
-        if np.linalg.norm(move * size) < 1e-2:
-            break
-    else:
-        return None
-    if np.any((point[:k] <= lower) | (point[:k] >= upper)):
-        return None
-    residual = problem.residual(point)
-    scores = problem.scores(point, residual, z)
-    covariance = sandwich(bread, scores)
-    rule.keep(point[k:])
-    return point[:k], point[k:], covariance

@@ -172,6 +172,8 @@ class Effect:
         A force that a disturbance with a long memory may stand for, so that only a refit shows it.
     needs_angle : bool
         Makes sense only where positions are angles.
+    several : bool
+        May act several times at one site, as waves of several harmonics do.
     equation : EffectEquation, optional
         How it is written; as a function of what it depends on when left out.
     valid : callable
@@ -212,6 +214,7 @@ class Effect:
     degenerates_to: tuple[str, ...] = ()
     slow: bool = False
     needs_angle: bool = False
+    several: bool = False
     equation: EffectEquation | None = None
     valid: Callable[[Mapping[str, float]], bool] = field(default=_always)
     undo: Hook | None = None

@@ -245,6 +245,8 @@ class Engine:
         command: Array,
         time: Array,
         rest_speed: float = 0.0,
+        *,
+        undelayed: bool = False,
     ) -> Array:
         """Force that the model leaves unexplained of a measured motion.
 
@@ -254,13 +256,17 @@ class Engine:
             Motion of every body.
         rest_speed : float
             Speed below which a body counts as standing: dry friction then takes what it needs.
+        undelayed : bool
+            The command comes as late as it acts.
 
         Returns
         -------
         ndarray (n, b)
             Inertia times acceleration minus all modelled forces.
         """
-        return self._balance(theta, position, velocity, acceleration, input_time, command, time, rest_speed)[0]
+        return self._balance(
+            theta, position, velocity, acceleration, input_time, command, time, rest_speed, undelayed=undelayed
+        )[0]
 
     def drive_force(
         self,
@@ -272,6 +278,8 @@ class Engine:
         command: Array,
         time: Array,
         rest_speed: float = 0.0,
+        *,
+        undelayed: bool = False,
     ) -> tuple[Array, Array]:
         """Force of the drive as commanded, and as the model needs it for the measured motion.
 
@@ -280,7 +288,7 @@ class Engine:
         applied, required : ndarray (n,)
         """
         residual, required = self._balance(
-            theta, position, velocity, acceleration, input_time, command, time, rest_speed
+            theta, position, velocity, acceleration, input_time, command, time, rest_speed, undelayed=undelayed
         )
         return required - residual[:, 0], required
 
@@ -294,14 +302,21 @@ class Engine:
         command: Array,
         time: Array,
         rest_speed: float,
+        *,
+        undelayed: bool,
     ) -> tuple[Array, Array]:
         layout = self.layout(theta)
+        axis = layout.axis
+        if undelayed and axis.constants[kernel.DELAY] != 0.0:
+            constants = axis.constants.copy()
+            constants[kernel.DELAY] = 0.0
+            axis = axis._replace(constants=constants)
         residual = np.empty((len(time), layout.bodies))
         required = np.empty(len(time))
         if not self._go_together(theta):
             return np.full_like(residual, np.nan), np.full_like(required, np.nan)
         kernel.balance(
-            layout.axis,
+            axis,
             np.ascontiguousarray(time, dtype=float),
             np.ascontiguousarray(position, dtype=float).reshape(len(time), -1),
             np.ascontiguousarray(velocity, dtype=float).reshape(len(time), -1),

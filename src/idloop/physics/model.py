@@ -61,15 +61,21 @@ class OutputSignal:
 
 @dataclass(frozen=True)
 class ActiveEffect:
-    """An effect of the catalogue at a site of this model."""
+    """An effect of the catalogue at a site of this model; of an effect that may act there several times, which one."""
 
     effect: Effect
     at: str
+    number: int = 1
 
     @property
     def name(self) -> str:
-        """Name in this model, such as ``dead_zone@input``."""
-        return f"{self.effect.name}@{self.at}"
+        """Name in this model, such as ``dead_zone@input``, ``cogging#2@motor`` for the second one."""
+        return effect_name(self.effect.name, self.at, self.number)
+
+
+def effect_name(effect: str, at: str, number: int = 1) -> str:
+    """Name of an effect in a model, such as ``dead_zone@input``, ``cogging#2@motor`` for the second one."""
+    return f"{effect}@{at}" if number == 1 else f"{effect}#{number}@{at}"
 
 
 def values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, float]:
@@ -285,7 +291,7 @@ class Model:
         """
         kind = self.site_kind(at)
         effect = find_effect(name, kind, *self.effect_folders)
-        active = ActiveEffect(effect, at)
+        active = ActiveEffect(effect, at, self.next_number(effect, at))
         if active.name in self.effect_names:
             raise InputError(f"model {self.name} has the effect {active.name} already: name it once")
         output = next((o for o in self.outputs if o.site == at), None)
@@ -295,6 +301,10 @@ class Model:
             )
         added = self._effect_parameters(active, values, output.unit if output else "")
         return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))
+
+    def next_number(self, effect: Effect, at: str) -> int:
+        """Number of one more effect at a site: 1, unless it may act there several times."""
+        return 1 + (sum(a.effect.name == effect.name and a.at == at for a in self.effects) if effect.several else 0)
 
     def _effect_parameters(self, active: ActiveEffect, values: Mapping[str, Any], unit: str) -> list[Parameter]:
         effect = active.effect
@@ -348,11 +358,20 @@ class Model:
                 if self.effects
                 else f"model {self.name} has no effects"
             )
-        return replace(
-            self,
-            effects=tuple(active for active in self.effects if active.name != name),
-            parameters=tuple(p for p in self.parameters if not p.name.startswith(f"{name}.")),
-        )
+        gone = next(active for active in self.effects if active.name == name)
+        effects, names = [], {}
+        for active in self.effects:
+            after = (active.effect.name, active.at) == (gone.effect.name, gone.at) and active.number > gone.number
+            kept = replace(active, number=active.number - 1) if after else active
+            names[active.name] = kept.name
+            if active is not gone:
+                effects.append(kept)
+        parameters = []
+        for parameter in self.parameters:
+            owner, _, own = parameter.name.rpartition(".")
+            if owner != name:
+                parameters.append(replace(parameter, name=f"{names[owner]}.{own}") if owner in names else parameter)
+        return replace(self, effects=tuple(effects), parameters=tuple(parameters))
 
     def with_effects(self, texts: Iterable[str]) -> Model:
         """Return the model with effects given as text, see `parse_effect`."""

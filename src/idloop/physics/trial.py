@@ -43,6 +43,8 @@ class Scales:
         Whether positions are angles in radians.
     turns : float
         Range of the positions in turns; 0 for a linear axis.
+    harmonics : tuple of int
+        Harmonics of a turn that an unexplained force has most of; empty where nobody has looked.
     """
 
     command: float
@@ -65,6 +67,7 @@ class Scales:
     dry: float
     angle: bool
     turns: float
+    harmonics: tuple[int, ...] = ()
 
     def unit(self, template: str) -> float:
         """Size of a quantity whose unit a parameter's template states, such as ``{force}·s/{position}``."""

@@ -35,4 +35,4 @@ def in_words(text: str) -> str:
     -------
     str
     """
-    return re.sub(r"\b[a-z]\w*@[\w\[\]]+", lambda found: words(found[0]), text)
+    return re.sub(r"\b[a-z]\w*(?:#\d+)?@[\w\[\]]+", lambda found: words(found[0]), text)

@@ -14,18 +14,16 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.force import balance_of, thin
-from idloop.estimate.motion import uniform
-from idloop.estimate.sensors import body_sensors
+from idloop.estimate.motion import bridged
 
 if TYPE_CHECKING:
-    from idloop.estimate.dataset import Data
     from idloop.physics import Model
     from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-# A sensor silent for longer than this many steps leaves a hole; its filtered edges reach this many periods of the band.
-_LONGEST_BRIDGE, _MARGIN = 5.0, 2.0
+# The filtered edges of a hole in the measurements reach this many periods of the band.
+_MARGIN = 2.0
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
 
     engine, data = Engine(model), prepare(model, [record])[0]
     with np.errstate(invalid="ignore", divide="ignore"):  # a sensor that never changes has no spectrum
-        balance = balance_of(engine, data, None, cutoff)
+        balance = balance_of(engine, data, cutoff)
     if balance is None:
         raise InputError(
             f"record {record.name!r}: the force error needs position or velocity of every body at a steady rate"
@@ -120,7 +118,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     # The filter leaves a straight line as it is, so the sample numbers tell which instants are kept.
     forces = thin(np.column_stack([applied, required, np.arange(len(m.time))]), m)
     kept = np.rint(forces[:, 2]).astype(np.int64)
-    seen = ~_in_holes(m.time[kept], model, data, _MARGIN / m.comparison_band)
+    seen = ~bridged(m.time[kept], model, data, _MARGIN / m.comparison_band)
     if np.sum(seen) < 2:
         raise InputError(f"record {record.name!r}: the motion is measured with too many gaps for the force error")
     forces, kept = forces[seen], kept[seen]
@@ -156,15 +154,3 @@ def _of_noise(model: Model, noise: Array) -> float:
         parts += [values[f"{name}.stiffness"] * n for n in noise[:2, 0]]
         parts += [values[f"{name}.damping"] * n for n in noise[:2, 1]]
     return float(np.linalg.norm(parts))
-
-
-def _in_holes(time: Array, model: Model, data: Data, margin: float) -> NDArray[np.bool_]:
-    """Instants at which the motion was bridged because a sensor was silent, and as far around as the filters reach."""
-    inside = np.zeros(len(time), dtype=bool)
-    for row in {row for pair in body_sensors(model) for row in pair if row is not None}:
-        if uniform(data.time, data.output[:, row]) is None:  # too sparse to have been used
-            continue
-        known = data.time[np.isfinite(data.output[:, row])]
-        for hole in np.flatnonzero(np.diff(known) > _LONGEST_BRIDGE * data.sample_time):
-            inside |= (time > known[hole] - margin) & (time < known[hole + 1] + margin)
-    return inside

@@ -35,6 +35,8 @@ class Study:
         Of a suggested experiment.
     duration : float or None
         Of a suggested experiment [s].
+    minimum_improvement : float
+        Part by which an effect must make errors on unseen samples smaller.
     """
 
     records: tuple[Record, ...]
@@ -45,6 +47,7 @@ class Study:
     seed: int = 0
     limits: Limits | None = None
     duration: float | None = None
+    minimum_improvement: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         study.records,
         level=study.level,
         criterion=study.criterion if ladder is None else ladder.criterion,
+        minimum_improvement=study.minimum_improvement,
         effects=study.effects or None,
         seed=study.seed,
         progress=lambda share, text: report(0.9 * share, text),
@@ -85,7 +89,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         passed_over=found.passed_over,
     )
     # The fits are large and not needed any more; the models of the candidates are.
-    return Found(replace(found, fit=None, best_fit=None), ladder, pictures)  # type: ignore[arg-type]
+    return Found(replace(found, fit=None, best_fit=None), ladder, pictures)
 
 
 def add(

@@ -195,6 +195,7 @@ class Diagnosing:
                 catalogue=values["catalogue"],
                 level=values["level"],
                 criterion=values["criterion"],
+                minimum_improvement=values["minimum_improvement"],
                 seed=values["seed"],
                 experiments=data.experiments,
                 **more,

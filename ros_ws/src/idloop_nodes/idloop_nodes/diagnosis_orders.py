@@ -103,6 +103,8 @@ class DiagnosisOrder:
     level : float
         Family-wise error rate.
     criterion : str
+    minimum_improvement : float
+        Part by which an effect must make errors on unseen samples smaller.
     seed : int
     experiments : int
         Experiments among the records.
@@ -122,6 +124,7 @@ class DiagnosisOrder:
     catalogue: tuple[str, ...] = ()
     level: float = 0.01
     criterion: str = "auto"
+    minimum_improvement: float = 0.01
     seed: int = 0
     experiments: int = 0
     limits: MotionLimits = MotionLimits()

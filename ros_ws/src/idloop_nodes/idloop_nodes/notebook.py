@@ -46,12 +46,13 @@ class Notebook:
             job.records,
             level=job.level,
             criterion=job.criterion,
+            minimum_improvement=job.minimum_improvement,
             effects=job.catalogue or None,
             seed=job.seed,
             progress=report,
         )
         # The fits are large and not needed any more; the models of the candidates are.
-        self.diagnosis = replace(found, fit=None, best_fit=None)  # type: ignore[arg-type]
+        self.diagnosis = replace(found, fit=None, best_fit=None)
         self.suggested = None
         if self.ladder is None:
             self.ladder = Ladder((_step(found.model, job),), criterion=found.criterion, level=job.level)
@@ -93,6 +94,7 @@ class Notebook:
                 job.validation,
                 level=job.level,
                 criterion=job.criterion,
+                minimum_improvement=job.minimum_improvement,
                 effects=[best.name],
                 seed=job.seed,
                 most=len(ladder.added) + 1,
@@ -129,6 +131,7 @@ class Notebook:
                 job.validation,
                 level=job.level,
                 criterion=job.criterion,
+                minimum_improvement=job.minimum_improvement,
                 effects=job.catalogue or None,
                 seed=job.seed,
                 most=0,

@@ -1,0 +1,139 @@
+"""Which effect a model lacks, by the view in which the data show most."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
+from idloop.diagnose.common_noise import with_common_whitening
+from idloop.diagnose.diagnosis import Diagnosis, diagnose_fitted
+from idloop.diagnose.follows import unmoved
+from idloop.diagnose.force_ladder import (
+    NOTHING,
+    against_the_command,
+    diagnosed_by_force,
+    fitted_by_force,
+    needs_balance,
+)
+from idloop.diagnose.force_search import ForceSearch
+from idloop.diagnose.leap import leap
+from idloop.diagnose.refit import refit
+from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.dataset import prepare
+from idloop.estimate.direction import turned
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.undetermined import common_scale, effect_scales
+from idloop.physics.model import Model
+from idloop.records import Record
+
+Progress = Callable[[float, str], None]
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def diagnose(
+    model: Model,
+    records: Sequence[Record],
+    *,
+    level: float = 0.01,
+    criterion: str = "auto",
+    minimum_improvement: float = MINIMUM_IMPROVEMENT,
+    effects: Sequence[str] | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find the physical effect that a model lacks.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+        Experiments; several amplitudes tell more than one.
+    level : float
+        Probability of naming an effect where none is missing, over the whole catalogue and all its pairs.
+    criterion : {"auto", "prediction", "simulation", "force"}
+        What the models are measured by, as in `idloop.estimate.fit`.
+    minimum_improvement : float
+        Part by which an effect must make the errors on unseen samples smaller to be named, by the force balance.
+    effects : sequence of str, optional
+        Choose from these only (``name`` or ``name@site``).
+    seed : int
+        Of the calibration.
+    progress : callable, optional
+        Called with the share done and a text.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        Bad level or improvement, unknown effects, records that do not suit the model.
+    """
+    check_numbers(level, minimum_improvement)
+    tell = progress or (lambda share, text: None)
+    tell(0.0, "fitting the model as it is")
+    kind = first_kind(criterion)
+    together = common_scale(RememberingEngine(model), prepare(model, records))
+    if together is not None:
+        model = together.fixed(model)
+    diagnosis = None
+    if criterion in ("auto", FORCE):
+        diagnosis = _by_force(model, records, criterion, level, minimum_improvement, effects, tell)
+    if diagnosis is None:
+        diagnosis = _by_errors(model, records, kind, level, effects, seed, progress)
+    reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
+    told = [] if together is None else [together]
+    if diagnosis.best is not None and diagnosis.best.model is not None:
+        told += effect_scales(diagnosis.best.model, records)
+    texts = ["" if unmoved(diagnosis.gate.findings) else turned(model, reached), *(one.text for one in told)]
+    findings = (*diagnosis.gate.findings, *(text for text in texts if text))
+    return replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
+
+
+def _by_force(
+    model: Model,
+    records: Sequence[Record],
+    criterion: str,
+    level: float,
+    least: float,
+    effects: Sequence[str] | None,
+    tell: Progress,
+) -> Diagnosis | None:
+    """By the force balance; None where another view is to decide."""
+    setting = prepare_setting(model, records, "prediction")
+    asked = criterion == FORCE
+    fit = fitted_by_force(model, setting, insist=asked)
+    if fit is None or not (asked or (fit.model_error_rules and not against_the_command(fit))):
+        if asked:
+            raise needs_balance()
+        return None
+    tell(0.3, "weighing effects")
+    step = ForceSearch(setting, level, least, effects).weigh(fit)
+    shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
+    if not asked and (shown is None or shown.relative >= NOTHING):
+        return None
+    tell(1.0, "done")
+    return diagnosed_by_force(step, setting)
+
+
+def _by_errors(
+    model: Model,
+    records: Sequence[Record],
+    kind: str,
+    level: float,
+    effects: Sequence[str] | None,
+    seed: int,
+    progress: Progress | None,
+) -> Diagnosis:
+    """By one-step or free-run errors."""
+    setting = with_common_whitening(prepare_setting(model, records, kind))
+    parent = refit(setting, model)
+    found = diagnose_fitted(setting, parent, level=level, effects=effects, seed=seed, progress=progress)
+    further = leap(
+        setting, found.fit or parent, model.values, level=level, effects=effects, pairs=found.best is None, seed=seed
+    )  # fmt: skip
+    return found.why_unmoved(setting, model) if further is None else found.or_rather(further)

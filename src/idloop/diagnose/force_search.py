@@ -1,0 +1,464 @@
+"""One step of a diagnosis by the force balance: which effects explain force on samples that no fit has seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnose.force_structure import Structure, structures
+from idloop.diagnose.parallel import in_parallel
+from idloop.diagnose.predictive import Evidence, Scores, scores_of
+from idloop.diagnose.proposals import Proposal, proposals
+from idloop.diagnose.scales import Sizes
+from idloop.diagnose.setting import Setting
+from idloop.diagnose.waves import harmonics
+from idloop.errors import IdloopError
+from idloop.estimate.dataset import Data
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.weak_fit import MOST_ITERATIONS, WeakFit, cost_at, fit_weak, relative_error
+from idloop.estimate.weak_form import weak_form
+from idloop.physics.effect import OUTPUT
+from idloop.physics.model import Model
+from idloop.physics.trial import Trial
+
+Array = NDArray[np.float64]
+
+# Effects that are fitted: those whose trace promises most.
+FITTED = 10
+# Alternatives of one effect from which a fit begins, and pairs that are tried of the best effects.
+_STARTS, _IN_PAIRS = 2, 4
+# Two effects that show only together explain this part of the error: a patch of two makes any error a little smaller.
+_TOGETHER = 0.5
+# A curve that explains so many times as much as an effect is what that stands in for.
+FAR_MORE = 2.0
+# A fit from several starts goes on from the best after so many iterations.
+_FIRST_ROUNDS = 3
+# Part of a trace that must not be the free parameters' own.
+_OWN_PART = 3e-3
+# Least log-likelihood that a trace must promise.
+_LEAST_PROMISE = 2.0
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """An effect, or two, with the model that has it fitted.
+
+    Attributes
+    ----------
+    proposals : tuple of Proposal
+        One, or two that show only together.
+    fit : WeakFit
+    scores : Scores
+    evidence : Evidence
+        Against the model without.
+    gain : float
+        Log-likelihood on the samples that were fitted.
+    held_out : float or None
+        Part by which it makes the errors on held-out records smaller, typical ones or all of them, whichever is less;
+        None without such records.
+    """
+
+    proposals: tuple[Proposal, ...]
+    fit: WeakFit
+    scores: Scores
+    evidence: Evidence
+    gain: float
+    held_out: float | None
+
+    @property
+    def merit(self) -> float:
+        """What is sure of the evidence: the difference of the scores less its spread."""
+        return self.evidence.difference - self.evidence.spread
+
+    @property
+    def richness(self) -> tuple[int, int]:
+        """Of equals the least goes first: free parameters of the model, and effects that contain plainer ones."""
+        return len(self.fit.point), sum(bool(proposal.effect.contains) for proposal in self.proposals)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its effects."""
+        return tuple(proposal.name for proposal in self.proposals)
+
+    def contains(self, other: Weighed) -> bool:
+        """Whether its one effect is the other's and more."""
+        (mine, *rest), (its, *further) = self.proposals, other.proposals
+        if rest or further or mine.at != its.at:
+            return False
+        return its.effect.name in mine.effect.contains or its.effect.name in mine.effect.degenerates_to
+
+
+class ForceSearch:
+    """Weighs what could be added to a model by its force balance.
+
+    Parameters
+    ----------
+    setting : Setting
+        Records and sizes.
+    level : float
+        Probability of naming an effect where nothing is missing, over all effects of a step.
+    least : float
+        Part by which an effect must make the errors on unseen samples smaller to be named.
+    effects : sequence of str, optional
+        Choose from these only.
+    held_out : sequence of Data
+        Records on which an effect has to explain something, too.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        level: float,
+        least: float,
+        effects: Sequence[str] | None = None,
+        held_out: Sequence[Data] = (),
+    ) -> None:
+        self.setting, self.level, self.least, self.effects = setting, level, least, effects
+        self.held_out = tuple(held_out)
+
+    def weigh(self, parent: WeakFit) -> Step:
+        """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
+        model = parent.form.engine.model.with_theta(parent.theta)
+        screen = _Screen(self.setting, parent, model)
+        choices = [one for one in proposals(model, self.effects) if _balances(one)]
+        screened = list(in_parallel(screen, choices))
+        promising = [found for found in screened if found.starts]
+        promising.sort(key=lambda found: -found.promise)
+        chosen = promising[:FITTED]
+        parts = {part for found in chosen for part in found.proposal.effect.contains}
+        chosen += [found for found in promising[FITTED:] if found.proposal.effect.name in parts]
+        weigher = _Weigher(parent, self.held_out)
+        weighed = weigher(in_parallel(partial(_fitted, parent), chosen))
+        step = Step(parent, tuple(weighed), len(choices) + screen.waves, self.level, self.least)
+        design = min((one.evidence.design_effect for one in weighed), default=1.0)
+        testable, why = _testable(model, screened, design * step.threshold())
+        step = replace(step, testable=testable, why=why)
+        pairs = weigher(in_parallel(partial(_pair, parent), _pairs(step)))
+        return replace(step, weighed=(*weighed, *pairs), structures=tuple(structures(parent)))
+
+    def best_with(self, parent: WeakFit, name: str, at: str) -> WeakFit | None:
+        """The model with one effect, from where the unexplained force promises most of it; None where it does not."""
+        model = parent.form.engine.model.with_theta(parent.theta)
+        screen = _Screen(self.setting, parent, model)
+        for proposal in proposals(model, [f"{name}@{at}"]):
+            fitted = _fitted(parent, screen(proposal)) if _balances(proposal) else None
+            if fitted is not None:
+                return fitted[1]
+        return None
+
+    def needless(self, fit: WeakFit, name: str) -> WeakFit | None:
+        """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
+        model = fit.form.engine.model.with_theta(fit.theta).without_effect(name)
+        smaller = _fit_in(fit, model)
+        if smaller is None:
+            return None
+        try:
+            evidence = scores_of(fit).against(scores_of(smaller))
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
+        worth = evidence.improvement >= self.least and evidence.log >= math.log(1.0 / self.level)
+        return None if worth else smaller
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one step has weighed.
+
+    Attributes
+    ----------
+    parent : WeakFit
+    weighed : tuple of Weighed
+    count : int
+        Choices that there were.
+    level, least : float
+    structures : tuple of Structure
+        Curves that the unexplained force follows, best first.
+    testable, why : mapping of str to str
+        By effect, whether this data could show it, and why.
+    """
+
+    parent: WeakFit
+    weighed: tuple[Weighed, ...]
+    count: int
+    level: float
+    least: float
+    structures: tuple[Structure, ...] = ()
+    testable: Mapping[str, str] = field(default_factory=dict)
+    why: Mapping[str, str] = field(default_factory=dict)
+
+    def threshold(self, effects: int = 1) -> float:
+        """Log-evidence from which on so many effects together are named."""
+        return math.log(max(math.comb(self.count, effects), 1) / self.level)
+
+    @cached_property
+    def significant(self) -> list[Weighed]:
+        """What shows beyond doubt, worth naming or not, best first."""
+        found = [one for one in self.weighed if self._shows(one)]
+        return sorted(found, key=lambda one: -one.merit)
+
+    def _shows(self, one: Weighed) -> bool:
+        return one.evidence.log >= self.threshold(len(one.proposals)) and one.evidence.told
+
+    @property
+    def eligible(self) -> list[Weighed]:
+        """What shows and is worth naming."""
+        return [one for one in self.significant if self.worth(one) and not self._stands_in(one)]
+
+    def worth(self, one: Weighed) -> bool:
+        """Whether it makes errors on samples not seen enough smaller, and those on held-out records."""
+        return self.smaller(one) >= (self.least if len(one.proposals) == 1 else _TOGETHER)
+
+    def smaller(self, one: Weighed) -> float:
+        """Part by which it makes errors smaller: the least of those on samples not seen, held-out records and all.
+
+        The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing.
+        """
+        relative = 1.0 - one.fit.relative / max(self.parent.relative, 1e-300)
+        parts = (one.evidence.improvement, relative, one.held_out)
+        return min(part for part in parts if part is not None)
+
+    @property
+    def structure(self) -> Structure | None:
+        """The curve that explains most of the force that no effect does; None where none shows or is worth telling."""
+        for one in self.structures:
+            shows = one.evidence.log >= self.threshold() and one.evidence.told
+            if shows and one.evidence.improvement >= self.least and one.explains >= self.least:
+                return one
+        return None
+
+    def _stands_in(self, one: Weighed) -> bool:
+        """Whether an effect is named for want of a curve that explains far more: it fits a part of that."""
+        for curve in self.structures:
+            far_more = curve.evidence.difference >= FAR_MORE * one.evidence.difference
+            if far_more and curve.curve.imitated and curve.evidence.told and curve.scores.against(one.scores).told:
+                return True
+        return False
+
+    @cached_property
+    def stand_ins(self) -> list[Weighed]:
+        """Effects that show and are worth naming, were there no curve that explains far more."""
+        return [one for one in self.significant if self.worth(one) and self._stands_in(one)]
+
+    @cached_property
+    def tied(self) -> list[Weighed]:
+        """The best choice first, then those that the data cannot tell from it: of equals the plainest goes first."""
+        if not self.eligible:
+            return []
+        best = self.eligible[0]
+        equal = [one for one in self.eligible if one is best or self._equal(best, one)]
+        first = min(equal, key=lambda one: (one.richness, -one.merit))
+        # A plain effect earns its place before a richer one that contains it.
+        first = next((one for one in self.eligible if first.contains(one)), first)
+        others = [one for one in self.eligible if one is not first and not one.contains(first)]
+        return [first, *(one for one in others if not self._told(first, one))]
+
+    def _equal(self, best: Weighed, other: Weighed) -> bool:
+        return best.scores.against(other.scores).log <= math.log(1.0 / self.level)
+
+    def _told(self, best: Weighed, other: Weighed) -> bool:
+        return best.scores.against(other.scores).told and not self._equal(best, other)
+
+
+def _pairs(step: Step) -> list[tuple[Weighed, Weighed]]:
+    """Which of the effects that were fitted alone are tried together.
+
+    The best few, where none shows alone; else, where the best contains a plainer one, that one with each of the others:
+    a plain effect beside another plain one may be the same equation.
+    """
+    singles = list(step.weighed)
+    if not step.tied:
+        best = sorted(singles, key=lambda one: -one.gain)[:_IN_PAIRS]
+        return [(a, b) for place, a in enumerate(best) for b in best[place + 1 :]]
+    if step.tied[0].proposals[0].replaces is not None:
+        return []
+    plain = [one for one in singles if step.tied[0].contains(one)]
+    others = [one for one in singles if not one.proposals[0].effect.contains]
+    return [(a, b) for a in plain for b in others if b is not a and b.proposals[0].replaces is None]
+
+
+def _balances(proposal: Proposal) -> bool:
+    """Whether a force balance along the measured motion can show an effect."""
+    return proposal.effect.site != OUTPUT and not proposal.effect.splits
+
+
+@dataclass(frozen=True)
+class _Promising:
+    proposal: Proposal
+    promise: float
+    worth: float
+    left: float
+    starts: list[Trial]
+
+
+class _Screen:
+    """Correlates the traces that effects would leave in a balance with what it leaves unexplained."""
+
+    def __init__(self, setting: Setting, parent: WeakFit, model: Model) -> None:
+        self.parent, self.model = parent, model
+        self.sizes = Sizes(model, setting)
+        _, slopes = parent.linear
+        self._size = np.sqrt(np.mean(parent.residual**2, axis=0))
+        self.errors = (parent.residual / self._size).ravel()
+        slopes = slopes.reshape(-1, slopes.shape[-1])
+        slopes = slopes[:, np.any(slopes != 0.0, axis=0)]
+        left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
+        self.basis = left[:, weight > 1e-6 * np.max(weight, initial=0.0)]
+        self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
+        found = {body: harmonics(parent, index) for index, body in enumerate(model.bodies)}
+        self._harmonics = {body: several for body, (several, _) in found.items()}
+        self.waves = sum(tried for _, tried in found.values())
+
+    def __call__(self, proposal: Proposal) -> _Promising:
+        """What an effect promises, and from where its fit begins; nowhere where it promises nothing."""
+        scales = self.sizes.at(proposal.effect.site, proposal.at)
+        scales = replace(scales, harmonics=self._harmonics.get(proposal.at, ()))
+        found, worth, part = [], 0.0, 0.0
+        for trials in proposal.alternatives(scales):
+            columns = [self._trace(proposal, trial) for trial in trials]
+            if any(column is None for column in columns):
+                continue
+            raw = np.stack([column for column in columns if column is not None]).T
+            own = raw - self.basis @ (self.basis.T @ raw)
+            powers = np.sum(own**2, axis=0)
+            worth = max(worth, 0.5 * float(np.max(powers)))
+            part = max(part, float(np.max(powers / np.maximum(np.sum(raw**2, axis=0), 1e-300))))
+            size, *_ = np.linalg.lstsq(own, -self.errors, rcond=1e-6)
+            if len(trials) == 1 and proposal.one_sided:
+                size = np.maximum(size, 0.0)
+            left = self.errors + own @ size
+            promise = 0.5 * float(self.errors @ self.errors - left @ left)
+            if np.isfinite(promise):
+                found.append((promise, trials, size))
+        found.sort(key=lambda one: -one[0])
+        if not found or found[0][0] < _LEAST_PROMISE:
+            return _Promising(proposal, 0.0, worth, part, [])
+        starts = [start for _, trials, size in found[:_STARTS] for start in _starts(proposal, trials, size)]
+        return _Promising(proposal, found[0][0], worth, part, starts)
+
+    def _trace(self, proposal: Proposal, trial: Trial) -> Array | None:
+        model = proposal.model(trial)
+        form = self.parent.form.with_engine(RememberingEngine(model))
+        try:
+            residual = form.residual(model.theta, self.parent.shift)
+        except IdloopError:
+            return None
+        change = ((residual - self.parent.residual) / self._size).ravel()
+        return change if np.all(np.isfinite(change)) else None
+
+
+def _testable(model: Model, screened: Sequence[_Promising], threshold: float) -> tuple[dict[str, str], dict[str, str]]:
+    """Whether the balance could show each effect, and why: what acts in sensors or splits a body is beyond it."""
+    testable, why = {}, {}
+    for one in screened:
+        name = one.proposal.name
+        if one.left < _OWN_PART:
+            testable[name], why[name] = "no", "on this data it does no more than the free parameters can do"
+        elif one.worth < threshold:
+            testable[name], why[name] = "no", "at its usual size it explains too little force to show"
+        else:
+            testable[name] = "weak" if one.proposal.effect.from_a_level else "yes"
+            why[name] = f"at its usual size it would be worth {one.worth:.3g} units of log-likelihood"
+    for proposal in proposals(model):
+        if not _balances(proposal):
+            testable[proposal.name] = "no"
+            why[proposal.name] = "a balance of forces along the measured motion does not see it"
+    return testable, why
+
+
+def _starts(proposal: Proposal, trials: Sequence[Trial], size: Array) -> list[Trial]:
+    """Values from which a fit begins: those tried, and what the trace promises of them."""
+    if len(trials) > 1 and "phase" in trials[0]:
+        # Sine and cosine: their sum is one wave.
+        reach = float(np.linalg.norm(size))
+        return [proposal.inside({**proposal.weaker(trials[0], reach), "phase": float(np.arctan2(size[1], size[0]))})]
+    share = float(np.clip(size[0], -50.0, 50.0))
+    return [trials[0], proposal.inside(proposal.weaker(trials[0], share))]
+
+
+def _fit_in(parent: WeakFit, model: Model, rounds: int = MOST_ITERATIONS) -> WeakFit | None:
+    """A model fitted in the windows of another fit; None where it cannot be."""
+    form = parent.form.with_engine(RememberingEngine(model))
+    start = np.append(model.theta, parent.shift) if form.free_timing else model.theta
+    try:
+        found = fit_weak(form, start, rounds=rounds)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+    return found if np.isfinite(found.log_likelihood) else None
+
+
+def _cost_in(parent: WeakFit, model: Model) -> float:
+    """How badly a model does in the windows of another fit, not fitted."""
+    form = parent.form.with_engine(RememberingEngine(model))
+    return cost_at(form, np.append(model.theta, parent.shift) if form.free_timing else model.theta)
+
+
+def _fitted(parent: WeakFit, promising: _Promising) -> tuple[tuple[Proposal, ...], WeakFit] | None:
+    models = [promising.proposal.model(trial) for trial in promising.starts]
+    models.sort(key=partial(_cost_in, parent))
+    fits = [_fit_in(parent, model, rounds=_FIRST_ROUNDS) for model in models[:_STARTS]]
+    found = [fit for fit in fits if fit is not None]
+    if not found:
+        return None
+    best = max(found, key=lambda fit: fit.log_likelihood)
+    if not best.converged:
+        model = best.form.engine.model
+        best = _fit_in(best, model.with_theta(best.theta)) or best
+    return (promising.proposal,), best
+
+
+class _Weigher:
+    """Weighs fitted models against one without what they have."""
+
+    def __init__(self, parent: WeakFit, held_out: Sequence[Data]) -> None:
+        self.parent, self.base = parent, scores_of(parent)
+        self._held_out = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
+        self._before = self._errors(parent)
+
+    def _errors(self, fit: WeakFit) -> Array:
+        """Logarithms of the typical and of the rms error on the held-out records."""
+        if self._held_out is None:
+            return np.zeros(2)
+        form = self._held_out.with_engine(fit.form.engine)
+        typical = -float(np.mean(fit.log_densities(form)))
+        return np.array([typical, math.log(relative_error(form, fit.theta, fit.shift))])
+
+    def __call__(self, fits: Iterable[tuple[tuple[Proposal, ...], WeakFit] | None]) -> list[Weighed]:
+        """Those that explain anything, with their evidence."""
+        return [one for one in in_parallel(self._weigh, list(fits)) if one is not None]
+
+    def _weigh(self, fitted: tuple[tuple[Proposal, ...], WeakFit] | None) -> Weighed | None:
+        if fitted is None:
+            return None
+        chosen, fit = fitted
+        gain = fit.log_likelihood - self.parent.log_likelihood
+        if gain < _LEAST_PROMISE:
+            return None
+        try:
+            scores = scores_of(fit)
+            after = self._errors(fit)
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
+        if not np.all(np.isfinite(scores.log_density)):
+            return None
+        held_out = None if self._held_out is None else float(np.min(1.0 - np.exp(after - self._before)))
+        return Weighed(chosen, fit, scores, scores.against(self.base), gain, held_out)
+
+
+def _pair(parent: WeakFit, pair: tuple[Weighed, Weighed]) -> tuple[tuple[Proposal, ...], WeakFit] | None:
+    """A model with two effects, from where each of them went alone."""
+    one, other = pair
+    first = one.fit.form.engine.model.with_theta(one.fit.theta)
+    (wanted,) = other.proposals
+    for proposal in proposals(first, [wanted.name]):
+        alone = other.fit.form.engine.model.with_theta(other.fit.theta)
+        prefix = f"{wanted.name}."
+        values = {n[len(prefix) :]: v for n, v in alone.values.items() if n.startswith(prefix)}
+        fit = _fit_in(parent, proposal.model(proposal.inside(values)))
+        if fit is not None:
+            return (*one.proposals, proposal), fit
+    return None

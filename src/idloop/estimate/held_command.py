@@ -1,0 +1,107 @@
+"""A command that is held from its stamp until the next one, around the instants of a measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# The last command is held so long beyond the last measurement, and none was given so long before the first [s].
+_BEYOND, _BEFORE = 10.0, 1e3
+# A change by this part of the command's rms within a sample is taken as a jump: below, its mean serves.
+_JUMP = 0.1
+
+
+@dataclass(frozen=True)
+class CommandAround:
+    """A command over one sample time around each of n instants.
+
+    Attributes
+    ----------
+    mean : array, shape (n,)
+    jumps : array of int, shape (k,)
+        Instants around which it jumps once.
+    before, after : array, shape (k,)
+        What it is on either side.
+    late : array, shape (k,)
+        Part of the sample time after the jump.
+    """
+
+    mean: Array
+    jumps: NDArray[np.int64]
+    before: Array
+    after: Array
+    late: Array
+
+    @classmethod
+    def constant(cls, value: float, count: int) -> CommandAround:
+        """The same command all the time."""
+        none = np.zeros(0)
+        return cls(np.full(count, value), np.zeros(0, dtype=np.int64), none, none, none)
+
+    @classmethod
+    def joined(cls, parts: Sequence[CommandAround]) -> CommandAround:
+        """One after the other."""
+        starts = np.cumsum([0, *(len(part.mean) for part in parts[:-1])])
+        return cls(
+            np.concatenate([part.mean for part in parts]),
+            np.concatenate([part.jumps + start for part, start in zip(parts, starts, strict=True)]),
+            np.concatenate([part.before for part in parts]),
+            np.concatenate([part.after for part in parts]),
+            np.concatenate([part.late for part in parts]),
+        )
+
+    def plus(self, change: Array) -> CommandAround:
+        """The same with something added, shape (n,)."""
+        own = change[self.jumps]
+        return replace(self, mean=self.mean + change, before=self.before + own, after=self.after + own)
+
+
+class HeldCommand:
+    """A command, with its integral, from which its mean over any time follows exactly.
+
+    Parameters
+    ----------
+    time, value : array, shape (m,)
+        Stamps [s] and commands; before the first the command is 0.
+    end : float
+        Last instant of the measurement [s].
+    """
+
+    def __init__(self, time: Array, value: Array, end: float) -> None:
+        edges = np.concatenate([time, [max(end, float(time[-1])) + _BEYOND]])
+        area = np.concatenate([[0.0], np.cumsum(value * np.diff(edges))])
+        self._edges = np.concatenate([[edges[0] - _BEFORE], edges])
+        self._area = np.concatenate([[0.0], area])
+        self._value = np.concatenate([[0.0], value])
+        self._rms = float(np.sqrt(np.mean(value**2)))
+
+    def around(self, time: Array, sample_time: float) -> CommandAround:
+        """The command over one sample time around each instant.
+
+        Parameters
+        ----------
+        time : array, shape (n,)
+            [s]
+        sample_time : float
+            [s]
+
+        Returns
+        -------
+        CommandAround
+        """
+        first, last = time - 0.5 * sample_time, time + 0.5 * sample_time
+        mean = (np.interp(last, self._edges, self._area) - np.interp(first, self._edges, self._area)) / sample_time
+        before, after = self._at(first), self._at(last)
+        change = after - before
+        late = (mean - before) / np.where(change == 0.0, 1.0, change)
+        jumps = np.flatnonzero((np.abs(change) > _JUMP * self._rms) & (late >= 0.0) & (late <= 1.0))
+        return CommandAround(mean, jumps, before[jumps], after[jumps], late[jumps])
+
+    def _at(self, time: Array) -> Array:
+        place = np.searchsorted(self._edges, time, side="right") - 1
+        return self._value[np.clip(place, 0, len(self._value) - 1)]

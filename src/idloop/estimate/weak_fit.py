@@ -1,0 +1,483 @@
+"""Maximum-likelihood fit of a model's force balance in weak form.
+
+The likelihood is that of what was recorded: the command, given the motion, and of bodies without a drive the
+acceleration. Its density is that of the unexplained force, Student's t, times how much of the command acts
+(or the inertia): scaling all forces down, or switching the command off, gains nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import e, log, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimate.dataset import Data
+from idloop.estimate.levenberg import box_step, difference_jacobian
+from idloop.estimate.solve import typical_size
+from idloop.estimate.student import log_density, scale_of
+from idloop.estimate.weak_form import NARROWEST, WeakForm, weak_form
+from idloop.physics import Engine, Model, kernel
+from idloop.physics.effect import INPUT
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+# The time from stamp to action is found within these limits, in samples.
+_EARLIEST, _LATEST = -1.0, 2.0
+# A window is wide enough when sensor noise is at most this part of the unexplained force [standard deviations].
+MOST_NOISE = 0.3
+_WIDER = 1.4
+# Model error rules where a balance leaves ten times what sensor noise makes, and at least this part of the drive's
+# force; elsewhere finer views tell more.
+_RULED, _LEAST_UNEXPLAINED = 0.1, 0.01
+# Sensors of one body whose velocities are further apart than this part of them show something of their own.
+_DISAGREE = 0.05
+# Fewer windows in all do not tell a model from another.
+FEWEST_ROWS = 100
+# The search ends where a step promises less log-likelihood than this.
+_TOLERANCE = 1e-4
+MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
+_LINEAR_ROUNDS = 20
+# A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
+_TELLS = 0.5
+# Of a normal distribution with deviation 1.
+_ENTROPY = 0.5 * log(2.0 * pi * e)
+# Stretches that are taken as independent, for a covariance that holds under coloured errors.
+BLOCKS = 40
+
+
+@dataclass(frozen=True)
+class WeakFit:
+    """Parameters fitted by the force balance.
+
+    Attributes
+    ----------
+    form : WeakForm
+    point : array, shape (k,) or (k + 1,)
+        Free parameters, then the time from the stamp of a command to its action [s] where that is free.
+    scale : array, shape (bodies,)
+        Of Student's t distribution of the unexplained force.
+    rows : array of int
+        Windows that were fitted.
+    log_likelihood : float
+        Of these.
+    iterations : int
+    converged : bool
+    jacobian : array, shape (rows bodies, k)
+        Slopes of the normalised errors where the search ended.
+    """
+
+    form: WeakForm
+    point: Array
+    scale: Array
+    rows: Rows
+    log_likelihood: float
+    iterations: int
+    converged: bool
+    jacobian: Array
+
+    @property
+    def theta(self) -> Array:
+        """Values of the free parameters."""
+        return self.point[: len(self.form.engine.free)]
+
+    @property
+    def shift(self) -> float:
+        """Time from the stamp of a command to its action [s]."""
+        return float(self.point[-1]) if self.form.free_timing else 0.0
+
+    @cached_property
+    def residual(self) -> Array:
+        """Unexplained force in every window, shape (rows, bodies)."""
+        return self.form.residual(self.theta, self.shift)
+
+    @cached_property
+    def relative(self) -> float:
+        """Unexplained force over the drive's, both as rms over all windows."""
+        return relative_error(self.form, self.theta, self.shift)
+
+    @cached_property
+    def model_error_rules(self) -> bool:
+        """Whether it is the model, and not sensor noise, that limits the balance."""
+        return model_error_rules(self.form, self.theta, self.shift)
+
+    @property
+    def noise_share(self) -> Array:
+        """What sensor noise alone makes of the unexplained force, by body, shape (bodies,); at most 1."""
+        inertia = np.asarray(self.form.engine.layout(self.theta).axis.inertia, dtype=float)
+        return np.minimum(inertia * self.form.noise / self.scale, 1.0)
+
+    def log_densities(self, form: WeakForm | None = None) -> Array:
+        """Log-density of every window of these records or others, with the values that were fitted, shape (rows,)."""
+        one = self.form if form is None else form
+        return _log_densities(one, self.point, self.scale)
+
+    @cached_property
+    def linear(self) -> tuple[Array, Array]:
+        """Standardised errors of all windows (rows, bodies), and their slopes by the point (rows, bodies, k)."""
+        error = _Target(self.form)(self.point)
+        scale = _rms(error)
+        return error / scale, self.jacobian.reshape(*error.shape, -1) / scale[:, None]
+
+    @property
+    def slopes(self) -> Array:
+        """Slopes of the standardised errors by the point, shape (rows bodies, k)."""
+        return self.linear[1].reshape(-1, len(self.point))
+
+    @cached_property
+    def slopes_of_force(self) -> Array:
+        """Slopes of the driven body's unexplained force by the point, shape (rows, k), but for a common factor each."""
+        return np.asarray(self.linear[1][:, 0, :])
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the point, from stretches taken as independent; NaN where nothing tells a parameter."""
+        base, slopes = (part[self.rows] for part in self.linear)
+        size = np.maximum(np.sqrt(np.sum(slopes**2, axis=(0, 1))), 1e-300)
+        scaled = slopes / size
+        flat = scaled.reshape(-1, len(size))
+        bread = np.linalg.pinv(flat.T @ flat, rcond=1e-12, hermitian=True)
+        scores = np.sum(base[:, :, None] * scaled, axis=1)
+        sums = np.array([block.sum(axis=0) for block in np.array_split(scores, BLOCKS)])
+        covariance = bread @ (sums.T @ sums) @ bread * BLOCKS / (BLOCKS - 1.0) / np.outer(size, size)
+        dead = size <= 1e-12 * np.max(size)
+        covariance[dead, :] = covariance[:, dead] = np.nan
+        return np.asarray(covariance)
+
+    def refitted(self, rows: Rows) -> WeakFit:
+        """The same model fitted to some of the windows, to first order around this fit.
+
+        Parameters
+        ----------
+        rows : array of int
+
+        Returns
+        -------
+        WeakFit
+        """
+        base, slopes = (part[rows] for part in self.linear)
+        lower, upper = _limits(self.form)
+        flat, move = slopes.reshape(-1, len(self.point)), np.zeros(len(self.point))
+        for _ in range(_LINEAR_ROUNDS):
+            error = base + slopes @ move
+            weight = np.broadcast_to(1.0 / _rms(error) ** 2, error.shape).ravel()
+            gradient, hessian = flat.T @ (weight * error.ravel()), flat.T @ (weight[:, None] * flat)
+            step, promised = box_step(gradient, hessian, 1e-9, self.point + move, lower, upper)
+            move = move + step
+            if promised < _TOLERANCE:
+                break
+        point = np.clip(self.point + move, lower, upper)
+        residual = self.form.residual(*_split(self.form, point))
+        if not np.all(np.isfinite(residual)):
+            raise IdloopError("the force balance cannot be evaluated")
+        scale = _scales(self.form, point, residual, rows)
+        return WeakFit(self.form, point, scale, rows, np.nan, self.iterations, self.converged, self.jacobian)
+
+
+def relative_error(form: WeakForm, theta: Array, shift: float) -> float:
+    """Unexplained force over the drive's, both as rms over all windows.
+
+    Parameters
+    ----------
+    form : WeakForm
+    theta, shift
+        As of `WeakForm.residual`.
+
+    Returns
+    -------
+    float
+    """
+    left = form.residual(theta, shift)[:, 0]
+    applied = form.drive(theta, shift)
+    return float(np.linalg.norm(left) / max(float(np.linalg.norm(applied)), 1e-300))
+
+
+def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
+    """Whether it is the model, and not sensor noise, that limits a balance in windows that resolve the motion.
+
+    Parameters
+    ----------
+    form : WeakForm
+    theta, shift
+        As of `WeakForm.residual`.
+
+    Returns
+    -------
+    bool
+    """
+    if form.disagreement > _DISAGREE:
+        return False  # what a sensor does is no force
+    inertia = np.asarray(form.engine.layout(theta).axis.inertia, dtype=float)
+    wide: WeakForm | None = form
+    while wide is not None and wide.width <= form.widest:
+        left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
+        if np.all(inertia * wide.noise <= _RULED * left):
+            return relative_error(wide, theta, shift) >= _LEAST_UNEXPLAINED
+        wide = weak_form(form.engine, form.data, _wider(wide.width))
+    return False
+
+
+def _limits(form: WeakForm) -> tuple[Array, Array]:
+    lower, upper = form.engine.model.bounds
+    if not form.free_timing:
+        return lower, upper
+    step = form.sample_time
+    return np.append(lower, _EARLIEST * step), np.append(upper, _LATEST * step)
+
+
+def _sizes(form: WeakForm, point: Array) -> Array:
+    lower, upper = form.engine.model.bounds
+    size = typical_size(point[: len(lower)], lower, upper)
+    return np.append(size, form.sample_time) if form.free_timing else size
+
+
+def _split(form: WeakForm, point: Array) -> tuple[Array, float]:
+    return (point[:-1], float(point[-1])) if form.free_timing else (point, 0.0)
+
+
+def _told(form: WeakForm, point: Array, residual: Array) -> tuple[Array, Array]:
+    """Log of the force per input in every window, and the part of its command that the window tells of.
+
+    What shapes the command is measured by what the drive does of it over all windows: on a command of two levels an
+    uneven gain is an offset. A friction that takes a part of what the drive gives is measured window by window.
+    """
+    theta, shift = _split(form, point)
+    slope = form.slope(theta, shift, residual)
+    overall, each = form.drives(theta, shift)
+    passed = np.where(each > 0.0, slope / np.maximum(each, 1e-300), 1.0)
+    told = np.minimum(slope / (_TELLS * _gain(form, theta)), 1.0)
+    return np.log(overall * np.maximum(passed, 1e-300)), told
+
+
+def _gain(form: WeakForm, theta: Array) -> float:
+    return max(abs(float(form.engine.layout(theta).axis.constants[kernel.GAIN])), 1e-300)
+
+
+def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
+    theta, shift = _split(form, point)
+    residual = form.residual(theta, shift)
+    strength, told = _told(form, point, residual)
+    size = float(scale[0])
+    density, best = log_density(residual[:, 0], size), log_density(np.zeros(1), size)
+    total = density + told * strength + (1.0 - told) * (form.untold - best)
+    total = total - np.log1p(_likely_untold(form, point, size, told))
+    inertia = form.engine.layout(theta).axis.inertia
+    for body in range(1, residual.shape[1]):
+        total = total + log_density(residual[:, body], float(scale[body])) + np.log(inertia[body])
+    return np.asarray(total)
+
+
+def _likely_untold(form: WeakForm, point: Array, scale: float, told: Array) -> Array:
+    """How likely the motion of every window makes commands of which it would not tell, against all others.
+
+    Commands in a dead zone, at standstill or beyond a limit have the density of any command; so that the densities of
+    all commands have the sum 1, each is divided by 1 plus this.
+    """
+    if not np.any(told < _TELLS):
+        return np.zeros(form.starts[-1])
+    theta, _ = _split(form, point)
+    typical, total = log_density(np.zeros(1), scale), np.zeros(form.starts[-1])
+    for command, share in form.kinds_of_commands(1.0 - told):
+        residual = form.with_command(command, theta)
+        slope = form.slope_at(command, theta, residual)
+        silent = slope < _TELLS * _gain(form, theta)
+        total = total + share * silent * np.exp(log_density(residual[:, 0], scale) - typical)
+    return total
+
+
+def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows | slice = slice(None)) -> Array:
+    """Scale of every body's unexplained force, shape (bodies,)."""
+    _, told = _told(form, point, residual)
+    first = scale_of(residual[rows, 0], float(np.sum(told[rows])))
+    return np.array([first, *(scale_of(column) for column in residual[rows, 1:].T)])
+
+
+class _Target:
+    """What a fit makes small, shape (rows, bodies): n times the logarithm of its rms is minus the log-likelihood.
+
+    A window that does not tell of its command, in a dead zone or at standstill, has the density of any command, times
+    how well the force agrees. Most parameters do not move how many these are; those that do have it evaluated anew.
+    Where all are told alike this is the unexplained force over the gain, which has no second optimum in parameters
+    that the force is linear in.
+    """
+
+    def __init__(self, form: WeakForm, *, alike: bool = False) -> None:
+        self.form = form
+        self._alike = alike
+        self._moves = np.array([_moves_slope(form.engine.model, name) for name in form.engine.free], dtype=bool)
+        self._known: tuple[bytes, float, float] | None = None
+
+    def __call__(self, point: Array) -> Array:
+        theta, shift = _split(self.form, point)
+        residual, rows = self.form.residual(theta, shift), self.form.starts[-1]
+        key = theta[self._moves].tobytes()
+        if self._known is None or self._known[0] != key:
+            strength, told = self._told_of(point, residual)
+            constant = float(np.sum(told * (_ENTROPY - strength) - (1.0 - told) * self.form.untold))
+            self._known = key, max(float(np.sum(told)), 1e-9), constant
+        _, count, constant = self._known
+        first = residual[:, 0] / np.sqrt(count)
+        rms = max(float(np.linalg.norm(first)), 1e-300)
+        error = residual / np.asarray(self.form.engine.layout(theta).axis.inertia, dtype=float)
+        error[:, 0] = first * np.sqrt(rows) * np.exp((constant + (count - rows) * np.log(rms)) / rows)
+        return np.asarray(error)
+
+    def _told_of(self, point: Array, residual: Array) -> tuple[Array, Array]:
+        if not self._alike:
+            return _told(self.form, point, residual)
+        rows = len(residual)
+        return np.full(rows, log(_gain(self.form, _split(self.form, point)[0]))), np.ones(rows)
+
+
+def _moves_slope(model: Model, name: str) -> bool:
+    """Whether a parameter has a part in how far the balance of the driven body depends on the command."""
+    owner = name.rpartition(".")[0]
+    acting = (active.effect for active in model.effects if active.name == owner)
+    return owner == "drive" or any(effect.site == INPUT or effect.friction is not None for effect in acting)
+
+
+def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, alike: bool = False) -> WeakFit:
+    """Fit a model to a force balance.
+
+    Parameters
+    ----------
+    form : WeakForm
+    start : array, shape (k,) or (k + 1,)
+        Free parameters, and the timing where that is free (0 when left out).
+    rounds : int
+        Most iterations.
+    alike : bool
+        Take every window as one that tells of its command: not the likelihood, but a place to search for it from.
+
+    Returns
+    -------
+    WeakFit
+
+    Raises
+    ------
+    IdloopError
+        The balance cannot be evaluated at the start.
+    """
+    lower, upper = _limits(form)
+    point = np.clip(start if len(start) == len(lower) else np.append(start, 0.0), lower, upper)
+    size = _sizes(form, point)
+    step = 1e-4 * size
+    if not np.all(np.isfinite(form.residual(*_split(form, point)))):
+        raise IdloopError("the force balance cannot be evaluated at the starting values")
+    target = _Target(form, alike=alike)
+    damping, converged, iteration = 1e-3, False, 0
+    size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
+    while iteration < rounds and not converged:
+        iteration += 1
+        error = target(point)
+        size_of_errors = scale = _rms(error)
+        cost = _cost(error)
+        base = (error / scale).ravel()
+
+        def scaled(at: Array, scale: Array = scale) -> Array:
+            return (target(at) / scale).ravel()
+
+        jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
+        jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
+        gradient, hessian = jacobian.T @ base, jacobian.T @ jacobian
+        accepted = False
+        while damping <= _MOST_DAMPING:
+            move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
+            if predicted <= _TOLERANCE:
+                converged = True
+                break
+            trial = np.clip(point + move, lower, upper)
+            left = target(trial)
+            if np.all(np.isfinite(left)):
+                now = _cost(left)
+                if now < cost:
+                    accepted, converged, point = True, cost - now < _TOLERANCE, trial
+                    damping = max(0.1 * damping, 1e-9)
+                    break
+            damping *= 8.0
+        if not accepted:
+            converged = converged or damping > _MOST_DAMPING
+            break
+        size = np.maximum(size, np.abs(point))
+    scale = _scales(form, point, form.residual(*_split(form, point)))
+    likelihood = -_cost(target(point))
+    unscaled = (jacobian.reshape(form.starts[-1], -1, len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
+    return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, unscaled)
+
+
+def _rms(error: Array) -> Array:
+    """Root mean square of every column, never 0."""
+    return np.asarray(np.maximum(np.sqrt(np.mean(error**2, axis=0)), 1e-300))
+
+
+def cost_at(form: WeakForm, start: Array) -> float:
+    """Minus the log-likelihood of a point from which a fit may begin; infinite where it has no balance."""
+    lower, upper = _limits(form)
+    point = np.clip(start if len(start) == len(lower) else np.append(start, 0.0), lower, upper)
+    error = _Target(form)(point)
+    return _cost(error) if np.all(np.isfinite(error)) else np.inf
+
+
+def _cost(error: Array) -> float:
+    """Minus the log-likelihood of normalised errors, their scale at its best, but for a constant."""
+    return float(len(error) * np.sum(np.log(_rms(error))))
+
+
+def fit_by_force(
+    engine: Engine,
+    data: Sequence[Data],
+    start: Array,
+    known: dict[int, WeakForm] | None = None,
+    *,
+    insist: bool = False,
+) -> WeakFit | None:
+    """Fit a model to records by its force balance, in the narrowest windows in which sensor noise does not rule.
+
+    Parameters
+    ----------
+    engine : Engine
+    data : sequence of Data
+    start : array, shape (k,)
+    known : dict of int to WeakForm, optional
+        Windows of these data by width, for other effects in the same machine; what is made anew is added.
+
+    insist : bool
+        Take the widest windows where sensor noise rules in all.
+
+    Returns
+    -------
+    WeakFit or None
+        None where some body is not measured, or sensor noise is what a balance would show at any width.
+
+    Raises
+    ------
+    IdloopError
+        The balance cannot be evaluated at the start.
+    """
+    width, point = NARROWEST, start
+    forms = {} if known is None else known
+    found: WeakFit | None = None
+    while True:
+        form = forms[width].with_engine(engine) if width in forms else weak_form(engine, data, width)
+        if form is None or form.starts[-1] < FEWEST_ROWS:
+            return found if insist else None
+        forms.setdefault(width, form)
+        found = fit_weak(form, point)
+        if width == NARROWEST:
+            found = max(found, fit_weak(form, fit_weak(form, start, alike=True).point), key=_likelihood)
+        if np.all(found.noise_share <= MOST_NOISE):
+            return found
+        width, point = _wider(width), found.theta
+
+
+def _likelihood(fit: WeakFit) -> float:
+    return fit.log_likelihood
+
+
+def _wider(width: int) -> int:
+    return max(round(_WIDER * width), width + 1)

@@ -1,0 +1,482 @@
+"""The force balance of a model along a measured motion, in weak form.
+
+Every term is multiplied by a smooth test function and integrated. By parts, the inertial term becomes one in the
+measured velocity or position themselves,
+
+    ∫ J v̇ φ dt = -∫ J v φ̇ dt = ∫ J q φ̈ dt,
+
+so that no measured signal is differentiated to find an acceleration (Messenger and Bortz, Weak SINDy, Multiscale
+Modeling and Simulation 19, 2021). The test function is φ(x) ∝ cos⁴(π x / 2) on a window of a given width.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimate.dataset import Data
+from idloop.estimate.held_command import CommandAround, HeldCommand
+from idloop.estimate.motion import Motion, bridged, measured_motion
+from idloop.estimate.noise import noise_std
+from idloop.estimate.student import log_density, scale_of
+from idloop.physics import Engine, kernel
+from idloop.physics.effect import INPUT
+
+Array = NDArray[np.float64]
+
+# Samples in the narrowest window: fewer do not resolve the second derivative of the test function.
+NARROWEST = 7
+# A window passes frequencies up to about the inverse of its width; the motion is kept up to twice as much.
+_BAND = 2.0
+# Windows that overlap by half use all samples alike.
+_OVERLAP = 2
+# Two sensors of one body disagree where their velocities are further apart than so many times their noise.
+_ABOVE_NOISE = 5.0
+# A change of the command by this part of its rms shows how far the balance still depends on it.
+_PROBE = 1e-3
+
+
+@dataclass(frozen=True)
+class Track:
+    """Measured motion of one record, for windows of one width.
+
+    Attributes
+    ----------
+    motion : Motion
+        Band-limited; gives each force its arguments.
+    inertial : array, shape (rows, bodies)
+        Weak acceleration of every body, from the measured signals as they are.
+    noise : array, shape (bodies,)
+        Standard deviation of what the sensors' noise makes of it.
+    rows : array of int, shape (rows,)
+        First sample of each window; windows over a hole in the measurements are left out.
+    held : HeldCommand
+    disagreement : float
+        Where two sensors see a body: their velocities' difference over the velocity as rms, the largest of all bodies;
+        0 where it is no more than their noise.
+    """
+
+    motion: Motion
+    inertial: Array
+    noise: Array
+    rows: NDArray[np.int64]
+    held: HeldCommand
+    disagreement: float
+
+    def command(self, shift: float) -> CommandAround:
+        """Command around each instant, ``shift`` [s] earlier."""
+        return self.held.around(self.motion.time - shift, self.motion.sample_time)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """The motion of records that are evaluated in one call, one after the other."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    rest_speed: float
+
+    def at(self, places: NDArray[np.int64]) -> _Run:
+        """The motion at some instants."""
+        return _Run(
+            self.time[places], self.position[places], self.velocity[places], self.acceleration[places], self.rest_speed
+        )
+
+    @classmethod
+    def of(cls, tracks: Sequence[Track], rest_speed: float) -> _Run:
+        motions = [track.motion for track in tracks]
+        step, after, times = motions[0].sample_time, 0.0, []
+        for motion in motions:
+            times.append(motion.time - motion.time[0] + after)
+            after = float(times[-1][-1]) + step
+        return cls(
+            np.concatenate(times),
+            np.concatenate([motion.position for motion in motions]),
+            np.concatenate([motion.velocity for motion in motions]),
+            np.concatenate([motion.acceleration for motion in motions]),
+            rest_speed,
+        )
+
+
+def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:
+    """The test function and its two derivatives, sampled.
+
+    Parameters
+    ----------
+    width : int
+        Samples.
+    step : float
+        Sample time [s].
+
+    Returns
+    -------
+    value, first, second : array, shape (width,)
+        Sums that stand for the integrals ∫ φ f, ∫ φ̇ f and ∫ φ̈ f, with ∫ φ = 1. The first moment of φ̇ and the
+        second of φ̈ are exact: a constant acceleration comes out as it is.
+    """
+    angle = 0.5 * np.pi * np.linspace(-1.0, 1.0, width + 2)[1:-1]
+    rate = np.pi / ((width + 1) * step)
+    time = (np.arange(width) - 0.5 * (width - 1)) * step
+    value = np.cos(angle) ** 4
+    first = -4.0 * rate * np.cos(angle) ** 3 * np.sin(angle)
+    second = 4.0 * rate**2 * (3.0 * np.cos(angle) ** 2 * np.sin(angle) ** 2 - np.cos(angle) ** 4)
+    value = value / np.sum(value)
+    first = first / -np.sum(first * time)
+    second = second - np.mean(second)
+    second = second / (0.5 * np.sum(second * time**2))
+    return value, first, second
+
+
+def track_of(engine: Engine, data: Data, width: int) -> Track | None:
+    """Prepare one record for windows of one width.
+
+    Parameters
+    ----------
+    engine : Engine
+    data : Data
+    width : int
+        Samples in a window.
+
+    Returns
+    -------
+    Track or None
+        None where some body is not measured, or the record has too few samples.
+    """
+    model = engine.model
+    if engine.layout(None).bodies != len(model.bodies) or len(data.time) < 4 * width:
+        return None
+    motion = measured_motion(model, data, _BAND / (width * data.sample_time))
+    if motion is None:
+        return None
+    step = motion.sample_time
+    value, first, second = test_functions(width, step)
+    rows = np.arange(0, len(motion.time) - width + 1, max(width // _OVERLAP, 1))
+    middle = motion.time[rows] + 0.5 * (width - 1) * step
+    rows = rows[~bridged(middle, model, data, 0.5 * width * step)]
+    columns, noise = [], []
+    for sensed in motion.measured:
+        choices = [
+            (noise_std(series) * float(np.linalg.norm(weights)), series, weights)
+            for series, weights in zip(sensed, (second, -first), strict=True)
+            if series is not None
+        ]
+        quietest = min(choices, key=lambda choice: choice[0])
+        noise.append(quietest[0])
+        columns.append(_windows(quietest[1][:, None], rows, quietest[2])[:, 0])
+    held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
+    disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
+    return Track(motion, np.column_stack(columns), np.array(noise), rows, held, disagreement)
+
+
+def _disagreement(
+    sensed: tuple[Array | None, Array | None], rows: NDArray[np.int64], value: Array, first: Array
+) -> float:
+    """How far a velocity is from the derivative of the position, over the velocity; 0 within the sensors' noise."""
+    position, velocity = sensed
+    if position is None or velocity is None:
+        return 0.0
+    from_position = _windows(position[:, None], rows, -first)
+    from_velocity = _windows(velocity[:, None], rows, value)
+    apart = float(np.sqrt(np.mean((from_position - from_velocity) ** 2)))
+    noise = np.hypot(
+        noise_std(position) * float(np.linalg.norm(first)), noise_std(velocity) * float(np.linalg.norm(value))
+    )
+    size = max(float(np.sqrt(np.mean(from_position**2))), float(np.sqrt(np.mean(from_velocity**2))), 1e-300)
+    return apart / size if apart > _ABOVE_NOISE * noise else 0.0
+
+
+def _windows(values: Array, rows: NDArray[np.int64], weights: Array) -> Array:
+    """Weighted sums of the columns of values (n, b) over the windows that begin at some rows."""
+    views = np.lib.stride_tricks.sliding_window_view(values, len(weights), axis=0)
+    return np.asarray(views[rows] @ weights)
+
+
+class WeakForm:
+    """Unexplained force of a model, window by window.
+
+    Parameters
+    ----------
+    engine : Engine
+        Compiled model, of which every body is measured.
+    data : sequence of Data
+        The records.
+    tracks : sequence of Track
+        One per record, all of one width.
+    width : int
+        Samples in a window.
+    rest_speed : float, optional
+        Speed below which a body counts as standing [m/s or rad/s]; by default as the noise of these records lets it
+        be told.
+
+    Attributes
+    ----------
+    starts : array of int, shape (records + 1,)
+        First row of each record, and the number of all.
+    untold : array, shape (rows,)
+        Log-density of a window's command as one of all commands: what it has where the motion tells nothing of it.
+    free_timing : bool
+        Whether the time from the stamp of a command to its action is estimated: not where the model has it itself.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        data: Sequence[Data],
+        tracks: Sequence[Track],
+        width: int,
+        rest_speed: float | None = None,
+    ) -> None:
+        if rest_speed is None:
+            rest_speed = float(np.median([np.max(track.motion.rest_speed) for track in tracks]))
+        self.rest_speed = rest_speed
+        self.engine, self.data, self.tracks, self.width = engine, tuple(data), tuple(tracks), width
+        self.starts = np.concatenate([[0], np.cumsum([len(track.rows) for track in tracks])])
+        self.sample_time = float(np.median([track.motion.sample_time for track in tracks]))
+        self._value = test_functions(width, self.sample_time)[0]
+        samples = np.concatenate([[0], np.cumsum([len(track.motion.time) for track in tracks])])
+        self._rows = np.concatenate([track.rows + first for track, first in zip(tracks, samples[:-1], strict=True)])
+        self._inertial = np.concatenate([track.inertial for track in tracks])
+        self._acceleration = np.concatenate([track.motion.acceleration for track in tracks])
+        self._command: tuple[float, list[CommandAround]] = (np.nan, [])
+        effects = [active.effect for active in engine.model.effects]
+        self.free_timing = not any(effect.site == INPUT and effect.lags for effect in effects)
+        # What has no memory needs no beginning: all records are one call.
+        self._remembers = any(effect.lags for effect in effects)
+        self._runs = [[track] for track in tracks] if self._remembers else [list(tracks)]
+        self._motion = [_Run.of(run, rest_speed) for run in self._runs]
+        mean = np.concatenate([command.mean for command in self._commands(0.0)])
+        self.rms = float(np.sqrt(np.mean(mean**2)))
+        # What a window's command is worth where the motion tells nothing of it: as one of all commands.
+        commands = _windows(mean[:, None], self._rows, self._value)[:, 0]
+        self.untold = log_density(commands, scale_of(commands))
+        self._mean_command = commands
+
+    def _commands(self, shift: float) -> list[CommandAround]:
+        """Command around every instant of every run."""
+        known, commands = self._command
+        if known != shift:
+            commands = [CommandAround.joined([track.command(shift) for track in run]) for run in self._runs]
+            self._command = shift, commands
+        return commands
+
+    @property
+    def inertial(self) -> Array:
+        """Weak acceleration of every body in every window, shape (rows, bodies)."""
+        return self._inertial
+
+    def with_engine(self, engine: Engine) -> WeakForm:
+        """The same windows for another model."""
+        return WeakForm(engine, self.data, self.tracks, self.width, self.rest_speed)
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation of the weak acceleration's noise by body, over all rows."""
+        squares = [len(track.rows) * track.noise**2 for track in self.tracks]
+        return np.asarray(np.sqrt(np.sum(squares, axis=0) / self.starts[-1]))
+
+    def residual(self, theta: Array, shift: float) -> Array:
+        """Unexplained force of every window: inertial force minus all modelled forces.
+
+        Parameters
+        ----------
+        theta : array, shape (k,)
+            Free parameters.
+        shift : float
+            From the stamp of a command to its action [s].
+
+        Returns
+        -------
+        array, shape (rows, bodies)
+        """
+        return self._residual(theta, self._commands(self._timing(theta, shift)))
+
+    def _timing(self, theta: Array, shift: float) -> float:
+        """From the stamp of a command to its action, with what the model has of it."""
+        return shift + float(self.engine.layout(theta).axis.constants[kernel.DELAY])
+
+    def _residual(self, theta: Array, commands: Sequence[CommandAround]) -> Array:
+        inertia = np.asarray(self.engine.layout(theta).axis.inertia, dtype=float)
+        found = [self._along(self._equation_error, theta, *pair) for pair in zip(self._motion, commands, strict=True)]
+        # The acceleration is there for a body that stands, whose friction takes what the motion needs.
+        left = np.concatenate(found) - inertia * self._acceleration
+        return np.asarray(_windows(left, self._rows, self._value) + inertia * self._inertial)
+
+    def _along(
+        self, force: Callable[[Array, _Run, Array], Array], theta: Array, run: _Run, command: CommandAround
+    ) -> Array:
+        """A force along a run; where the command jumps it is the mean of those on either side."""
+        found = force(theta, run, command.mean)
+        if len(command.jumps) and not self._remembers:
+            there, late = run.at(command.jumps), command.late.reshape(-1, *np.ones(found.ndim - 1, dtype=int))
+            before, after = force(theta, there, command.before), force(theta, there, command.after)
+            found[command.jumps] = (1.0 - late) * before + late * after
+        return found
+
+    def _equation_error(self, theta: Array, run: _Run, command: Array) -> Array:
+        return self.engine.equation_error(
+            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, run.rest_speed,
+            undelayed=True,
+        )  # fmt: skip
+
+    def _drive_force(self, theta: Array, run: _Run, command: Array) -> Array:
+        return self.engine.drive_force(
+            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, run.rest_speed,
+            undelayed=True,
+        )[0]  # fmt: skip
+
+    def slope(self, theta: Array, shift: float, residual: Array) -> Array:
+        """How far the driven body's balance in every window depends on the command, at least 0 [force per input].
+
+        A density of the force that is left over is one of the recorded command times this: what switches the command
+        off, a saturation, a long lag or a friction that takes what the drive gives, explains nothing of it.
+
+        Parameters
+        ----------
+        theta, shift
+            As of `residual`.
+        residual : array, shape (rows, bodies)
+            What that returned for them.
+
+        Returns
+        -------
+        array, shape (rows,)
+        """
+        return self._slope(lambda commands: self._residual(theta, commands)[:, 0], residual[:, 0], theta, shift)
+
+    def _slope(
+        self, force: Callable[[Sequence[CommandAround]], Array], base: Array, theta: Array, shift: float
+    ) -> Array:
+        """How far a force in every window, which is ``base``, depends on the command, at least 0."""
+        probe, commands = _PROBE * self.rms, self._commands(self._timing(theta, shift))
+        if self.free_timing:
+            changed = force([command.plus(np.full(len(command.mean), probe)) for command in commands])
+            return np.asarray(np.abs(changed - base) / probe)
+        # What has a memory passes slow changes and not quick ones: two square waves, a quarter of a period apart.
+        response, sent = np.zeros(len(base)), np.zeros(len(base))
+        for late in (0.0, 0.5):
+            counts = [np.arange(len(c.mean)) / self.width + late for c in commands]
+            waves = [np.where(count % 2.0 < 1.0, probe, -probe) for count in counts]
+            changed = force([c.plus(wave) for c, wave in zip(commands, waves, strict=True)])
+            response += (changed - base) ** 2
+            sent += _windows(np.concatenate(waves)[:, None], self._rows, self._value)[:, 0] ** 2
+        return np.asarray(np.sqrt(response / np.maximum(sent, 1e-300)))
+
+    def drives(self, theta: Array, shift: float) -> tuple[float, Array]:
+        """How much the drive's force changes for what the command changes: over all windows, and in each.
+
+        Parameters
+        ----------
+        theta, shift
+            As of `residual`.
+
+        Returns
+        -------
+        overall : float
+            Standard deviation of the force over that of the command, above 0 [force per input].
+        each : array, shape (rows,)
+            Slope, at least 0 [force per input].
+        """
+        if not any(active.effect.site == INPUT for active in self.engine.model.effects):
+            gain = max(abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN])), 1e-300)
+            return gain, np.full(len(self._rows), gain)
+        drive = self.drive(theta, shift)
+        overall = float(np.std(drive)) / max(float(np.std(self._mean_command)), 1e-300)
+        each = self._slope(lambda commands: self._drive(theta, commands), drive, theta, shift)
+        return max(overall, 1e-300), each
+
+    @property
+    def disagreement(self) -> float:
+        """Largest difference of two sensors' velocities of one body, over the velocity; 0 within their noise."""
+        return max(track.disagreement for track in self.tracks)
+
+    @cached_property
+    def widest(self) -> int:
+        """Samples in the widest windows that still resolve the motion: about a period of four times its band."""
+        motions = [measured_motion(self.engine.model, one) for one in self.data]
+        band = max(motion.comparison_band for motion in motions if motion is not None)
+        return max(round(1.0 / (band * self.sample_time)), NARROWEST)
+
+    def kinds_of_commands(self, untold: Array) -> list[tuple[float, float]]:
+        """Small commands and large ones of either sign, each with the part of all windows that do not tell of such one.
+
+        Parameters
+        ----------
+        untold : array, shape (rows,)
+            How little every window tells of its command, 0 to 1.
+
+        Returns
+        -------
+        list of (float, float)
+        """
+        large = float(np.percentile(np.abs(self._mean_command), 95.0))
+        kind = np.clip(np.rint(self._mean_command / max(large, 1e-300)), -1, 1)
+        return [(sign * large, float(np.sum(untold[kind == sign])) / len(kind)) for sign in (-1.0, 0.0, 1.0)]
+
+    def with_command(self, command: float, theta: Array) -> Array:
+        """Unexplained force of every window had the command been a constant, shape (rows, bodies)."""
+        return self._residual(theta, [CommandAround.constant(command, len(run.time)) for run in self._motion])
+
+    def slope_at(self, command: float, theta: Array, residual: Array) -> Array:
+        """As `slope`, at a constant command for which `residual` is what is unexplained."""
+        probe = _PROBE * self.rms
+        return np.asarray(np.abs(self.with_command(command + probe, theta)[:, 0] - residual[:, 0]) / probe)
+
+    def drive(self, theta: Array, shift: float) -> Array:
+        """Force of the drive in every window, as commanded.
+
+        Parameters
+        ----------
+        theta, shift
+            As of `residual`.
+
+        Returns
+        -------
+        array, shape (rows,)
+        """
+        return self._drive(theta, self._commands(self._timing(theta, shift)))
+
+    def _drive(self, theta: Array, commands: Sequence[CommandAround]) -> Array:
+        found = [self._along(self._drive_force, theta, *pair) for pair in zip(self._motion, commands, strict=True)]
+        return np.asarray(_windows(np.concatenate(found)[:, None], self._rows, self._value)[:, 0])
+
+    def along(self, what: str, body: int = 0) -> Array:
+        """A signal at every window's middle: ``time``, ``command``, or ``position`` or ``velocity`` of a body."""
+        found = []
+        for track in self.tracks:
+            m = track.motion
+            series = {"time": m.time, "position": m.position[:, body], "velocity": m.velocity[:, body]}
+            values = track.command(0.0).mean if what == "command" else series[what]
+            found.append(values[track.rows + self.width // 2])
+        return np.concatenate(found)
+
+
+def weak_form(engine: Engine, data: Sequence[Data], width: int, rest_speed: float | None = None) -> WeakForm | None:
+    """The weak form of some records.
+
+    Parameters
+    ----------
+    engine : Engine
+    data : sequence of Data
+    width : int
+        Samples in a window.
+    rest_speed : float, optional
+        As of `WeakForm`.
+
+    Returns
+    -------
+    WeakForm or None
+        None where some body is not measured, or a record has too few samples.
+    """
+    tracks = []
+    for one in data:
+        track = track_of(engine, one, width)
+        if track is None or not len(track.rows):
+            return None
+        tracks.append(track)
+    return WeakForm(engine, data, tracks, width, rest_speed)

@@ -1,0 +1,67 @@
+"""Fits by the force balance: one answer from every start, and nothing gained by switching forces off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idloop.estimate import fit
+from idloop.estimate.dataset import prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.weak_fit import cost_at, fit_by_force, fit_weak
+from idloop.physics import load_model
+
+from .test_weak_form import form_of, recorded
+
+MACHINE = load_model("axis").with_effects(["coulomb_friction@axis(level=0.2)"])
+
+
+@pytest.mark.parametrize("factor", [1.0 / 30.0, 0.3, 30.0])
+@pytest.mark.parametrize("name", ["axis.inertia", "axis.viscous_friction"])
+def test_a_start_far_off_gives_the_same_answer(name: str, factor: float) -> None:
+    record = recorded(MACHINE)
+    start = MACHINE.with_values({name: factor * MACHINE.values[name], "coulomb_friction@axis.level": 0.0})
+    near, far = (fit_by_force(RememberingEngine(m), prepare(m, [record]), m.theta) for m in (MACHINE, start))
+    assert near is not None
+    assert far is not None
+    np.testing.assert_allclose(far.theta, near.theta, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(far.theta, MACHINE.theta, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    ["saturation@input(limit=0.001)", "dead_zone@input(width=30.0)", "load_dependent_friction@axis(ratio=0.99)",
+     "actuator_lag@input(time_constant=10.0)"],
+)  # fmt: skip
+def test_switching_the_command_off_explains_nothing(effect: str) -> None:
+    plain = load_model("axis")
+    form = form_of(plain, recorded(MACHINE))
+    parent = fit_weak(form, plain.theta)
+    model = plain.with_theta(parent.theta).with_effects([effect])
+    weak = model.with_values({"axis.inertia": 1e-5 * model.values["axis.inertia"], "axis.viscous_friction": 0.0})
+    for one in (model, weak):
+        cost = cost_at(form.with_engine(RememberingEngine(one)), one.theta)
+        assert cost > cost_at(form, parent.point)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    plain = load_model("axis")
+    rng = np.random.default_rng(5)
+    inside, count = np.zeros(len(plain.theta)), 60
+    for seed in range(count):
+        record = recorded(plain, seed)
+        noisy = replace(record, output=record.output + rng.normal(size=record.output.shape) * (1e-3, 5e-2))
+        found = fit_weak(form_of(plain, noisy, 41), plain.theta)
+        spread = np.sqrt(np.diag(found.covariance))[: len(plain.theta)]
+        inside += np.abs(found.theta - plain.theta) < 1.96 * spread
+    # 95 % of 60: fewer than 51 or none outside in all has a chance of one in a hundred each.
+    assert np.all(inside >= 51), inside
+
+
+def test_fit_says_which_force_is_left() -> None:
+    plain = load_model("axis")
+    result = fit(plain, [recorded(MACHINE)])
+    assert result.criterion == "force"
+    assert "of the drive force" in result.why
+    assert result.residuals[0].names == ("force[axis]",)
+    assert len(result.residuals[0].time) == len(result.residuals[0].value) == result.samples
