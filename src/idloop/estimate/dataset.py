@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimate.held_command import held_along
 from idloop.estimate.noise import noise_std
 from idloop.estimate.sensors import body_sensors
 
@@ -109,6 +110,12 @@ def _computed(records: Sequence[Record]) -> set[tuple[int, int]]:
     return pairs
 
 
+def _each_once(time: Array, value: Array) -> tuple[Array, Array]:
+    """The last of the samples with the same stamp."""
+    last = np.append(np.diff(time) > 0.0, True)
+    return time[last], value[last]
+
+
 def _prepare(model: Model, record: Record) -> Data:
     time = np.ascontiguousarray(record.time, dtype=float)
     output = np.array(record.output, dtype=float, order="C")
@@ -135,6 +142,8 @@ def _prepare(model: Model, record: Record) -> Data:
     step = np.diff(time)
     sample_time = float(np.median(step))
     gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
+    if model.input.kind == "measured":
+        input_time, value = held_along(*_each_once(input_time, value))
     return Data(record.name, input_time, value, time, output, sample_time, gaps)
 
 

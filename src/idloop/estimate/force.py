@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimate.held_command import HeldCommand
 from idloop.estimate.motion import Motion, low_pass, measured_motion
 
 if TYPE_CHECKING:
@@ -22,16 +23,11 @@ class Balance:
     """What the force balance of one record is evaluated on."""
 
     motion: Motion
-    # Integral of the held command, from which its mean over any window follows exactly.
-    edges: Array
-    area: Array
+    held: HeldCommand
 
     def command(self, shift: float) -> Array:
         """Mean command over one sample around each instant, ``shift`` [s] earlier."""
-        half = 0.5 * self.motion.sample_time
-        at = self.motion.time - shift
-        upper, lower = np.interp([at + half, at - half], self.edges, self.area)
-        return np.asarray((upper - lower) / (2.0 * half))
+        return self.held.around(self.motion.time - shift, self.motion.sample_time).mean
 
 
 def balance_of(engine: Engine, data: Data, cutoff: float | None = None) -> Balance | None:
@@ -51,11 +47,7 @@ def balance_of(engine: Engine, data: Data, cutoff: float | None = None) -> Balan
     motion = measured_motion(engine.model, data, cutoff)
     if motion is None or engine.layout(None).bodies != len(engine.model.bodies):
         return None
-    edges = np.concatenate([data.input_time, [max(data.time[-1], data.input_time[-1]) + 10.0]])
-    area = np.concatenate([[0.0], np.cumsum(data.input * np.diff(edges))])
-    # Before the first command the command is 0.
-    edges, area = np.concatenate([[edges[0] - 1e3], edges]), np.concatenate([[0.0], area])
-    return Balance(motion, edges, area)
+    return Balance(motion, HeldCommand(data.input_time, data.input, float(data.time[-1])))
 
 
 def thin(values: Array, motion: Motion) -> Array:

@@ -15,6 +15,32 @@ _BEYOND, _BEFORE = 10.0, 1e3
 # A change by this part of the command's rms within a sample is taken as a jump: below, its mean serves.
 _JUMP = 0.1
 
+# A measured signal is held in so many parts of its sample time: what is left of the steps is 1 in 400 of a curve.
+_PARTS = 4
+
+
+def held_along(time: Array, value: Array) -> tuple[Array, Array]:
+    """A measured signal as a command that is held for parts of its sample time, on a smooth curve through the samples.
+
+    Parameters
+    ----------
+    time, value : array, shape (m,)
+        Instants of the samples [s], rising, and the signal.
+
+    Returns
+    -------
+    time, value : array, shape (k,)
+        Stamps [s] and what is held from there on: the curve in the middle of each part.
+    """
+    from scipy.interpolate import CubicSpline
+
+    if len(time) < 4:
+        return time, value
+    place = np.arange((len(time) - 1) * _PARTS + 1) / _PARTS
+    middle = np.interp(place, np.arange(len(time)), time)
+    edges = np.concatenate([[1.5 * middle[0] - 0.5 * middle[1]], 0.5 * (middle[1:] + middle[:-1])])
+    return edges, np.asarray(CubicSpline(time, value)(middle))
+
 
 @dataclass(frozen=True)
 class CommandAround:

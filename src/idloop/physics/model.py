@@ -23,12 +23,13 @@ from idloop.spelling import did_you_mean_or_known
 
 @dataclass(frozen=True)
 class InputSignal:
-    """The command: topic, joint, field and unit."""
+    """The command: topic, joint, field and unit, and whether it is held until the next or a measured signal."""
 
     topic: str
     joint: str
     field: str
     unit: str
+    kind: str = "held"
 
     @property
     def name(self) -> str:

@@ -47,6 +47,8 @@ def to_mapping(model: Model) -> dict[str, Any]:
     if model.description:
         file["description"] = model.description
     file["input"] = {key: getattr(model.input, key) for key in ("topic", "joint", "field", "unit")}
+    if model.input.kind != "held":
+        file["input"]["kind"] = model.input.kind
     file["outputs"] = []
     for output in model.outputs:
         entry = {key: getattr(output, key) for key in ("topic", "joint", "field", "unit")}
@@ -138,7 +140,11 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         if bodies.count(name) > 1 or not re.fullmatch(r"\w+", name) or name in ("input", "drive"):
             raise InputError(f"{where}: bodies: '{name}' is not a usable name: letters, digits and _, each name once")
     command = InputSignal(
-        file.input.topic, file.input.joint, file.input.field, input_unit(file.input.unit, f"{where}: input.unit")
+        file.input.topic,
+        file.input.joint,
+        file.input.field,
+        input_unit(file.input.unit, f"{where}: input.unit"),
+        file.input.kind,
     )
     outputs = []
     for index, output in enumerate(file.outputs):

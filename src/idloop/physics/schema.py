@@ -63,13 +63,14 @@ Number = Annotated[Value, BeforeValidator(read_value)]
 
 
 class Input(BaseModel):
-    """Where the command comes from."""
+    """Where the command comes from, and whether it is held until the next one or was measured as it went."""
 
     model_config = STRICT
     topic: Name = "joint_command"
     joint: Name
     field: Literal["position", "velocity", "effort"] = "effort"
     unit: str
+    kind: Literal["held", "measured"] = "held"
 
 
 class Output(BaseModel):
