@@ -25,7 +25,6 @@ from typing import NamedTuple
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from idloop.diagnose import Ladder, refine
 from idloop.errors import IdloopError
@@ -104,20 +103,12 @@ def dc_motor(folder: Path, work: Path) -> Data:
     return Data(model, records("Ramp", "Sine_pi-2", "Stair", "Chirp"), records("Sine_pi", "Sine_2pi", "Step"))
 
 
-def between_samples(record: Record, parts: int = 4) -> Record:
-    """The command of an instrument that samples a band-limited signal: a smooth curve, not held from stamp to stamp."""
-    period = record.sample_time / parts
-    at = np.arange(record.input_time[0], record.input_time[-1] + 0.5 * period, period)
-    smooth = CubicSpline(record.input_time, record.input)(at)
-    return replace(record, input_time=at - 0.5 * period, input=smooth)
-
-
 def silverbox(folder: Path, work: Path) -> Data:
     """Multisines to fit, the arrow of growing amplitude held out."""
     model = load_model(MODELS / "silverbox.yaml")
     source = folder / "SNLS80mV.csv"
     train, arrow = (imported(source, work, "silverbox", model, part) for part in ("multisine_1", "arrow"))
-    return Data(model, [between_samples(train.cut(0.0, 7.0))], [between_samples(arrow)])
+    return Data(model, [train.cut(0.0, 7.0)], [arrow])
 
 
 def silverbox_free_run(ladder: Ladder, data: Data) -> None:

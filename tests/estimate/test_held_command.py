@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from idloop.estimate.held_command import CommandAround, HeldCommand
+from idloop.estimate.held_command import CommandAround, HeldCommand, held_along
 
 STEP = 0.01
 
@@ -57,3 +57,16 @@ def test_what_is_joined_and_what_is_added_keep_the_jumps_in_place() -> None:
     mixed = (1.0 - both.late) * both.before + both.late * both.after
     np.testing.assert_allclose(mixed, both.mean[both.jumps], atol=1e-9)
     assert len(CommandAround.constant(1.0, 3).jumps) == 0
+
+
+def test_a_measured_signal_is_held_on_the_curve_through_its_samples() -> None:
+    def curve(t: np.ndarray) -> np.ndarray:
+        return 3.0 * t**3 - t
+
+    time = np.arange(0.0, 1.0, 0.1)
+    stamps, value = held_along(time, curve(time))
+    assert np.all(np.diff(stamps) > 0.0)
+    middle = 0.5 * (stamps[1:] + stamps[:-1])
+    np.testing.assert_allclose(value[:-1], curve(middle), atol=1e-12)
+    few = held_along(time[:3], time[:3])
+    np.testing.assert_array_equal(few[0], time[:3])

@@ -33,6 +33,17 @@ def read(text: str):
     return build_model(read_model_file(text, "m.yaml"), "m.yaml")
 
 
+def test_a_measured_input_stays_one(tmp_path: Path) -> None:
+    text = GOOD.replace("field: effort, unit: V}", "field: effort, unit: V, kind: measured}")
+    model = read(text)
+    assert model.input.kind == "measured"
+    model.save(tmp_path / "again.yaml")
+    assert load_model(tmp_path / "again.yaml").input.kind == "measured"
+    assert read(GOOD).input.kind == "held"
+    with pytest.raises(InputError, match="kind"):
+        read(text.replace("kind: measured", "kind: guessed"))
+
+
 def test_the_example_of_the_contract_loads() -> None:
     model = read(GOOD)
     assert model.free == ("motor.viscous_friction", "drive.gain", "dead_zone@input.width")

@@ -22,6 +22,7 @@ class Signal:
     joint: str
     field: str
     unit: str
+    kind: str = "held"
 
 
 @pytest.fixture

@@ -113,7 +113,7 @@ def test_a_motion_that_no_fit_can_use(still, words, make_bag, model):
 def test_model_that_does_not_fit(name, bag, model):
     change, words = MODELS[name]
     model.input = SimpleNamespace(
-        **({"topic": "joint_command", "joint": "motor", "field": "effort", "unit": "V"} | change)
+        **({"topic": "joint_command", "joint": "motor", "field": "effort", "unit": "V", "kind": "held"} | change)
     )
     with pytest.raises(InputError) as caught:
         read_record(bag, model)

@@ -244,7 +244,7 @@ def test_an_optional_column_is_read_where_the_file_has_it(tmp_path, column, read
 
 def _signals(joint, *fields):
     def signal(topic, field):
-        return SimpleNamespace(topic=topic, joint=joint, field=field, unit="")
+        return SimpleNamespace(topic=topic, joint=joint, field=field, unit="", kind="held")
 
     return SimpleNamespace(
         input=signal("joint_command", "effort"), outputs=[signal("joint_states", field) for field in fields]

@@ -191,7 +191,7 @@ def read_one_record(bag: Path, model: Model) -> Record:
         text = f"only the longest part is shown, {longest.time[0]:.6g} to {longest.time[-1]:.6g} s"
         finding = records.Finding("cut", text, where=longest.name, level="warning")
         longest = dataclasses.replace(longest, findings=(*parts[0].findings, finding))
-    return _with_warnings(records.check_record(longest))
+    return _with_warnings(records.check_record(longest, held=model.input.kind == "held"))
 
 
 def _with_warnings(record: Record) -> Record:

@@ -53,11 +53,19 @@ class Signal(Protocol):
         """Unit that the model file states."""
 
 
+class CommandSignal(Signal, Protocol):
+    """Where the command is found in a bag, and what it is."""
+
+    @property
+    def kind(self) -> str:
+        """``held`` until the next one, or ``measured``."""
+
+
 class ModelSignals(Protocol):
     """What `read_record` needs to know of a model."""
 
     @property
-    def input(self) -> Signal:
+    def input(self) -> CommandSignal:
         """The command."""
 
     @property
@@ -115,7 +123,7 @@ def read_record(
     for name, span in (wrap or {}).items():
         record = record.unwrapped(name, span)
     if check:
-        record = check_record(record)
+        record = check_record(record, held=model.input.kind == "held")
         check_commands([record])
     return record
 
@@ -142,7 +150,7 @@ def read_records(
             whole = record
             for name, span in (wrap or {}).items():
                 whole = whole.unwrapped(name, span)
-            records += [check_record(part) for part in cut_at_gaps(whole)]
+            records += [check_record(part, held=model.input.kind == "held") for part in cut_at_gaps(whole)]
     return records
 
 

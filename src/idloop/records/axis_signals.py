@@ -24,12 +24,15 @@ class AxisSignal:
     ----------
     topic, joint, field, unit : str
         The unit is that of an import, "-" where the bag does not say.
+    kind : str
+        A command is ``held`` or ``measured``.
     """
 
     topic: str
     joint: str
     field: str
     unit: str
+    kind: str = "held"
 
     @property
     def name(self) -> str:

@@ -11,6 +11,7 @@ from idloop.errors import InputError
 from idloop.records.differenced import differenced
 from idloop.records.finding import Finding
 from idloop.records.magnitude import unusable_magnitude
+from idloop.records.measured_input import measured_input
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.record import Record
 
@@ -54,7 +55,7 @@ def few_samples(count: int, duration: float) -> str:
     )
 
 
-def check_record(record: Record) -> Record:
+def check_record(record: Record, *, held: bool = True) -> Record:
     """Return the record with findings: outputs that never move or are another's difference, and few samples.
 
     Raises
@@ -100,6 +101,9 @@ def check_record(record: Record) -> Record:
     ]
     found = [Finding("no_motion", f"{output} never changes", where=output, level="warning") for output in still]
     found += [one for one in differenced(record) if one not in record.findings]
+    if held:
+        motions = dict(zip(record.output_names, record.output.T, strict=True))
+        found += measured_input(record.input_name, record.input_time, record.input, record.time, motions)
     short = few_samples(record.time.size, record.duration)
     if short:
         found.append(Finding("few_samples", short, record.time.size, name, "warning"))

@@ -19,6 +19,7 @@ from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
 from idloop.records.insight import Evidence, insights, verdict
 from idloop.records.magnitude import unusable_magnitude
+from idloop.records.measured_input import measured_input
 from idloop.records.missing import missing_values
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
@@ -221,6 +222,7 @@ def inspect_bag(
     if command_topic:
         findings += _missing({command_topic: streams[command_topic]}, command=True)
         findings += _clock_findings(streams, command_topic, measured)
+        findings += _measured_input(streams[command_topic], commands, measured)
     evidence = _evidence(streams, command_topic, commands, measured, signals, units)
     return Inspection(
         path=path,
@@ -326,6 +328,23 @@ def _missing(streams: Mapping[str, JointStream], *, command: bool) -> list[Findi
             held = command and len(columns) == 1
             found += missing_values(f"{topic} {name}", stream.stamp_ns, column, topic, command=held)
     return found
+
+
+def _measured_input(
+    command: JointStream, commands: Mapping[str, Excitation], measured: Mapping[str, JointStream]
+) -> list[Finding]:
+    """Say that the strongest command was measured, where the motion of its joint shows it."""
+    if not commands:
+        return []
+    name = max(commands, key=lambda key: commands[key].rms)
+    joint, columns = name.rpartition(".")[0], columns_of(command)
+    for stream in measured.values():
+        begin = min(command.stamp_ns[0], stream.stamp_ns[0])
+        motions = {key: value for key, value in columns_of(stream).items() if key.rpartition(".")[0] == joint}
+        given, told = (1e-9 * (one.stamp_ns - begin) for one in (command, stream))
+        if found := measured_input(name, given, columns[name], told, motions):
+            return found
+    return []
 
 
 def _clock_findings(

@@ -41,7 +41,7 @@ class ResidualTest:
     cross_correlation, cross_correlation_band : array, shape (2 m + 1,)
         Correlation between input and residual and the half width of its 99 % band.
     cross_p : float
-        p-value that no causal lag (≥ 1) carries input left in the residual; NaN where feedback hides it.
+        p-value that no causal lag (≥ 1) carries input left in any output's residual; NaN where feedback hides it.
     against : str
         What stands for the input: ``input``, or ``reference`` for signals from outside a closed loop.
     """
@@ -250,7 +250,8 @@ def residual_tests(
         Largest lag in samples.
     outside : sequence of array, shape (n,)
         What enters a closed loop from outside, at the same instants: reference, excitation. The residual is tested
-        against these instead of the input, the p-value multiplied by their number.
+        against these instead of the input. The p-value is multiplied by their number and that of the outputs: one
+        rate of false alarms for all.
     fed_back : bool
         Whether the input may carry past residuals: then what is not white and has nothing from outside beside it is not
         tested.
@@ -294,7 +295,7 @@ def residual_tests(
                 cross_lag=np.arange(-lags, lags + 1, dtype=float),
                 cross_correlation=cross,
                 cross_correlation_band=band,
-                cross_p=min(len(tried) * cross_p, 1.0),
+                cross_p=min(len(tried) * e.shape[1] * cross_p, 1.0),
                 against=REFERENCE if outside else INPUT,
             )
         )
