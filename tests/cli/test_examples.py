@@ -37,7 +37,7 @@ def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) 
     assert fit(seeing) < 20.0
 
 
-@pytest.mark.parametrize(("name", "outputs"), [("mapping-file.md", 5), ("robustness.md", 1)])
+@pytest.mark.parametrize(("name", "outputs"), [("mapping-file.md", 5), ("robustness.md", 1), ("evidence.md", 1)])
 def test_the_examples_of_a_page_print_what_it_shows(name: str, outputs: int, tmp_path: Path) -> None:
     page = (DOCS / name).read_text(encoding="utf-8")
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"

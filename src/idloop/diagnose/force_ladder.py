@@ -264,13 +264,28 @@ def _candidate(step: Step, one: Weighed, which: int, model: Model) -> Candidate:
 
 
 def _candidates(step: Step) -> tuple[Candidate, ...]:
-    """All effects that were fitted, the best choice first, each once."""
+    """All effects that were looked for, the best choice first, each once; those that were screened only come last."""
     found: dict[str, Candidate] = {}
     others = sorted((one for one in step.weighed if one not in step.tied), key=lambda one: -one.merit)
     for one in [*step.tied, *others]:
         model = fitted_model(one.fit) if one in step.tied[:1] else one.fit.form.engine.model.with_theta(one.fit.theta)
         for which, proposal in enumerate(one.proposals):
             found.setdefault(proposal.name, _candidate(step, one, which, model))
+    for proposal in step.asked:
+        name, effect = proposal.name, proposal.effect
+        testable, why = step.testable.get(name, "no"), step.why.get(name, "")
+        found.setdefault(
+            name,
+            Candidate(
+                effect.name,
+                proposal.at,
+                testable,
+                why,
+                effect.text,
+                replaces=proposal.replaces,
+                number=proposal.number,
+            ),
+        )
     return tuple(found.values())
 
 
@@ -306,7 +321,11 @@ def _passed_over(step: Step) -> dict[str, str]:
         for one in step.stand_ins
     }
     for one in step.significant:
-        if one in step.tied or one in step.stand_ins or step.worth(one):
+        if one in step.tied or one in step.stand_ins or len(one.proposals) > 1:
+            continue
+        if step.worth(one):
+            if one.hollow:
+                found.setdefault(one.names[-1], "nothing is left in it of the plainer effect that it contains")
             continue
         part = step.smaller(one)
         found.setdefault(

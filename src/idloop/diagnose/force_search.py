@@ -85,6 +85,18 @@ class Weighed:
         """Of its effects."""
         return tuple(proposal.name for proposal in self.proposals)
 
+    @property
+    def hollow(self) -> bool:
+        """Whether an effect leaves nothing of a plainer one that it contains: only its further shape is used."""
+        model = self.fit.form.engine.model.with_theta(self.fit.theta)
+        for proposal in self.proposals:
+            own = {spec.name: spec for spec in proposal.effect.parameters}
+            for shared in proposal.effect.contains.values():
+                values = [(own[name], model.values[f"{proposal.name}.{name}"]) for name in shared.values()]
+                if all(value == spec.neutral and spec.neutral in (spec.min, spec.max) for spec, value in values):
+                    return True
+        return False
+
     def contains(self, other: Weighed) -> bool:
         """Whether its one effect is the other's and more."""
         (mine, *rest), (its, *further) = self.proposals, other.proposals
@@ -125,7 +137,8 @@ class ForceSearch:
         """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
         model = parent.form.engine.model.with_theta(parent.theta)
         screen = _Screen(self.setting, parent, model)
-        choices = [one for one in proposals(model, self.effects) if _balances(one)]
+        asked = proposals(model, self.effects)
+        choices = [one for one in asked if _balances(one)]
         screened = list(in_parallel(screen, choices))
         promising = [found for found in screened if found.starts]
         promising.sort(key=lambda found: -found.promise)
@@ -136,8 +149,8 @@ class ForceSearch:
         weighed = weigher(in_parallel(partial(_fitted, parent), chosen))
         step = Step(parent, tuple(weighed), len(choices) + screen.waves, self.level, self.least)
         design = min((one.evidence.design_effect for one in weighed), default=1.0)
-        testable, why = _testable(model, screened, design * step.threshold())
-        step = replace(step, testable=testable, why=why)
+        testable, why = _testable(asked, screened, design * step.threshold())
+        step = replace(step, asked=tuple(asked), testable=testable, why=why)
         pairs = weigher(in_parallel(partial(_pair, parent), _pairs(step)))
         return replace(step, weighed=(*weighed, *pairs), structures=tuple(structures(parent)))
 
@@ -178,6 +191,8 @@ class Step:
     level, least : float
     structures : tuple of Structure
         Curves that the unexplained force follows, best first.
+    asked : tuple of Proposal
+        All that was looked for, fitted or not.
     testable, why : mapping of str to str
         By effect, whether this data could show it, and why.
     """
@@ -188,6 +203,7 @@ class Step:
     level: float
     least: float
     structures: tuple[Structure, ...] = ()
+    asked: tuple[Proposal, ...] = ()
     testable: Mapping[str, str] = field(default_factory=dict)
     why: Mapping[str, str] = field(default_factory=dict)
 
@@ -207,7 +223,7 @@ class Step:
     @property
     def eligible(self) -> list[Weighed]:
         """What shows and is worth naming."""
-        return [one for one in self.significant if self.worth(one) and not self._stands_in(one)]
+        return [one for one in self.significant if self.worth(one) and not one.hollow and not self._stands_in(one)]
 
     def worth(self, one: Weighed) -> bool:
         """Whether it makes errors on samples not seen enough smaller, and those on held-out records."""
@@ -351,7 +367,9 @@ class _Screen:
         return change if np.all(np.isfinite(change)) else None
 
 
-def _testable(model: Model, screened: Sequence[_Promising], threshold: float) -> tuple[dict[str, str], dict[str, str]]:
+def _testable(
+    asked: Sequence[Proposal], screened: Sequence[_Promising], threshold: float
+) -> tuple[dict[str, str], dict[str, str]]:
     """Whether the balance could show each effect, and why: what acts in sensors or splits a body is beyond it."""
     testable, why = {}, {}
     for one in screened:
@@ -363,7 +381,7 @@ def _testable(model: Model, screened: Sequence[_Promising], threshold: float) ->
         else:
             testable[name] = "weak" if one.proposal.effect.from_a_level else "yes"
             why[name] = f"at its usual size it would be worth {one.worth:.3g} units of log-likelihood"
-    for proposal in proposals(model):
+    for proposal in asked:
         if not _balances(proposal):
             testable[proposal.name] = "no"
             why[proposal.name] = "a balance of forces along the measured motion does not see it"
