@@ -322,8 +322,10 @@ def _write(effect: PlainEffect, machine: Array, bodies: Array, couplings: Array,
 
 def _write_body(name: str, value: dict[str, float], row: Array) -> None:
     """Enter one effect at a body."""
-    if name in ("imbalance", "cogging"):
+    if name in ("gravity", "imbalance", "cogging"):
         free = next(w for w in range(WAVES) if row[WAVE + 3 * w] == 0.0)
+        if name == "gravity":
+            value = {"amplitude": value["moment"], "phase": -value["lowest"]}
         wave = [value["amplitude"], value.get("harmonic", 1.0), value["phase"]]
         row[WAVE + 3 * free : WAVE + 3 * free + 3] = wave
     elif name == "coulomb_friction":

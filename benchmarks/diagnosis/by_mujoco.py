@@ -275,6 +275,10 @@ def document(plain: Plain, step: float) -> str:
             joint += f' stiffness="{spring["stiffness"]!r}" springref="{spring["rest"]!r}"'
         inertia, mass, place = plain.inertia[i], 1.0, (0.0, 0.0)
         weight = at_body.get(("imbalance", i))
+        hanging = at_body.get(("gravity", i))
+        if hanging is not None:
+            upright = math.pi if hanging["moment"] < 0.0 else 0.0
+            weight = {"amplitude": abs(hanging["moment"]), "phase": upright - hanging["lowest"]}
         if weight is not None and weight["amplitude"] > 0.0:
             # an off-centre mass whose own inertia is a hundredth of the body's
             arm = 0.01 * inertia * GRAVITY / weight["amplitude"]

@@ -66,6 +66,8 @@ TRIALS = (
     _axis("presliding_friction@axis(level=0.2,stiffness=10)"),
     _axis("quadratic_drag@axis(coefficient=0.002)"),
     _axis("asymmetric_viscous_friction@axis(coefficient=0.01)"),
+    _axis("gravity@axis(moment=0.2)"),
+    _axis("gravity@axis(moment=-0.2,lowest=0.4)"),
     _axis("imbalance@axis(amplitude=0.2,phase=0.7)"),
     _axis("cogging@axis(amplitude=0.05,harmonic=6,phase=0.7)"),
     _axis("cable_spring@axis(stiffness=0.5,rest=0.3)"),

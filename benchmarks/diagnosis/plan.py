@@ -85,6 +85,7 @@ _SITES: tuple[tuple[str, tuple[tuple[str, ...], tuple[str, ...]], tuple[tuple[st
     ("presliding_friction", SMALL, (("axis", "axis"), ("axis_position", "axis"))),
     ("quadratic_drag", SPEED, (("axis", "axis"), ("dc_motor", "motor"))),
     ("asymmetric_viscous_friction", SPEED, (("axis", "axis"), ("dc_motor", "motor"))),
+    ("gravity", TURNS, (("axis", "axis"), ("dc_motor", "motor"))),
     (
         "imbalance",
         TURNS,

@@ -140,6 +140,7 @@ RULES: dict[str, Rule] = {
     "presliding_friction": _presliding,
     "quadratic_drag": lambda p, i: {"coefficient": _share(i) * p.size.force / p.size.speed**2},
     "asymmetric_viscous_friction": lambda p, i: {"coefficient": p.sign * _share(i) * p.size.force / p.size.speed},
+    "gravity": lambda p, i: {"moment": p.sign * _share(i) * p.size.force, "lowest": 0.0},
     "imbalance": lambda p, i: {"amplitude": _share(i) * p.size.force, "phase": p.phase},
     "cogging": _cogging,
     "cable_spring": _cable,

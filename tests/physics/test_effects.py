@@ -64,6 +64,7 @@ STRONG = {
     "quadratic_drag": {"coefficient": 1e-4},
     "asymmetric_viscous_friction": {"coefficient": 1e-3},
     "imbalance": {"amplitude": 0.02},
+    "gravity": {"moment": 0.02},
     "cogging": {"amplitude": 0.02, "harmonic": 4},
     "cable_spring": {"stiffness": 0.05},
     "load_torque": {"torque": 0.02},
