@@ -12,6 +12,7 @@ Modeling and Simulation 19, 2021). The test function is φ(x) ∝ cos⁴(π x / 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -197,6 +198,16 @@ def _windows(values: Array, rows: NDArray[np.int64], weights: Array) -> Array:
     return np.asarray(views[rows] @ weights)
 
 
+def _remembers(engine: Engine) -> bool:
+    """Whether some effect depends on what went before."""
+    return any(active.effect.lags for active in engine.model.effects)
+
+
+def _free_timing(engine: Engine) -> bool:
+    """Whether the model itself has nothing that makes commands act later."""
+    return not any(active.effect.site == INPUT and active.effect.lags for active in engine.model.effects)
+
+
 class WeakForm:
     """Unexplained force of a model, window by window.
 
@@ -244,10 +255,9 @@ class WeakForm:
         self._inertial = np.concatenate([track.inertial for track in tracks])
         self._acceleration = np.concatenate([track.motion.acceleration for track in tracks])
         self._command: tuple[float, list[CommandAround]] = (np.nan, [])
-        effects = [active.effect for active in engine.model.effects]
-        self.free_timing = not any(effect.site == INPUT and effect.lags for effect in effects)
+        self.free_timing = _free_timing(engine)
         # What has no memory needs no beginning: all records are one call.
-        self._remembers = any(effect.lags for effect in effects)
+        self._remembers = _remembers(engine)
         self._runs = [[track] for track in tracks] if self._remembers else [list(tracks)]
         self._motion = [_Run.of(run, rest_speed) for run in self._runs]
         mean = np.concatenate([command.mean for command in self._commands(0.0)])
@@ -272,7 +282,12 @@ class WeakForm:
 
     def with_engine(self, engine: Engine) -> WeakForm:
         """The same windows for another model."""
-        return WeakForm(engine, self.data, self.tracks, self.width, self.rest_speed)
+        if _remembers(engine) != self._remembers:
+            return WeakForm(engine, self.data, self.tracks, self.width, self.rest_speed)
+        # Nothing else depends on the model.
+        other = copy(self)
+        other.engine, other.free_timing = engine, _free_timing(engine)
+        return other
 
     @property
     def noise(self) -> Array:
