@@ -15,7 +15,9 @@ from idloop.cli._command_line import command_line
 @click.option("--validate", multiple=True)
 @click.option("--level", type=float, default=0.01)
 @click.option("--limits", type=(float, float))
-@click.option("--undo", is_flag=True)
+@click.option("--undo", count=True)
+@click.option("--force", is_flag=True)
+@click.option("--quiet", is_flag=True, expose_value=False)
 @click.pass_context
 def verb(context: click.Context, **_: object) -> str:
     return command_line(context)
@@ -28,6 +30,7 @@ def verb(context: click.Context, **_: object) -> str:
         ["one", "two"],
         ["a folder/bag's", "--level", "0.05"],
         ["one", "--validate", "x", "--validate", "y z", "--limits", "-1.0", "2.5", "--undo"],
+        ["one", "--undo", "--undo", "--force", "--quiet"],
     ),
 )
 def test_it_comes_back_as_it_was_given(words):

@@ -108,7 +108,8 @@ def test_wrong_use_is_one_line_and_exit_code_2(arguments, expected, verb, capsys
         (InputError("key a:\n  mend it"), 2, "idloop try: key a: mend it\n"),
         (IdloopError("no convergence"), 1, "idloop try: no convergence\n"),
         (click.UsageError("mind: this"), 2, "idloop try: mind: this\n"),
-        (KeyboardInterrupt(), 130, ""),
+        (KeyboardInterrupt(), 130, "idloop try: interrupted\n"),
+        (KeyboardInterrupt("kept"), 130, "idloop try: kept\n"),
     ),
 )
 def test_failures_of_a_verb(error, code, line, verb, capsys):
@@ -214,11 +215,3 @@ def test_tables_align_words_left_and_numbers_right():
 
     text = format_table(["name", "value"], [["inertia", "1.5"], ["b", "-"], ["c", "-12"]])
     assert text == "name     value\n-------  -----\ninertia    1.5\nb            -\nc          -12"
-
-
-def test_progress_is_silent_where_nobody_looks(capsys):
-    from idloop.cli._common import progress
-
-    with progress("fitting") as update:
-        update(0.5, "half")
-    assert capsys.readouterr() == ("", "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -26,11 +27,11 @@ def command_line(context: click.Context) -> str:
         name = parameter.name or ""
         if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
             continue
-        value = context.params[name]
+        value: Any = context.params.get(name)  # None where the verb does not see the option itself: a flag
         if isinstance(parameter, click.Argument):
             words += [str(word) for word in (value if isinstance(value, tuple) else (value,))]
-        elif isinstance(parameter, click.Option) and parameter.is_flag:
-            options.append(parameter.opts[0])
+        elif isinstance(parameter, click.Option) and (parameter.is_flag or parameter.count):
+            options += [parameter.opts[0]] * int(value or 1)
         else:
             for one in value if parameter.multiple else (value,):
                 options += [parameter.opts[0], *(str(word) for word in (one if isinstance(one, tuple) else (one,)))]

@@ -1,4 +1,4 @@
-"""What the verbs share: arguments (MODEL, BAG, --set, --effect, --trust-effects, --plot), --json, tables, progress."""
+"""What the verbs share: arguments (MODEL, BAG, --set, --effect, --trust-effects, --plot), --json, tables."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import dataclasses
 import enum
 import json
 import math
-import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -303,34 +302,3 @@ def _looks_numeric(cell: str) -> bool:
 def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print `format_table`."""
     click.echo(format_table(header, rows))
-
-
-@contextlib.contextmanager
-def progress(text: str) -> Iterator[Callable[..., None]]:
-    """Bar on stderr while the block runs; nothing at all where stderr is no terminal.
-
-    Yields
-    ------
-    callable
-        `update(fraction, note="")` with the part done, from 0 to 1.
-    """
-    if not sys.stderr.isatty():
-        yield lambda *_, **__: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[note]}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task(text, total=1.0, note="")
-
-        def update(fraction: float, note: str = "") -> None:
-            bars.update(task, completed=min(max(float(fraction), 0.0), 1.0), note=note)
-
-        yield update

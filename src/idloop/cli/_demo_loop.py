@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from idloop.cli import _common
+from idloop.cli._progress import progress
 from idloop.errors import IdloopError
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def windows_of(graph: str, seconds: float) -> Windows:
 @contextmanager
 def narrated(text: str, seconds: float) -> Iterator[Any]:
     """Spinner with the newest line of the nodes; the lines themselves when stderr is no terminal."""
-    with _common.progress(text) as update:
+    with progress(text, writes=True) as update:
         started = time.monotonic()
 
         def say(label: str, line: str) -> None:
@@ -154,7 +155,7 @@ def refit_offline(run: LoopRun, folder: Path) -> None:
     from idloop.records import read_record
 
     model = load_model(folder / f"{run.graph}_start.yaml")
-    with _common.progress(f"{run.graph}: offline fit") as update:
+    with progress(f"{run.graph}: offline fit", writes=True) as update:
         result = fit(model, [read_record(run.bag, model)], progress=update)
     result.model.save(folder / f"{run.graph}_fitted.yaml")
     run.offline = {

@@ -26,10 +26,10 @@ from idloop.cli._common import (
     open_model,
     plot_option,
     print_json,
-    progress,
     read_one_record,
 )
 from idloop.cli._places import PLOT
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
 @plot_option
 @click.option("--plot-where", type=PLOT, metavar="FILE", help="Write the figure of where the models fail.")
 @click.option("--all", "everything", is_flag=True, help="Print everything: all tests, regions, variables, stretches.")
+@quiet_option
 @json_option
 def command(
     models: tuple[str, ...],

@@ -18,9 +18,9 @@ from idloop.cli._common import (
     plot_option,
     print_json,
     print_table,
-    progress,
 )
 from idloop.cli._places import NEW_FOLDER, OUTPUT_FILE, force_option, write_text
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,6 +79,7 @@ _STANDS = 0.01  # of the motion of the reference: an axis that moves less is hel
 @click.option("--output", type=OUTPUT_FILE, metavar="FILE", help="Write the compensator for the controller node.")
 @force_option("Overwrite the file of --output.")
 @plot_option
+@quiet_option
 @json_option
 def command(
     model: Model,

@@ -15,6 +15,7 @@ import click
 from idloop.cli import _common
 from idloop.cli._demo_loop import GRAPHS, START, check_loop
 from idloop.cli._places import NEW_FOLDER, make_folder, probe_folder
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import IdloopError
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ def run_live(hidden: str, folder: Path, seed: int, domain: int | None, tell: Cal
         "diagnose_window": repr(DIAGNOSED),
     }
 
-    with _common.progress("live graph") as update:
+    with progress("live graph", writes=True) as update:
         started = time.monotonic()
 
         def say(label: str, line: str) -> None:
@@ -285,6 +286,7 @@ def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
 )
 @click.option("--directory", type=NEW_FOLDER, help="New folder for all results (default: in bags/).")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of the graphs (ROS_DOMAIN_ID).")
+@quiet_option
 @_common.json_option
 def command(
     hide: str | None,

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._common import BAG, MODEL, apply_options, json_option, model_options, print_json, progress, read_records
+from idloop.cli._common import BAG, MODEL, apply_options, json_option, model_options, print_json, read_records
 from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, print_candidates, tie_text
+from idloop.cli._progress import part, progress, quiet_option
 from idloop.report.verdicts import MISSING, basis, ending, explained_of
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ Examples:
 @diagnosis_options
 @model_options
 @click.option("--all", "everything", is_flag=True, help="List every effect of the catalogue, also what shows nothing.")
+@quiet_option
 @json_option
 def command(
     model: Model,
@@ -69,9 +71,9 @@ def command(
             minimum_improvement=0.01 * minimum_improvement,
             effects=only or None,
             seed=seed,
-            progress=update,
+            progress=part(update, 0.0, 0.9),
         )
-        update(1.0, "what is left")
+        update(0.9, "what is left")
         left = compared(found.model, records)
         worse = _worsened(found, records)
     if as_json:

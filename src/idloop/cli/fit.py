@@ -19,10 +19,10 @@ from idloop.cli._common import (
     model_options,
     plot_option,
     print_json,
-    progress,
     read_fitted_and_unseen,
 )
 from idloop.cli._places import OUTPUT_FILE, force_option, write_text
+from idloop.cli._progress import part, progress, quiet_option
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -63,6 +63,7 @@ Example:
 @click.option("--output", type=OUTPUT_FILE, metavar="FITTED.yaml", help="Write the fitted model file.")
 @force_option("Overwrite the file of --output.")
 @plot_option
+@quiet_option
 @json_option
 def command(
     model: Model,
@@ -88,14 +89,14 @@ def command(
     from idloop.report.use import FITTED, UNSEEN
 
     with progress(f"fitting {model.name}") as update:
-        result = fit(model, train, criterion=criterion, progress=update)
-        update(1.0, "comparing")
+        result = fit(model, train, criterion=criterion, progress=part(update, 0.0, 0.9))
+        update(0.9, "comparing")
         on_train, on_validation = compare_all(result.model, train, validation)
         unrelated = ""
         if hopeless(on_train):
             from idloop.diagnose.follows import unrelated as why_unrelated
 
-            update(1.0, "looking whether the motion follows the command")
+            update(0.95, "looking whether the motion follows the command")
             unrelated = why_unrelated(model, train)
             if unrelated:
                 result = replace(result, warnings=(*result.warnings, unrelated))

@@ -17,7 +17,6 @@ from idloop.cli._common import (
     log,
     plot_option,
     print_json,
-    progress,
     read_fitted_and_unseen,
     trust_option,
 )
@@ -54,6 +53,7 @@ from idloop.cli._identification_tables import (
     print_verdicts,
 )
 from idloop.cli._places import OUTPUT_FILE, force_option
+from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import DONE
 from idloop.errors import IdloopError, InputError
 
@@ -184,6 +184,7 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
 @force_option("Overwrite the file of --save.")
 @click.option("--list", "show_list", is_flag=True, help="List the methods with what they are for.")
 @plot_option
+@quiet_option
 @json_option
 def command(
     bags: tuple[Path, ...],

@@ -145,7 +145,8 @@ def run(arguments: Sequence[str]) -> int:
     except click.ClickException as error:
         _complain(verb if verb in VERBS else "", _usage_line(error, verb))
         return WRONG_USE
-    except (click.Abort, KeyboardInterrupt):
+    except (click.Abort, KeyboardInterrupt) as end:
+        _complain(verb, str(end) or "interrupted")
         return INTERRUPTED
     except BrokenPipeError:
         # The interpreter flushes stdout once more at its end: give it somewhere to go.

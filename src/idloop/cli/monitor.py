@@ -19,9 +19,9 @@ from idloop.cli._common import (
     plot_option,
     print_json,
     print_table,
-    progress,
     read_records,
 )
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ Example:
 )
 @model_options
 @plot_option
+@quiet_option
 @json_option
 def command(
     model: Model,

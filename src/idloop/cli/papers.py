@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import json_option, log, number, plot_option, print_json, print_table, progress
+from idloop.cli._common import json_option, log, number, plot_option, print_json, print_table
+from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import InputError
 
@@ -89,6 +90,7 @@ Example:
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the measurement noise.")
 @click.option("--part", "parts", multiple=True, metavar="PART", help="One case of a long row; repeat for several.")
 @plot_option
+@quiet_option
 @json_option
 def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | None, as_json: bool) -> int:
     """Redo ROW of the source papers in simulation; without ROW, list the rows.

@@ -20,7 +20,6 @@ from idloop.cli._common import (
     model_options,
     number,
     print_json,
-    progress,
     read_fitted_and_unseen,
 )
 from idloop.cli._diagnosis import (
@@ -33,6 +32,7 @@ from idloop.cli._diagnosis import (
 )
 from idloop.cli._ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
 from idloop.cli._places import OUTPUT_FOLDER, force_option
+from idloop.cli._progress import part, progress, quiet_option
 from idloop.errors import IdloopError, InputError
 from idloop.report.verdicts import basis, conclusion
 
@@ -80,6 +80,7 @@ Examples:
     help=f"Write {', '.join(FILES)} (default with --resume: that folder).",
 )
 @force_option("Overwrite the files in the folder of --output.")
+@quiet_option
 @json_option
 def command(
     sources: tuple[str, ...],
@@ -147,8 +148,9 @@ def command(
 
     answer: Next | None = None
     with progress(f"refining {model.name}") as update:
+        climbing = update if no_suggest else part(update, 0.0, 0.7)
         climb = _Climb(
-            records, validation, level, 0.01 * minimum_improvement, criterion, only, seed, most, update, keep
+            records, validation, level, 0.01 * minimum_improvement, criterion, only, seed, most, climbing, keep
         )
         if undo and add is None and kept is not None:
             ladder = kept.ladder
@@ -157,14 +159,14 @@ def command(
         # What was found after all, or ties with it, is not what the data cannot show.
         ladder = replace(ladder, untestable=tuple(unshown(ladder)))
         if not no_suggest and not (undo and add is None):
-            answer = _next(ladder, records, limits, duration, seed, update)
+            answer = _next(ladder, records, limits, duration, seed, part(update, 0.7, 1.0))
             planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
             ladder = replace(ladder, suggested_experiment=planned)
     left: Sequence[Remainder] = ()
     unjudged: IdloopError | None = None
     try:
         if target is not None:
-            with progress("writing the report"):
+            with progress("writing the report", writes=True):
                 suggestion = None if answer is None else answer.suggestion
                 contents = write_all(target, as_kept(ladder), records, validation, suggestion)
             left = remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)

@@ -14,7 +14,6 @@ from idloop.cli._common import (
     json_option,
     log,
     print_json,
-    progress,
     read_records,
 )
 from idloop.cli._ladder_folder import (
@@ -26,6 +25,7 @@ from idloop.cli._ladder_folder import (
     write_report,
 )
 from idloop.cli._places import OUTPUT_FOLDER, OutputFile, make_folder, probe_file
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 from idloop.report.use import FITTED, UNSEEN
 
@@ -59,6 +59,7 @@ class ReportCommand(ListOptionCommand):
 @click.option("--svg", type=OUTPUT_FOLDER, metavar="DIR", help="Write the figures for a paper as well, one SVG each.")
 @click.option("--bag", type=BAG, multiple=True, metavar="BAG...", help="The fitted recordings, if they have moved.")
 @click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="The unseen ones, if they have moved.")
+@quiet_option
 @json_option
 def command(
     run: Path,
@@ -82,7 +83,7 @@ def command(
         from idloop.report.chromium import find_chromium
 
         find_chromium()
-    with progress(f"report of {run}") as update:
+    with progress(f"report of {run}", writes=True) as update:
         contents = gather_kept(kept, run, bag, validate, update)
         size = write_report(contents, page)
         files = _save_figures(contents, svg)

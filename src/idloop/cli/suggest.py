@@ -15,7 +15,6 @@ from idloop.cli._common import (
     log,
     plot_option,
     print_json,
-    progress,
     read_records,
     trust_option,
 )
@@ -28,6 +27,7 @@ from idloop.cli._diagnosis import (
     seed_option,
 )
 from idloop.cli._places import OUTPUT_FILE, force_option, write_text
+from idloop.cli._progress import part, progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ Run it: the excitation node takes the file as its parameter `experiment`, then c
 @click.option("--output", type=OUTPUT_FILE, metavar="NEXT.yaml", help="Write the experiment.")
 @force_option("Overwrite the file of --output.")
 @plot_option
+@quiet_option
 @json_option
 def command(
     sources: tuple[str, ...],
@@ -185,10 +186,8 @@ def _of_models(
         raise InputError("--show takes one MODEL: the rivals are that model with and without the effect")
     update: Update = options.pop("progress")
     if len(models) == 1 and show is None:
-        first = diagnose(
-            models[0], records, criterion=criterion, seed=options["seed"], progress=_part(update, 0.0, 0.4)
-        )
-        return next_of_diagnosis(first, records, limits, {**options, "progress": _part(update, 0.4, 1.0)})
+        first = diagnose(models[0], records, criterion=criterion, seed=options["seed"], progress=part(update, 0.0, 0.4))
+        return next_of_diagnosis(first, records, limits, {**options, "progress": part(update, 0.4, 1.0)})
     # Before the fits: without its controller they would be for nothing.
     loop_of(models[0], records)
     if not fitted:
@@ -197,18 +196,13 @@ def _of_models(
                 model,
                 records,
                 criterion=criterion,
-                progress=_part(update, 0.3 * i / len(models), 0.3 * (i + 1) / len(models)),
+                progress=part(update, 0.3 * i / len(models), 0.3 * (i + 1) / len(models)),
             ).model
             if model.free
             else model
             for i, model in enumerate(models)
         ]
-    rest = _part(update, 0.3, 1.0)
+    rest = part(update, 0.3, 1.0)
     if show is not None:
         return Next(suggest_effect(models[0], show, records, limits, progress=rest, **options))
     return next_of_models(models, records, limits, criterion, {**options, "progress": rest}, fitted=not fitted)
-
-
-def _part(update: Update, low: float, high: float) -> Callable[[float, str], None]:
-    """Progress of one part of the work, on the bar of the whole."""
-    return lambda share, text: update(low + (high - low) * share, text)

@@ -1,0 +1,167 @@
+"""How far the work is: a bar on a terminal, a plain line every few seconds elsewhere, nothing with `--quiet`."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from rich.progress import Task
+    from rich.text import Text
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+PERIOD = 5.0  # seconds from one plain line to the next; what ends sooner is silent
+_QUIET = "idloop.quiet"
+
+
+def quiet_option(function: Function) -> Function:
+    """Add `--quiet`, which `progress` obeys."""
+
+    def keep(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+        context.meta[_QUIET] = value
+
+    return click.option(
+        "--quiet", is_flag=True, expose_value=False, callback=keep, help="Do not say how far the work is."
+    )(function)
+
+
+@dataclass
+class Work:
+    """What is being done, since when, and how far it is.
+
+    Attributes
+    ----------
+    text : str
+        What it is, as a whole.
+    clock : callable
+        Seconds since any instant.
+    share : float
+        Part done, from 0 to 1.
+    note : str
+        What is being done now.
+    """
+
+    text: str
+    clock: Callable[[], float] = time.monotonic
+    share: float = 0.0
+    note: str = ""
+    started: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.started = self.clock()
+
+    def update(self, fraction: float, note: str = "") -> None:
+        """Keep how far it is."""
+        self.share, self.note = min(max(float(fraction), 0.0), 1.0), note
+
+    @property
+    def used(self) -> timedelta:
+        """Time since its start, in whole seconds."""
+        return timedelta(seconds=int(self.clock() - self.started))
+
+    @property
+    def left(self) -> timedelta | None:
+        """Time to its end if it goes on as it has gone so far; None where that is not known."""
+        if not 1e-3 < self.share < 1.0:
+            return None
+        return timedelta(seconds=round((self.clock() - self.started) * (1.0 / self.share - 1.0)))
+
+    @property
+    def line(self) -> str:
+        """All of it in one line."""
+        said = [f"{self.text}: {100.0 * self.share:.0f} %", self.note, f"{self.used} used"]
+        if self.left is not None:
+            said.append(f"about {self.left} left")
+        return ", ".join(filter(None, said))
+
+
+@contextlib.contextmanager
+def progress(text: str, *, writes: bool = False) -> Iterator[Callable[..., None]]:
+    """Say on stderr how far the block is while it runs.
+
+    Parameters
+    ----------
+    text : str
+        What it does.
+    writes : bool
+        It leaves files behind as it goes; else Ctrl-C says that nothing is kept.
+
+    Yields
+    ------
+    callable
+        `update(fraction, note="")` with the part done, from 0 to 1.
+    """
+    context = click.get_current_context(silent=True)
+    quiet = context is not None and context.meta.get(_QUIET, False)
+    work = Work(text)
+    shown = contextlib.nullcontext(work.update) if quiet else _bar(work) if sys.stderr.isatty() else _lines(work)
+    try:
+        with shown as update:
+            yield update
+    except KeyboardInterrupt as end:
+        if writes or end.args:
+            raise
+        raise KeyboardInterrupt("interrupted: nothing is kept") from None
+
+
+def part(update: Callable[..., None], low: float, high: float) -> Callable[[float, str], None]:
+    """Progress of one part of the work, from one share of the whole to another."""
+    return lambda share, text: update(low + (high - low) * share, text)
+
+
+@contextlib.contextmanager
+def _lines(work: Work) -> Iterator[Callable[..., None]]:
+    """Plain lines, in a thread of their own: the work may be busy for long between two updates."""
+    ended = threading.Event()
+
+    def tell() -> None:
+        while not ended.wait(PERIOD):
+            with contextlib.suppress(OSError):  # the reader may be gone
+                click.echo(work.line, err=True)
+
+    teller = threading.Thread(target=tell, name="progress", daemon=True)
+    teller.start()
+    try:
+        yield work.update
+    finally:
+        ended.set()
+        teller.join()
+
+
+@contextlib.contextmanager
+def _bar(work: Work) -> Iterator[Callable[..., None]]:
+    """A bar with the time used and left, gone in the end."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.text import Text
+
+    class TimeLeftColumn(ProgressColumn):
+        # Not rich's own, which forgets its speed where updates are rare.
+        def render(self, task: Task) -> Text:
+            return Text("-:--:--" if work.left is None else f"{work.left} left", style="progress.remaining")
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeLeftColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task(work.text, total=1.0, note="")
+
+        def update(fraction: float, note: str = "") -> None:
+            work.update(fraction, note)
+            bars.update(task, completed=work.share, note=note)
+
+        yield update
