@@ -40,3 +40,9 @@ def test_it_comes_back_as_it_was_given(words):
 
 def test_defaults_are_left_out():
     assert verb.main(["one"], prog_name="refine", standalone_mode=False) == "idloop refine one"
+
+
+def test_what_is_known_is_left_out_and_what_is_new_comes_first():
+    with verb.make_context("refine", ["one", "--level", "0.05", "--undo"]) as context:
+        line = command_line(context, without=("bags", "undo"), with_=("--resume", "a folder"))
+    assert line == "idloop refine --resume 'a folder' --level 0.05"

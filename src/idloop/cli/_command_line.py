@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
 
-def command_line(context: click.Context) -> str:
+def command_line(context: click.Context, *, without: Collection[str] = (), with_: Sequence[str] = ()) -> str:
     """Write the verb with the arguments and options that were given, defaults left out.
 
     Parameters
     ----------
     context : click.Context
         Of the verb.
+    without : collection of str
+        Names of parameters to leave out.
+    with_ : sequence of str
+        Words that come first.
 
     Returns
     -------
     str
         For a shell.
     """
-    words, options = ["idloop", context.info_name or ""], []
+    words, options = ["idloop", context.info_name or "", *with_], []
     for parameter in context.command.params:
         name = parameter.name or ""
-        if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+        if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
             continue
         value: Any = context.params.get(name)  # None where the verb does not see the option itself: a flag
         if isinstance(parameter, click.Argument):

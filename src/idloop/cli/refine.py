@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,6 +45,9 @@ if TYPE_CHECKING:
     from idloop.records import Record
     from idloop.report.remains import Remainder
 
+_AUTO = "auto"
+# What a ladder that is gone on with knows by itself, or has behind it.
+_OF_THE_LADDER = ("sources", "validate", "settings", "effects", "resume", "undo", "add", "output", "force")
 EXAMPLE = """\b
 Examples:
   idloop refine dc_motor bags/train --validate bags/unseen --output runs/refined
@@ -141,16 +145,13 @@ def command(
     def as_kept(ladder: Ladder) -> Kept:
         return Kept(ladder, tuple(bags), tuple(unseen), folder, origin, taken_back=taken_back)
 
-    def keep(ladder: Ladder) -> None:
-        """Leave every step on the disk as soon as it is made."""
-        if target is not None:
-            write_ladder(target, as_kept(ladder))
-
+    undecided = criterion == _AUTO and (kept is None or kept.ladder.criterion == _AUTO)
+    keep = _Keeper(target, as_kept, undecided=undecided)
     answer: Next | None = None
-    with progress(f"refining {model.name}") as update:
+    with keep.told(), progress(f"refining {model.name}") as update:
         climbing = update if no_suggest else part(update, 0.0, 0.7)
         climb = _Climb(
-            records, validation, level, 0.01 * minimum_improvement, criterion, only, seed, most, climbing, keep
+            records, validation, level, 0.01 * minimum_improvement, criterion, only, seed, most, climbing, keep.step
         )
         if undo and add is None and kept is not None:
             ladder = kept.ladder
@@ -158,6 +159,7 @@ def command(
             ladder = climb(model, kept.ladder if kept is not None else None, add=add)
         # What was found after all, or ties with it, is not what the data cannot show.
         ladder = replace(ladder, untestable=tuple(unshown(ladder)))
+        keep(ladder)
         if not no_suggest and not (undo and add is None):
             answer = _next(ladder, records, limits, duration, seed, part(update, 0.7, 1.0))
             planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
@@ -166,7 +168,7 @@ def command(
     unjudged: IdloopError | None = None
     try:
         if target is not None:
-            with progress("writing the report", writes=True):
+            with keep.told(), progress("writing the report"):
                 suggestion = None if answer is None else answer.suggestion
                 contents = write_all(target, as_kept(ladder), records, validation, suggestion)
             left = remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
@@ -201,6 +203,43 @@ def command(
         raise unjudged
     if target is not None:
         log(f"written: {target}")
+
+
+@dataclass
+class _Keeper:
+    """Leaves the ladder on the disk as it grows; after Ctrl-C it says what is kept, and how to go on."""
+
+    target: Path | None
+    as_kept: Callable[[Ladder], Kept]
+    undecided: bool  # the criterion is chosen by what is found
+    latest: Ladder | None = None
+
+    def __call__(self, ladder: Ladder) -> None:
+        self.latest = ladder
+        if self.target is not None:
+            write_ladder(self.target, self.as_kept(ladder))
+
+    def step(self, ladder: Ladder) -> None:
+        """Keep a ladder that is not at its end: who goes on with it chooses as one who was not interrupted."""
+        self(replace(ladder, criterion=_AUTO) if self.undecided else ladder)
+
+    @contextlib.contextmanager
+    def told(self) -> Iterator[None]:
+        """Say in the interrupt what is kept."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"interrupted: {self._kept()}") from None
+
+    def _kept(self) -> str:
+        if self.latest is None:
+            return "nothing is kept, no step was finished"
+        found = ", ".join(self.latest.added) or "no effect"
+        if self.target is None:
+            return f"nothing is kept without --output; found so far: {found}"
+        self(self.latest)  # once more: it may have been cut off halfway
+        go_on = command_line(click.get_current_context(), without=_OF_THE_LADDER, with_=("--resume", str(self.target)))
+        return f"{self.target} keeps model.yaml and ladder.json with {found}; go on with: {go_on}"
 
 
 @dataclass(frozen=True)
