@@ -139,6 +139,19 @@ def test_a_fault_is_raised_when_debugging(verb, monkeypatch):
         main.run(["try"])
 
 
+def test_an_interrupt_inside_a_callback_of_c_code_is_not_lost():
+    code = (
+        "import ctypes, signal, threading, click; from idloop.cli import main\n"
+        "callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))\n"
+        "def do(): callback(); threading.Event().wait(100.0)\n"
+        "module = type(sys)('try_verb'); module.command = click.Command('try', callback=do)\n"
+        "sys.modules['try_verb'] = module; main.VERBS['try'] = main.Verb('try_verb', '')\n"
+        "main.main()"
+    )
+    done = idloop_process("try", code=f"import sys; {code}")
+    assert (done.returncode, done.stderr) == (130, "idloop try: interrupted\n")
+
+
 def test_a_closed_pipe_is_quiet():
     code = (
         "import os, sys, click; from idloop.cli import main\n"

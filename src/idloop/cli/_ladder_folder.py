@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,6 +165,7 @@ def write_all(
     records: Sequence[Record],
     validation: Sequence[Record],
     suggestion: Suggestion | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> Contents:
     """Write everything: ladder, model, figures, the next experiment with what its rivals would show, the report.
 
@@ -182,7 +183,7 @@ def write_all(
     write_ladder(folder, kept)
     _write_next(folder, ladder, suggestion)
     shown = suggestion if suggestion is not None else read_next_experiment(folder, kept)
-    contents = gather(ladder, records, validation, suggestion=shown, provenance=kept.provenance)
+    contents = gather(ladder, records, validation, suggestion=shown, provenance=kept.provenance, progress=progress)
     save(plot_ladder(ladder, contents.floor), folder / "ladder.png")
     # In the order of the work: what was fitted, then what was not.
     panels = [panel_of(judged) for judged in sorted(contents.judged, key=lambda judged: judged.use)]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import _thread
 import difflib
 import importlib
 import os
 import sys
 import tempfile
+import threading
 import traceback
 import warnings
 from collections.abc import Sequence
@@ -160,8 +162,18 @@ def run(arguments: Sequence[str]) -> int:
     return result if isinstance(result, int) else DONE
 
 
+def _say_again(lost: sys.UnraisableHookArgs) -> None:
+    """Repeat a Ctrl-C that came inside a callback of C code, as the compiler has them: there it is lost."""
+    if issubclass(lost.exc_type, KeyboardInterrupt):
+        # Not at once, which would be inside the callback still.
+        threading.Timer(0.05, _thread.interrupt_main).start()
+    else:
+        sys.__unraisablehook__(lost)
+
+
 def main() -> NoReturn:
     """Run the command line of this process, or complete it for the shell."""
+    sys.unraisablehook = _say_again
     # Sums depend on how many threads share them, and equal seeds give equal answers. Besides, our matrices are tall and
     # narrow: more threads of linear algebra only wait for each other.
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")

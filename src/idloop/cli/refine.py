@@ -168,9 +168,9 @@ def command(
     unjudged: IdloopError | None = None
     try:
         if target is not None:
-            with keep.told(), progress("writing the report"):
+            with keep.told(), progress("writing the report") as update:
                 suggestion = None if answer is None else answer.suggestion
-                contents = write_all(target, as_kept(ladder), records, validation, suggestion)
+                contents = write_all(target, as_kept(ladder), records, validation, suggestion, part(update, 0.0, 0.8))
             left = remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
         else:
             left = compared(ladder.model, records)
