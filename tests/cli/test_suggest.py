@@ -138,22 +138,32 @@ def test_an_experiment_that_would_say_nothing_is_not_written(hidden, one_equatio
     assert not (tmp_path / "next.png").exists()
 
 
-def test_a_closed_loop_needs_its_controller_and_says_so_in_one_line(hidden, rivals, tmp_path, capsys):
-    law = {"type": "p", "output": "motor.position", "kp": 2.0, "sample_time": 0.01}
+LAW = {"type": "p", "output": "motor.position", "kp": 2.0, "sample_time": 0.01}
+
+
+@pytest.fixture(scope="module")
+def closed(hidden, rivals, tmp_path_factory):
+    """Bag of a closed loop; beside it a model whose controller reads what is not measured."""
+    folder = tmp_path_factory.mktemp("closed")
     signal = {"name": "multilevel", "sample_time": 0.01, "duration": 6.0, "amplitude": 1.0, "seed": 3}
-    experiment = Experiment(signal, "reference", law)
-    bag = write_bag(tmp_path / "closed", experiment.run(load_model(rivals[0]), noise=True, seed=1))
+    experiment = Experiment(signal, "reference", LAW)
+    replace(load_model(hidden.model), controller=LAW | {"output": "motor.effort"}).save(folder / "blind.yaml")
+    return write_bag(folder / "closed", experiment.run(load_model(rivals[0]), noise=True, seed=1))
+
+
+def test_a_closed_loop_needs_its_controller_and_says_so_in_one_line(rivals, closed, tmp_path, capsys):
+    bag = closed
     assert main.run(words("suggest", *rivals, bag, "--duration", 2)) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert "add the controller that ran" in err
     example = YAML(typ="safe").load(err.split("`")[1])
     check_controller(example["controller"])
-    closed = []
+    loops = []
     for rival in rivals:
-        closed.append(tmp_path / rival.name)
-        replace(load_model(rival), controller=law).save(closed[-1])
-    assert main.run(words("suggest", *closed, bag, "--no-fit", "--duration", 2)) == 0
+        loops.append(tmp_path / rival.name)
+        replace(load_model(rival), controller=LAW).save(loops[-1])
+    assert main.run(words("suggest", *loops, bag, "--no-fit", "--duration", 2)) == 0
     assert " on the reference, 2 s" in capsys.readouterr().out
 
 
@@ -166,14 +176,31 @@ def test_a_closed_loop_needs_its_controller_and_says_so_in_one_line(hidden, riva
         (["MODEL", "emps", "BAG", "--no-fit"], "different signals"),
         (["MODEL", "BAG", "--show", "dead_zon@input"], "dead_zone"),
         (["MODEL", "BAG", "--show", "dead_zone@input", "--max-velocity", "0"], "velocity"),
+        (["MODEL", "emps", "BAG"], "different signals"),
+        (["MODEL", "MODEL", "BAG", "--show", "dead_zone@input"], "takes one MODEL"),
+        (["DEAD_ZONE", "BAG", "--show", "dead_zone@input"], "has this effect"),
+        (["MODEL", "MODEL", "BAG", "--duration", "1e-4"], "a sample every 0.01 s"),
+        (["MODEL", "BAG", "--duration", "1e12"], "50000000 samples"),
+        (["MODEL", "BAG", "--start", "nan"], "start is nan"),
+        (["MODEL", "CLOSED"], "add the controller"),
+        (["BLIND", "CLOSED"], "reads motor.effort"),
+        (["--ladder", "LADDER", "CLOSED"], "add the controller"),
+        (["--ladder", "LADDER", "BAG", "--duration", "1e-4"], "a sample every 0.01 s"),
+        (["--ladder", "LADDER", "--show", "dead_zone@input"], "leave --show out"),
         (["--ladder", "nowhere"], "ladder.json"),
         (["--ladder", "nowhere", "--between", "MODEL", "MODEL"], "--between"),
         (["MODEL", "BAG", "--output", "nowhere/a.yaml"], "nowhere"),
         (["MODEL", "BAG", "--plot", "a.txt"], ".svg"),
     ),
 )
-def test_wrong_use_is_one_line(arguments, word, hidden, capsys):
-    places = {"MODEL": hidden.model, "BAG": hidden.two}
+def test_wrong_use_is_one_line_before_any_work(arguments, word, hidden, rivals, refined, closed, monkeypatch, capsys):
+    def begins(*arguments, **named):
+        raise AssertionError("the work has begun")
+
+    for work in ("idloop.estimate.fit", "idloop.diagnose.diagnose", "idloop.diagnose.suggest_next.suggest_next"):
+        monkeypatch.setattr(work, begins)
+    places = {"MODEL": hidden.model, "BAG": hidden.two, "DEAD_ZONE": rivals[0], "CLOSED": closed, "LADDER": refined}
+    places["BLIND"] = closed.parent / "blind.yaml"
     assert main.run(["suggest", *(str(places.get(a, a)) for a in arguments)]) == 2
     out, err = capsys.readouterr()
     assert out == ""

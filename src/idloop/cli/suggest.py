@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,7 +104,7 @@ def command(
     Data with a recorded reference come from a closed loop: the experiment is a reference then, and MODEL must have the
     section `controller` that says which law ran.
     """
-    names, bags = _split(sources, between, ladder)
+    names, bags = _split(sources, between, ladder, show)
     limits = read_limits(max_command, position_range, max_velocity)
     options: dict[str, Any] = {"duration": duration, "seed": seed, "start": start}
     with progress("choosing an experiment") as update:
@@ -138,11 +138,13 @@ def command(
 
 
 def _split(
-    sources: Sequence[str], between: tuple[str, str] | None, ladder: Path | None
+    sources: Sequence[str], between: tuple[str, str] | None, ladder: Path | None, show: str | None
 ) -> tuple[list[str], list[Path]]:
     """Models and bags of the command line; the last word is the bag."""
     if ladder is not None and between:
         raise InputError("--ladder has its own rivals: leave --between out")
+    if ladder is not None and show is not None:
+        raise InputError("--ladder asks for what it left open itself: leave --show out, or name MODEL")
     if ladder is not None:
         return [], [BAG.convert(source, None, None) for source in sources]
     if not sources:
@@ -150,6 +152,8 @@ def _split(
     names = [*(between or ()), *sources[:-1]]
     if not names:
         raise InputError(f"MODEL is missing: write idloop suggest MODEL {sources[-1]}, or --between two models")
+    if len(names) > 1 and show is not None:
+        raise InputError("--show takes one MODEL: the rivals are that model with and without the effect")
     return names, [BAG.convert(sources[-1], None, None)]
 
 
@@ -163,7 +167,25 @@ def _of_ladder(
     chosen = [*(bags or kept.bags), *also]
     if not chosen:
         raise InputError(f"{folder}: its bags are not known any more; name BAG")
-    return next_of_ladder(kept.ladder, read_records(chosen, kept.ladder.model), limits, options)
+    records = read_records(chosen, kept.ladder.model)
+    _refuse([kept.ladder.model], records, limits, options)
+    return next_of_ladder(kept.ladder, records, limits, options)
+
+
+def _refuse(
+    models: Sequence[Model],
+    records: Sequence[Record],
+    limits: Limits,
+    options: Mapping[str, Any],
+    show: str | None = None,
+) -> None:
+    """Raise now what would be raised after long work."""
+    from idloop.diagnose.suggest import prepare_setup
+    from idloop.diagnose.suggest_effect import find_proposal
+
+    prepare_setup(models, records, limits, **{key: options[key] for key in ("duration", "seed", "start")})
+    if show is not None:
+        find_proposal(models[0], show)
 
 
 def _of_models(
@@ -178,18 +200,14 @@ def _of_models(
 ) -> Next:
     from idloop.cli._next_experiment import Next, next_of_diagnosis, next_of_models
     from idloop.diagnose import diagnose
-    from idloop.diagnose.suggest import loop_of
     from idloop.diagnose.suggest_effect import suggest_effect
     from idloop.estimate import fit
 
-    if len(models) > 1 and show is not None:
-        raise InputError("--show takes one MODEL: the rivals are that model with and without the effect")
+    _refuse(models, records, limits, options, show)
     update: Update = options.pop("progress")
     if len(models) == 1 and show is None:
         first = diagnose(models[0], records, criterion=criterion, seed=options["seed"], progress=part(update, 0.0, 0.4))
         return next_of_diagnosis(first, records, limits, {**options, "progress": part(update, 0.4, 1.0)})
-    # Before the fits: without its controller they would be for nothing.
-    loop_of(models[0], records)
     if not fitted:
         models = [
             fit(

@@ -158,12 +158,23 @@ class Experiment:
 
     # -- the loop -------------------------------------------------------------------------
 
+    def check_controller(self, model: Model) -> None:
+        """Raise an InputError where the controller reads what the model does not measure."""
+        if self.controller is None:
+            return
+        regulator = self._regulator
+        missing = [name for name in regulator.kernel.inputs if name not in model.output_names]
+        if missing:
+            raise InputError(
+                f"controller {regulator.kind} reads {missing[0]}, which model {model.name} does not measure; "
+                f"it measures {', '.join(model.output_names)}"
+            )
+
     @cached_property
     def _regulator(self) -> Controller:
         from idloop.control import build_controller
 
-        section = {"type": "none", "sample_time": self.built.sample_time}
-        return build_controller(self.controller or section)
+        return build_controller(self.controller or {"type": "none", "sample_time": self.built.sample_time})
 
     def _in_loop(
         self,
@@ -179,12 +190,7 @@ class Experiment:
 
         regulator, model = self._regulator, engine.model
         kernel = regulator.kernel
-        missing = [name for name in kernel.inputs if name not in model.output_names]
-        if missing:
-            raise InputError(
-                f"controller {regulator.kind} reads {missing[0]}, which model {model.name} does not measure; "
-                f"it measures {', '.join(model.output_names)}"
-            )
+        self.check_controller(model)
         count = round(self.duration / regulator.sample_time) + 1
         grid: Array = np.arange(count, dtype=np.float64) * regulator.sample_time
         instants = np.unique(np.round(np.concatenate([grid, self.time]) / _SAME_TIME)) * _SAME_TIME

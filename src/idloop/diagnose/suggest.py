@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.diagnose.experiment import COMMAND, REFERENCE, Experiment
-from idloop.diagnose.suggest_field import prepare_rivals
+from idloop.diagnose.suggest_field import check_signals, prepare_rivals
 from idloop.diagnose.suggest_limits import Limits, follows_reference, motion
 from idloop.diagnose.suggest_rivals import Rival
 from idloop.diagnose.suggest_search import Choice, Search
@@ -21,6 +21,7 @@ from idloop.diagnose.suggest_setup import Setup
 from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, describe_visible, outcomes_of
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.dataset import output_noise, prepare
+from idloop.signals.base import LONGEST
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -170,8 +171,8 @@ def suggest(
         raise InputError("a suggestion needs at least two rival models to tell apart")
     tell = progress or (lambda share, text: None)
     tell(0.0, "what the data so far say")
+    setup = prepare_setup(rivals, records, limits, duration=duration, seed=seed, start=start, adds_to=adds_to)
     prepared = prepare_rivals(rivals, records, criterion)
-    setup = _setup(prepared, records, limits or Limits(), start, adds_to, seed)
     search = Search(
         prepared, setup, duration, lambda share, text: tell(0.05 + 0.9 * share, text), against_first=against_first
     )
@@ -244,15 +245,56 @@ def loop_of(
     return target, controller
 
 
+def prepare_setup(
+    models: Sequence[Model],
+    records: Sequence[Record],
+    limits: Limits | None = None,
+    *,
+    duration: float | None = None,
+    seed: int = 0,
+    start: float | None = None,
+    adds_to: str | None = None,
+) -> Setup:
+    """Find out where the experiment is to be run: what can be refused of it without a fit is refused here.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        Rivals, or those that will be; their values do not count.
+    records, limits, duration, seed, start, adds_to
+        As in `suggest`.
+
+    Returns
+    -------
+    Setup
+
+    Raises
+    ------
+    InputError
+        Models with different signals, a closed loop without its controller or with one that reads what is not
+        measured, a start or a duration that cannot be.
+    """
+    check_signals(models)
+    if start is not None and not np.isfinite(start):
+        raise InputError(f"start is {start}; give the position at which the axis will rest")
+    setup = _setup(models[0], records, limits or Limits(), start, adds_to, seed)
+    if duration is not None and not 1 <= round(duration / setup.signal_time) <= LONGEST:
+        raise InputError(
+            f"duration is {duration:g} s, the signal has a sample every {setup.signal_time:g} s:"
+            f" give it 1 to {LONGEST} samples"
+        )
+    Experiment({}, setup.adds_to, setup.controller, setup.start, setup.sample_time).check_controller(models[0])
+    return setup
+
+
 def _setup(
-    rivals: Sequence[Rival],
+    model: Model,
     records: Sequence[Record],
     limits: Limits,
     start: float | None,
     adds_to: str | None,
     seed: int,
 ) -> Setup:
-    model = rivals[0].model
     target, controller = loop_of(model, records, adds_to)
     step = float(np.median([record.sample_time for record in records]))
     complete = limits.completed(model, records)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.diagnose.proposals import proposals
+from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import prepare_setting
 from idloop.diagnose.suggest import Suggestion, suggest
@@ -85,10 +85,7 @@ def effect_rivals(model: Model, effect: str, records: Sequence[Record], limits: 
     -------
     without, with_effect : Model
     """
-    found = [proposal for proposal in proposals(model, [effect]) if proposal.name == effect]
-    if not found:
-        raise InputError(f"{effect}: model {model.name} has this effect, or cannot have it; write effect@site")
-    proposal = found[0]
+    proposal = find_proposal(model, effect)
     sizes = Sizes(model, prepare_setting(model, records, "prediction"))
     scales = _allowed_scales(sizes.at(proposal.effect.site, proposal.at), limits.completed(model, records))
     choices = [proposal.model(group[0]) for group in proposal.alternatives(scales) if group]
@@ -96,6 +93,20 @@ def effect_rivals(model: Model, effect: str, records: Sequence[Record], limits: 
     allowed = [choice for choice, cost in zip(choices, costs, strict=True) if cost < _ALLOWED]
     typical = allowed[len(allowed) // 2] if allowed else choices[int(np.argmin(costs))]
     return proposal.base, typical
+
+
+def find_proposal(model: Model, effect: str) -> Proposal:
+    """Find the proposal of an effect at its site.
+
+    Raises
+    ------
+    InputError
+        There is no such effect or site, or the model has it or cannot have it.
+    """
+    found = [proposal for proposal in proposals(model, [effect]) if proposal.name == effect]
+    if not found:
+        raise InputError(f"{effect}: model {model.name} has this effect, or cannot have it; write effect@site")
+    return found[0]
 
 
 def _allowed_scales(scales: Scales, limits: Limits) -> Scales:

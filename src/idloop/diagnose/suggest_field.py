@@ -53,10 +53,8 @@ def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion
     InputError
         Models with different signals, or records that do not suit them.
     """
+    check_signals(models)
     first = models[0]
-    for model in models[1:]:
-        if model.output_names != first.output_names or model.input != first.input:
-            raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
     data = _shortened(prepare(first, records))
     views: Sequence[View] | None = None
     if criterion == "force" or (criterion == "auto" and force_decides(first, data)):
@@ -65,6 +63,14 @@ def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion
         noise = common_noise(models, data)
         views = [PredictionView(model, data, noise) for model in models]
     return [Rival(*own) for own in zip(labels(models), models, views, strict=True)]
+
+
+def check_signals(models: Sequence[Model]) -> None:
+    """Raise an InputError where models have different signals."""
+    first = models[0]
+    for model in models[1:]:
+        if model.output_names != first.output_names or model.input != first.input:
+            raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
 
 
 def labels(models: Sequence[Model]) -> list[str]:
