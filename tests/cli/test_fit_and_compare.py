@@ -40,6 +40,38 @@ def words(*arguments: object) -> list[str]:
     return [str(argument) for argument in arguments]
 
 
+@pytest.fixture(scope="module")
+def steps(tmp_path_factory) -> list[Path]:
+    """Recordings that begin with a step from rest, and so show one command each."""
+    model, random = load_model("dc_motor").with_values(TRUTH), np.random.default_rng(3)
+    time, folder = np.arange(1, 200) * 0.01, tmp_path_factory.mktemp("steps")
+    bags = []
+    for level in (1.0, 3.0, 5.0):
+        command = np.full(time.size + 1, level)
+        output = simulate(model, np.append(0.0, time), command, time).output
+        output = output + random.normal(size=output.shape) * [1e-2, 2e-2]
+        record = Record(
+            f"step{level:g}", time, command[1:], time, output, model.input.name, "V", model.output_names,
+            tuple(o.unit for o in model.outputs),
+        )  # fmt: skip
+        bags.append(write_bag(folder / record.name, record))
+    return bags
+
+
+def test_steps_from_rest_at_several_levels_are_an_experiment(steps, capsys):
+    assert main.run(words("fit", "dc_motor", *steps, "--json")) == 0
+    document = json.loads(capsys.readouterr().out)
+    for name, truth in TRUTH.items():
+        found = document["parameters"][name]
+        assert abs(found["value"] - truth) < 4 * found["stderr"] < 0.2 * truth
+    assert not any("does not follow" in warning for warning in document["warnings"])
+
+
+def test_steps_of_one_level_alone_are_refused_and_told_the_cure(steps, capsys):
+    assert main.run(words("fit", "dc_motor", steps[0])) == 2
+    assert "steps to several levels" in capsys.readouterr().err
+
+
 def test_fit_finds_the_truth_and_says_so_in_one_document(bags, tmp_path, capsys):
     fitted, figure = tmp_path / "fitted.yaml", tmp_path / "fit.svg"
     arguments = words("fit", "dc_motor", bags[0], "--validate", bags[1], "--output", fitted, "--plot", figure, "--json")

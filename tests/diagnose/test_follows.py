@@ -105,6 +105,12 @@ def test_a_machine_under_command_follows_by_every_criterion(start, kind):
     assert follows(setting, refit(setting, start))
 
 
+def test_steps_from_rest_are_followed_though_each_has_one_command(start):
+    records = [record_of(start, seed, command=np.full(300, float(seed))) for seed in (1, 2, 3)]
+    setting = prepare_setting(start, records, "prediction")
+    assert follows(setting, refit(setting, start))
+
+
 def test_a_disturbance_as_strong_as_the_command_hides_nothing_of_it(start):
     record = record_of(start, 3, seconds=20.0, disturbance=1.0)
     setting = prepare_setting(start, [record], "prediction")

@@ -51,7 +51,13 @@ def follows(setting: Setting, fit: Refit) -> bool:
     bool
         True as well where that cannot be computed.
     """
-    still = tuple(replace(one, input=np.full_like(one.input, np.mean(one.input))) for one in setting.data)
+    # Of steps from rest, each a constant command, the mean of its own would be the command itself.
+    means = [np.mean(one.input) for one in setting.data]
+    if all(np.ptp(one.input) == 0.0 for one in setting.data):
+        means = [np.mean(means)] * len(means)
+    still = tuple(
+        replace(one, input=np.full_like(one.input, mean)) for one, mean in zip(setting.data, means, strict=True)
+    )
     without = transfer(replace(setting, data=still), fit, own_disturbance=True)
     return without is None or distinguishable(fit, without)
 

@@ -25,6 +25,7 @@ from idloop.estimate.spread import problem_covariance
 from idloop.estimate.uncertainty import bounded, findings, ties
 from idloop.estimate.undetermined import common_scale, exactly_tied
 from idloop.estimate.weak_fit import WeakFit, fit_by_force
+from idloop.records.checks import one_level
 
 if TYPE_CHECKING:
     from idloop.physics import Engine, Model
@@ -81,7 +82,7 @@ def fit(
     if len(model.free) == 0:
         raise InputError(f"model {model.name!r} has nothing to estimate; write a parameter as {{value: ...}}")
     data = prepare(model, records)
-    if all(np.ptp(d.input) == 0.0 for d in data):
+    if one_level([d.input for d in data]):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     tell = progress or (lambda share, text: None)
     engine = RememberingEngine(model)

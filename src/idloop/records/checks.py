@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.differenced import differenced
@@ -111,9 +112,10 @@ def check_record(record: Record, *, held: bool = True) -> Record:
 
 
 def check_commands(records: Sequence[Record]) -> None:
-    """Refuse records of which no command ever changes.
+    """Refuse records that all have one and the same constant command.
 
-    Beside others one with a constant command tells something: a step that began before the record, a coast-down.
+    Beside others one with a constant command tells something: a step that began with the record, a coast-down. So do
+    steps from rest at several levels, of which no record shows another command than its own.
 
     Parameters
     ----------
@@ -123,16 +125,21 @@ def check_commands(records: Sequence[Record]) -> None:
     Raises
     ------
     InputError
-        Every command is constant.
+        There is one command only.
     """
-    if not records or any(np.ptp(record.input) > 0.0 for record in records):
+    if not records or not one_level([record.input for record in records]):
         return
     first = records[0]
     raise InputError(
         f"{first.name}: the command {first.input_name} is constant ({first.input[0]:g} {first.input_unit})"
-        f"{'' if len(records) == 1 else ', and so are the others'}, nothing can be identified from it; excite the axis,"
-        " e.g. with a multisine"
+        f"{'' if len(records) == 1 else ', and the same in the others'}, nothing can be identified from it; excite the"
+        " axis, e.g. with a multisine or steps to several levels"
     )
+
+
+def one_level(inputs: Sequence[NDArray[np.float64]]) -> bool:
+    """Whether all commands together have one value only."""
+    return bool(np.ptp(np.concatenate(inputs)) == 0.0)
 
 
 def check_identifiable(record: Record) -> Record:

@@ -104,7 +104,7 @@ def insights(evidence: Evidence) -> list[str]:
 def _about_command(command: Excitation, evidence: Evidence) -> list[str]:
     if command.levels == 1:
         text = "The command is constant: gain, inertia and friction cannot be told apart, nothing can be identified"
-        return [f"{text}, but beside records in which it changes."]
+        return [f"{text}, but beside records with other commands."]
     said = []
     if command.levels == 2:
         said.append(
