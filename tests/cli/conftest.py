@@ -8,6 +8,14 @@ from types import SimpleNamespace
 
 import pytest
 
+from idloop.cli import _progress
+
+
+@pytest.fixture(autouse=True)
+def _no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine any verb may take long enough for a line of progress: what stands on stderr must not tell."""
+    monkeypatch.setattr(_progress, "PERIOD", 1e6)
+
 
 @pytest.fixture(scope="session")
 def hidden(tmp_path_factory) -> SimpleNamespace:
