@@ -21,7 +21,7 @@ from idloop.diagnose.verdict import ADEQUATE, MISSING, UNKNOWN
 from idloop.errors import InputError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.weak_fit import WeakFit, fit_by_force
+from idloop.estimate.weak_fit import WeakFit, draft_of, fit_anew, fit_by_force
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -46,9 +46,7 @@ def fitted_by_force(
 
 def against_the_command(fit: WeakFit) -> bool:
     """Whether the same model explains far more of the force with the sign of the command turned."""
-    turned = [replace(data, input=-data.input) for data in fit.form.data]
-    other = fit_by_force(fit.form.engine, turned, fit.theta, insist=True)
-    return other is not None and other.relative < _FAR_LESS * fit.relative
+    return fit_anew(draft_of(fit.form).turned(), fit.point).relative < _FAR_LESS * fit.relative
 
 
 def fitted_model(fit: WeakFit) -> Model:

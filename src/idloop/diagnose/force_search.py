@@ -20,8 +20,8 @@ from idloop.diagnose.waves import harmonics
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.weak_fit import MOST_ITERATIONS, WeakFit, cost_at, fit_weak, relative_error
-from idloop.estimate.weak_form import weak_form
+from idloop.estimate.weak_fit import MOST_ITERATIONS, WeakFit, cost_at, draft_of, fit_weak, relative_error
+from idloop.estimate.weak_form import WeakForm, weak_form
 from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
@@ -40,6 +40,8 @@ FAR_MORE = 2.0
 _FIRST_ROUNDS = 3
 # Part of a trace that must not be the free parameters' own.
 _OWN_PART = 3e-3
+# Effects are weighed in so many windows at most: what shows in less than one part in a thousand is not worth naming.
+_ENOUGH = 50_000
 # Least log-likelihood that a trace must promise.
 _LEAST_PROMISE = 2.0
 
@@ -135,6 +137,7 @@ class ForceSearch:
 
     def weigh(self, parent: WeakFit) -> Step:
         """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
+        whole, parent = parent, parent.thinned(_ENOUGH)
         model = parent.form.engine.model.with_theta(parent.theta)
         screen = _Screen(self.setting, parent, model)
         asked = proposals(model, self.effects)
@@ -146,8 +149,8 @@ class ForceSearch:
         parts = {part for found in chosen for part in found.proposal.effect.contains}
         chosen += [found for found in promising[FITTED:] if found.proposal.effect.name in parts]
         weigher = _Weigher(parent, self.held_out)
-        weighed = weigher(in_parallel(partial(_fitted, parent), chosen))
-        step = Step(parent, tuple(weighed), len(choices) + screen.waves, self.level, self.least)
+        weighed = weigher(in_parallel(partial(_fitted, parent, draft_of(parent.form)), chosen))
+        step = Step(whole, parent, tuple(weighed), len(choices) + screen.waves, self.level, self.least)
         design = min((one.evidence.design_effect for one in weighed), default=1.0)
         testable, why = _testable(asked, screened, design * step.threshold())
         step = replace(step, asked=tuple(asked), testable=testable, why=why)
@@ -159,7 +162,7 @@ class ForceSearch:
         model = parent.form.engine.model.with_theta(parent.theta)
         screen = _Screen(self.setting, parent, model)
         for proposal in proposals(model, [f"{name}@{at}"]):
-            fitted = _fitted(parent, screen(proposal)) if _balances(proposal) else None
+            fitted = _fitted(parent, draft_of(parent.form), screen(proposal)) if _balances(proposal) else None
             if fitted is not None:
                 return fitted[1]
         return None
@@ -167,7 +170,8 @@ class ForceSearch:
     def needless(self, fit: WeakFit, name: str) -> WeakFit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
         model = fit.form.engine.model.with_theta(fit.theta).without_effect(name)
-        smaller = _fit_in(fit, model)
+        fit = fit.thinned(_ENOUGH)
+        smaller = fit_in(fit.form, model, fit.shift)
         if smaller is None:
             return None
         try:
@@ -184,7 +188,10 @@ class Step:
 
     Attributes
     ----------
+    whole : WeakFit
+        Model without any of the effects, fitted to all windows.
     parent : WeakFit
+        The same, fitted to those in which the effects are weighed.
     weighed : tuple of Weighed
     count : int
         Choices that there were.
@@ -197,6 +204,7 @@ class Step:
         By effect, whether this data could show it, and why.
     """
 
+    whole: WeakFit
     parent: WeakFit
     weighed: tuple[Weighed, ...]
     count: int
@@ -398,10 +406,25 @@ def _starts(proposal: Proposal, trials: Sequence[Trial], size: Array) -> list[Tr
     return [trials[0], proposal.inside(proposal.weaker(trials[0], share))]
 
 
-def _fit_in(parent: WeakFit, model: Model, rounds: int = MOST_ITERATIONS) -> WeakFit | None:
-    """A model fitted in the windows of another fit; None where it cannot be."""
-    form = parent.form.with_engine(RememberingEngine(model))
-    start = np.append(model.theta, parent.shift) if form.free_timing else model.theta
+def fit_in(form: WeakForm, model: Model, shift: float, rounds: int = MOST_ITERATIONS) -> WeakFit | None:
+    """A model fitted in the windows of another one; None where it cannot be.
+
+    Parameters
+    ----------
+    form : WeakForm
+    model : Model
+        At the values to start from.
+    shift : float
+        Time from the stamp of a command to its action to start from [s].
+    rounds : int
+        Most iterations.
+
+    Returns
+    -------
+    WeakFit or None
+    """
+    form = form.with_engine(RememberingEngine(model))
+    start = np.append(model.theta, shift) if form.free_timing else model.theta
     try:
         found = fit_weak(form, start, rounds=rounds)
     except (IdloopError, np.linalg.LinAlgError):
@@ -409,24 +432,33 @@ def _fit_in(parent: WeakFit, model: Model, rounds: int = MOST_ITERATIONS) -> Wea
     return found if np.isfinite(found.log_likelihood) else None
 
 
-def _cost_in(parent: WeakFit, model: Model) -> float:
-    """How badly a model does in the windows of another fit, not fitted."""
-    form = parent.form.with_engine(RememberingEngine(model))
-    return cost_at(form, np.append(model.theta, parent.shift) if form.free_timing else model.theta)
+def _cost_in(form: WeakForm, shift: float, model: Model) -> float:
+    """How badly a model does in the windows of another one, not fitted."""
+    form = form.with_engine(RememberingEngine(model))
+    return cost_at(form, np.append(model.theta, shift) if form.free_timing else model.theta)
 
 
-def _fitted(parent: WeakFit, promising: _Promising) -> tuple[tuple[Proposal, ...], WeakFit] | None:
+def _fitted(parent: WeakFit, draft: WeakForm, promising: _Promising) -> tuple[tuple[Proposal, ...], WeakFit] | None:
+    """The model with an effect, searched for in a draft of the windows and then fitted to those of its parent."""
+    shift = parent.shift
     models = [promising.proposal.model(trial) for trial in promising.starts]
-    models.sort(key=partial(_cost_in, parent))
-    fits = [_fit_in(parent, model, rounds=_FIRST_ROUNDS) for model in models[:_STARTS]]
+    models.sort(key=partial(_cost_in, draft, shift))
+    fits = [fit_in(draft, model, shift, rounds=_FIRST_ROUNDS) for model in models[:_STARTS]]
     found = [fit for fit in fits if fit is not None]
     if not found:
         return None
     best = max(found, key=lambda fit: fit.log_likelihood)
     if not best.converged:
-        model = best.form.engine.model
-        best = _fit_in(best, model.with_theta(best.theta)) or best
-    return (promising.proposal,), best
+        best = _again(best, draft) or best
+    if draft is parent.form:
+        return (promising.proposal,), best
+    whole = _again(best, parent.form)
+    return None if whole is None else ((promising.proposal,), whole)
+
+
+def _again(fit: WeakFit, form: WeakForm) -> WeakFit | None:
+    """The model of a fit, fitted on from there in other windows."""
+    return fit_in(form, fit.form.engine.model.with_theta(fit.theta), fit.shift)
 
 
 class _Weigher:
@@ -434,7 +466,8 @@ class _Weigher:
 
     def __init__(self, parent: WeakFit, held_out: Sequence[Data]) -> None:
         self.parent, self.base = parent, scores_of(parent)
-        self._held_out = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
+        form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
+        self._held_out = None if form is None else form.thinned(_ENOUGH)
         self._before = self._errors(parent)
 
     def _errors(self, fit: WeakFit) -> Array:
@@ -476,7 +509,7 @@ def _pair(parent: WeakFit, pair: tuple[Weighed, Weighed]) -> tuple[tuple[Proposa
         alone = other.fit.form.engine.model.with_theta(other.fit.theta)
         prefix = f"{wanted.name}."
         values = {n[len(prefix) :]: v for n, v in alone.values.items() if n.startswith(prefix)}
-        fit = _fit_in(parent, proposal.model(proposal.inside(values)))
+        fit = fit_in(parent.form, proposal.model(proposal.inside(values)), parent.shift)
         if fit is not None:
             return (*one.proposals, proposal), fit
     return None

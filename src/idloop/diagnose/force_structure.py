@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from idloop.diagnose.predictive import FOLDS, Evidence, Scores, deal
 from idloop.diagnose.unknown import UnknownStructure
 from idloop.estimate.student import log_density, scale_of
-from idloop.estimate.weak_fit import BLOCKS, WeakFit
+from idloop.estimate.weak_fit import WeakFit
+from idloop.estimate.weak_form import BLOCKS
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimate.weak_fit import BLOCKS, WeakFit
+from idloop.estimate.weak_fit import WeakFit
+from idloop.estimate.weak_form import BLOCKS
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

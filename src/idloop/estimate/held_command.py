@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -99,12 +100,17 @@ class HeldCommand:
     """
 
     def __init__(self, time: Array, value: Array, end: float) -> None:
+        self._time, self._given, self._end = time, value, end
         edges = np.concatenate([time, [max(end, float(time[-1])) + _BEYOND]])
         area = np.concatenate([[0.0], np.cumsum(value * np.diff(edges))])
         self._edges = np.concatenate([[edges[0] - _BEFORE], edges])
         self._area = np.concatenate([[0.0], area])
         self._value = np.concatenate([[0.0], value])
         self._rms = float(np.sqrt(np.mean(value**2)))
+
+    def turned(self) -> HeldCommand:
+        """With the other sign."""
+        return HeldCommand(self._time, -self._given, self._end)
 
     def around(self, time: Array, sample_time: float) -> CommandAround:
         """The command over one sample time around each instant.
@@ -120,14 +126,30 @@ class HeldCommand:
         -------
         CommandAround
         """
-        first, last = time - 0.5 * sample_time, time + 0.5 * sample_time
-        mean = (np.interp(last, self._edges, self._area) - np.interp(first, self._edges, self._area)) / sample_time
-        before, after = self._at(first), self._at(last)
+        mean, before, after = _around(self._edges, self._area, self._value, time, sample_time)
         change = after - before
-        late = (mean - before) / np.where(change == 0.0, 1.0, change)
-        jumps = np.flatnonzero((np.abs(change) > _JUMP * self._rms) & (late >= 0.0) & (late <= 1.0))
-        return CommandAround(mean, jumps, before[jumps], after[jumps], late[jumps])
+        jumps = np.flatnonzero(np.abs(change) > _JUMP * self._rms)
+        late = (mean[jumps] - before[jumps]) / change[jumps]
+        inside = (late >= 0.0) & (late <= 1.0)
+        jumps = jumps[inside]
+        return CommandAround(mean, jumps, before[jumps], after[jumps], late[inside])
 
-    def _at(self, time: Array) -> Array:
-        place = np.searchsorted(self._edges, time, side="right") - 1
-        return self._value[np.clip(place, 0, len(self._value) - 1)]
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _around(edges: Array, area: Array, value: Array, time: Array, sample_time: float) -> tuple[Array, Array, Array]:
+    """Mean of a held value over one sample time around each instant, and what it is at the beginning and at the end."""
+    ends = np.empty((2, len(time)))
+    areas = np.empty((2, len(time)))
+    for side in range(2):
+        offset = (side - 0.5) * sample_time
+        # Instants rise: each is found from the one before it.
+        place = max(np.searchsorted(edges, time[0] + offset, side="right") - 1, 0) if len(time) else 0
+        for k in range(len(time)):
+            instant = time[k] + offset
+            while place > 0 and edges[place] > instant:
+                place -= 1
+            while place < len(value) - 1 and edges[place + 1] <= instant:
+                place += 1
+            ends[side, k] = value[place]
+            areas[side, k] = area[place] + value[place] * (instant - edges[place])
+    return (areas[1] - areas[0]) / sample_time, ends[0], ends[1]

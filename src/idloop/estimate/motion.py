@@ -7,7 +7,7 @@ filter's cut-off taken from the data instead of from the user.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,6 +68,19 @@ class Motion:
     velocity_noise: Array
     cutoff: float
     measured: tuple[tuple[Array | None, Array | None], ...]
+
+    def part(self, first: int, last: int) -> Motion:
+        """From one sample up to another."""
+        own = slice(first, last)
+        measured = tuple((None if p is None else p[own], None if v is None else v[own]) for p, v in self.measured)
+        return replace(
+            self,
+            time=self.time[own],
+            position=self.position[own],
+            velocity=self.velocity[own],
+            acceleration=self.acceleration[own],
+            measured=measured,
+        )
 
     @property
     def sample_time(self) -> float:

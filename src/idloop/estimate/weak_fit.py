@@ -20,7 +20,7 @@ from idloop.estimate.dataset import Data
 from idloop.estimate.levenberg import box_step, difference_jacobian
 from idloop.estimate.solve import typical_size
 from idloop.estimate.student import log_density, scale_of
-from idloop.estimate.weak_form import NARROWEST, WeakForm, weak_form
+from idloop.estimate.weak_form import BLOCKS, NARROWEST, WeakForm, weak_form
 from idloop.physics import Engine, Model, kernel
 from idloop.physics.effect import INPUT
 
@@ -47,8 +47,8 @@ _LINEAR_ROUNDS = 20
 _TELLS = 0.5
 # Of a normal distribution with deviation 1.
 _ENTROPY = 0.5 * log(2.0 * pi * e)
-# Stretches that are taken as independent, for a covariance that holds under coloured errors.
-BLOCKS = 40
+# A search begins on so many windows: they tell where the optimum is, and all of them where exactly.
+_DRAFT = 2000
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,11 @@ class WeakFit:
         """Log-density of every window of these records or others, with the values that were fitted, shape (rows,)."""
         one = self.form if form is None else form
         return _log_densities(one, self.point, self.scale)
+
+    def thinned(self, most: int) -> WeakFit:
+        """The fit to about so many of the windows, evenly spread; itself where there are less."""
+        form = self.form.thinned(most)
+        return self if form is self.form else fit_weak(form, self.point)
 
     @cached_property
     def linear(self) -> tuple[Array, Array]:
@@ -467,12 +472,39 @@ def fit_by_force(
         if form is None or form.starts[-1] < FEWEST_ROWS:
             return found if insist else None
         forms.setdefault(width, form)
-        found = fit_weak(form, point)
-        if width == NARROWEST:
-            found = max(found, fit_weak(form, fit_weak(form, start, alike=True).point), key=_likelihood)
+        found = fit_anew(form, point) if width == NARROWEST else fit_weak(form, point)
         if np.all(found.noise_share <= MOST_NOISE):
             return found
         width, point = _wider(width), found.theta
+
+
+def draft_of(form: WeakForm) -> WeakForm:
+    """The windows on which a search begins."""
+    return form.thinned(_DRAFT)
+
+
+def fit_anew(form: WeakForm, start: Array) -> WeakFit:
+    """Fit a model to a force balance from two starts: one, and where taking all windows alike leads from there.
+
+    Parameters
+    ----------
+    form, start
+        As of `fit_weak`.
+
+    Returns
+    -------
+    WeakFit
+        The likelier one.
+
+    Raises
+    ------
+    IdloopError
+        The balance cannot be evaluated at the start.
+    """
+    draft = draft_of(form)
+    alike = fit_weak(draft, start, alike=True)
+    found = max(fit_weak(draft, start), fit_weak(draft, alike.point), key=_likelihood)
+    return found if draft is form else fit_weak(form, found.point)
 
 
 def _likelihood(fit: WeakFit) -> float:

@@ -13,10 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from idloop.estimate.dataset import Data
@@ -26,6 +28,7 @@ from idloop.estimate.noise import noise_std
 from idloop.estimate.student import log_density, scale_of
 from idloop.physics import Engine, kernel
 from idloop.physics.effect import INPUT
+from idloop.physics.model import ActiveEffect
 
 Array = NDArray[np.float64]
 
@@ -37,6 +40,12 @@ _BAND = 2.0
 _OVERLAP = 2
 # Two sensors of one body disagree where their velocities are further apart than so many times their noise.
 _ABOVE_NOISE = 5.0
+# Stretches that are taken as independent, into which records are cut.
+BLOCKS = 40
+# A stretch by itself has so many windows at least: of shorter ones a body hardly moves in any.
+_SHORTEST = 100
+# A stretch by itself is led in by this part of it, so that what has a memory has something to remember.
+_LEAD_IN = 0.1
 # A change of the command by this part of its rms shows how far the balance still depends on it.
 _PROBE = 1e-3
 
@@ -68,9 +77,18 @@ class Track:
     held: HeldCommand
     disagreement: float
 
-    def command(self, shift: float) -> CommandAround:
-        """Command around each instant, ``shift`` [s] earlier."""
-        return self.held.around(self.motion.time - shift, self.motion.sample_time)
+    def stretches(self, count: int, part: float, width: int) -> list[Track]:
+        """So many stretches of it, evenly spread, that together have a part of its windows of some width."""
+        found = []
+        for piece in np.array_split(np.arange(len(self.rows)), count):
+            kept = piece[: max(round(part * len(piece)), 1)]
+            if not len(kept):
+                continue
+            first, last = self.rows[kept[0]], self.rows[kept[-1]] + width
+            first = max(first - round(_LEAD_IN * (last - first)), 0)
+            rows = self.rows[kept] - first
+            found.append(replace(self, motion=self.motion.part(first, last), inertial=self.inertial[kept], rows=rows))
+        return found
 
 
 @dataclass(frozen=True)
@@ -192,15 +210,36 @@ def _disagreement(
     return apart / size if apart > _ABOVE_NOISE * noise else 0.0
 
 
+@njit(cache=True, nogil=True)
 def _windows(values: Array, rows: NDArray[np.int64], weights: Array) -> Array:
     """Weighted sums of the columns of values (n, b) over the windows that begin at some rows."""
-    views = np.lib.stride_tricks.sliding_window_view(values, len(weights), axis=0)
-    return np.asarray(views[rows] @ weights)
+    sums = np.zeros((len(rows), values.shape[1]))
+    for row in range(len(rows)):
+        for k in range(len(weights)):
+            for column in range(values.shape[1]):
+                sums[row, column] += weights[k] * values[rows[row] + k, column]
+    return sums
+
+
+def _command(tracks: Sequence[Track], shift: float) -> CommandAround:
+    """Command around each instant of tracks one after the other, ``shift`` [s] earlier."""
+    found = []
+    # Stretches of one record share its command.
+    for _, several in groupby(tracks, key=lambda track: id(track.held)):
+        own = list(several)
+        time = np.concatenate([track.motion.time for track in own])
+        found.append(own[0].held.around(time - shift, own[0].motion.sample_time))
+    return CommandAround.joined(found)
 
 
 def _remembers(engine: Engine) -> bool:
     """Whether some effect depends on what went before."""
     return any(active.effect.lags for active in engine.model.effects)
+
+
+def _shapes_command(active: ActiveEffect, driven: str) -> bool:
+    """Whether an effect has a part in how far the balance of the driven body depends on the command."""
+    return active.effect.site == INPUT or (active.effect.friction is not None and active.at == driven)
 
 
 def _free_timing(engine: Engine) -> bool:
@@ -218,7 +257,7 @@ class WeakForm:
     data : sequence of Data
         The records.
     tracks : sequence of Track
-        One per record, all of one width.
+        One per record or stretch of one, all of one width.
     width : int
         Samples in a window.
     rest_speed : float, optional
@@ -227,8 +266,8 @@ class WeakForm:
 
     Attributes
     ----------
-    starts : array of int, shape (records + 1,)
-        First row of each record, and the number of all.
+    starts : array of int, shape (tracks + 1,)
+        First row of each track, and the number of all.
     untold : array, shape (rows,)
         Log-density of a window's command as one of all commands: what it has where the motion tells nothing of it.
     free_timing : bool
@@ -255,6 +294,8 @@ class WeakForm:
         self._inertial = np.concatenate([track.inertial for track in tracks])
         self._acceleration = np.concatenate([track.motion.acceleration for track in tracks])
         self._command: tuple[float, list[CommandAround]] = (np.nan, [])
+        self._known: tuple[bytes, Array]
+        self.forget()
         self.free_timing = _free_timing(engine)
         # What has no memory needs no beginning: all records are one call.
         self._remembers = _remembers(engine)
@@ -271,7 +312,7 @@ class WeakForm:
         """Command around every instant of every run."""
         known, commands = self._command
         if known != shift:
-            commands = [CommandAround.joined([track.command(shift) for track in run]) for run in self._runs]
+            commands = [_command(run, shift) for run in self._runs]
             self._command = shift, commands
         return commands
 
@@ -287,7 +328,31 @@ class WeakForm:
         # Nothing else depends on the model.
         other = copy(self)
         other.engine, other.free_timing = engine, _free_timing(engine)
+        other.forget()
         return other
+
+    def forget(self) -> None:
+        """Keep no residual of another model."""
+        self._known = b"", np.zeros(0)
+
+    def thinned(self, most: int) -> WeakForm:
+        """About so many of the windows, in stretches evenly spread over the records; all where these are less."""
+        total = int(self.starts[-1])
+        if total <= most:
+            return self
+        number, part = min(BLOCKS, max(most // _SHORTEST, 1)), most / total
+        tracks = [
+            piece
+            for track in self.tracks
+            for piece in track.stretches(max(round(number * len(track.rows) / total), 1), part, self.width)
+        ]
+        return WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
+
+    def turned(self) -> WeakForm:
+        """The same motion with the sign of the command turned."""
+        turned = {id(track.held): track.held.turned() for track in self.tracks}
+        tracks = [replace(track, held=turned[id(track.held)]) for track in self.tracks]
+        return WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
 
     @property
     def noise(self) -> Array:
@@ -309,7 +374,14 @@ class WeakForm:
         -------
         array, shape (rows, bodies)
         """
-        return self._residual(theta, self._commands(self._timing(theta, shift)))
+        # A fit, its scale and its likelihood ask for the same point one after the other.
+        key = np.append(theta, shift).tobytes()
+        known, residual = self._known
+        if known != key:
+            residual = self._residual(theta, self._commands(self._timing(theta, shift)))
+            residual.flags.writeable = False
+            self._known = key, residual
+        return residual
 
     def _timing(self, theta: Array, shift: float) -> float:
         """From the stamp of a command to its action, with what the model has of it."""
@@ -362,6 +434,8 @@ class WeakForm:
         -------
         array, shape (rows,)
         """
+        if not any(_shapes_command(active, self.engine.model.bodies[0]) for active in self.engine.model.effects):
+            return np.full(len(self._rows), abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN])))
         return self._slope(lambda commands: self._residual(theta, commands)[:, 0], residual[:, 0], theta, shift)
 
     def _slope(
@@ -466,7 +540,7 @@ class WeakForm:
         for track in self.tracks:
             m = track.motion
             series = {"time": m.time, "position": m.position[:, body], "velocity": m.velocity[:, body]}
-            values = track.command(0.0).mean if what == "command" else series[what]
+            values = _command([track], 0.0).mean if what == "command" else series[what]
             found.append(values[track.rows + self.width // 2])
         return np.concatenate(found)
 
