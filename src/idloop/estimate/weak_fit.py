@@ -43,12 +43,15 @@ FEWEST_ROWS = 100
 _TOLERANCE = 1e-4
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
+# Slopes serve a further step where what they have changed since is worth less log-likelihood than this.
+_KEPT = 1e-2
 # A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
 _TELLS = 0.5
 # Of a normal distribution with deviation 1.
 _ENTROPY = 0.5 * log(2.0 * pi * e)
 # A search begins on so many windows: they tell where the optimum is, and all of them where exactly.
-_DRAFT = 2000
+# Where there are few times as many, it begins on all.
+_DRAFT, _WORTH_A_DRAFT = 2000, 4
 
 
 @dataclass(frozen=True)
@@ -375,22 +378,24 @@ def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, ali
     if not np.all(np.isfinite(form.residual(*_split(form, point)))):
         raise IdloopError("the force balance cannot be evaluated at the starting values")
     target = _Target(form, alike=alike)
-    damping, converged, iteration = 1e-3, False, 0
-    size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
+    damping, converged, kept, iteration = 1e-3, False, False, 0
+    jacobian = np.zeros((0, len(point)))
     while iteration < rounds and not converged:
         iteration += 1
         error = target(point)
-        size_of_errors = scale = _rms(error)
-        cost = _cost(error)
-        base = (error / scale).ravel()
+        scale, cost = _rms(error), _cost(error)
+        base, by_row = (error / scale).ravel(), np.tile(scale, len(error))[:, None]
 
         def scaled(at: Array, scale: Array = scale) -> Array:
             return (target(at) / scale).ravel()
 
-        jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
-        jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
-        gradient, hessian = jacobian.T @ base, jacobian.T @ jacobian
-        accepted = False
+        if not kept:
+            jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
+            jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
+            jacobian *= by_row
+        slopes = jacobian / by_row
+        gradient, hessian = slopes.T @ base, slopes.T @ slopes
+        accepted, used = False, kept
         while damping <= _MOST_DAMPING:
             move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
             if predicted <= _TOLERANCE:
@@ -402,17 +407,21 @@ def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, ali
                 now = _cost(left)
                 if now < cost:
                     accepted, converged, point = True, cost - now < _TOLERANCE, trial
+                    # By how much a step misses its promise tells how far the slopes have changed.
+                    kept = (1.0 - (cost - now) / predicted) ** 2 * predicted <= _KEPT
                     damping = max(0.1 * damping, 1e-9)
                     break
             damping *= 8.0
+        if not accepted and not converged and used:
+            damping, kept = 1e-3, False
+            continue
         if not accepted:
             converged = converged or damping > _MOST_DAMPING
             break
         size = np.maximum(size, np.abs(point))
     scale = _scales(form, point, form.residual(*_split(form, point)))
     likelihood = -_cost(target(point))
-    unscaled = (jacobian.reshape(form.starts[-1], -1, len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
-    return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, unscaled)
+    return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, jacobian)
 
 
 def _rms(error: Array) -> Array:
@@ -479,8 +488,8 @@ def fit_by_force(
 
 
 def draft_of(form: WeakForm) -> WeakForm:
-    """The windows on which a search begins."""
-    return form.thinned(_DRAFT)
+    """The windows on which a search begins: all where a draft would save little."""
+    return form.thinned(_DRAFT) if form.starts[-1] >= _WORTH_A_DRAFT * _DRAFT else form
 
 
 def fit_anew(form: WeakForm, start: Array) -> WeakFit:

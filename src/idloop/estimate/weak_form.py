@@ -412,6 +412,8 @@ class WeakForm:
         )  # fmt: skip
 
     def _drive_force(self, theta: Array, run: _Run, command: Array) -> Array:
+        if not self._remembers:
+            return self.engine.drive_along(theta, command, run.velocity[:, 0])
         return self.engine.drive_force(
             theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, run.rest_speed,
             undelayed=True,

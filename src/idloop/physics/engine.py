@@ -292,6 +292,21 @@ class Engine:
         )
         return required - residual[:, 0], required
 
+    def drive_along(self, theta: Array | None, command: Array, velocity: Array) -> Array:
+        """Force of a drive without memory for given commands and velocities of the first body, shape (n,)."""
+        layout = self.layout(theta)
+        force = np.empty(len(command))
+        if not self._go_together(theta):
+            return np.full_like(force, np.nan)
+        kernel.drive_along(
+            layout.axis,
+            np.ascontiguousarray(command, dtype=float),
+            np.ascontiguousarray(velocity, dtype=float),
+            layout.new_state(),
+            force,
+        )
+        return force
+
     def _balance(
         self,
         theta: Array | None,

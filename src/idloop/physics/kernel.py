@@ -1200,6 +1200,13 @@ def balance(
 
 
 @entry
+def drive_along(axis: Axis, held: Any, velocity: Any, state: Any, force: Any) -> None:
+    """Force (m,) of a drive without memory for given commands and velocities of body 0."""
+    for k in range(held.shape[0]):
+        force[k] = drive_force(axis, held[k], velocity[k], 0.0, state)
+
+
+@entry
 def accelerations_along(
     axis: Axis, held: Any, position: Any, velocity: Any, mode: Any, state: Any, acceleration: Any
 ) -> None:  # fmt: skip
