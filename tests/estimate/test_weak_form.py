@@ -99,3 +99,33 @@ def test_a_delay_moves_the_command_by_parts_of_a_sample() -> None:
         theta[place] = delay
         errors.append(float(np.sum(form.residual(theta, 0.0)[:, 0] ** 2)))
     assert errors[1] < min(errors[0], errors[2])
+
+
+def test_stretches_have_the_windows_of_the_record_that_they_are_cut_from() -> None:
+    machine = load_model("axis")
+    form = form_of(machine, recorded(machine, seconds=40.0))
+    most = int(form.starts[-1]) // 5
+    some = form.thinned(most)
+    assert form.thinned(int(form.starts[-1])) is form
+    assert some.starts[-1] == pytest.approx(most, rel=0.1)
+    moved = machine.theta * 1.1
+    place = np.searchsorted(form.along("time"), some.along("time") - 1e-9)
+    assert some.along("time") == pytest.approx(form.along("time")[place])
+    assert some.residual(moved, 1e-3) == pytest.approx(form.residual(moved, 1e-3)[place])
+
+
+def test_stretches_of_a_model_with_a_memory_are_led_in() -> None:
+    machine = load_model("axis").with_effect("actuator_lag", "input", time_constant=0.004)
+    form = form_of(machine, recorded(machine, seconds=40.0))
+    some = form.thinned(int(form.starts[-1]) // 5)
+    place = np.searchsorted(form.along("time"), some.along("time") - 1e-9)
+    whole = form.residual(machine.theta, 0.0)[place]
+    assert some.residual(machine.theta, 0.0) == pytest.approx(
+        whole, abs=1e-3 * float(np.std(form.drive(machine.theta, 0.0)))
+    )
+
+
+def test_the_turned_command_turns_the_drive() -> None:
+    machine = load_model("axis")
+    form = form_of(machine, recorded(machine))
+    assert form.turned().drive(machine.theta, 0.0) == pytest.approx(-form.drive(machine.theta, 0.0))

@@ -206,7 +206,7 @@ def diagnosed_by_force(step: Step, setting: Setting) -> Diagnosis:
     -------
     Diagnosis
     """
-    gate, fit = _gate(step, setting), step.parent
+    gate, fit = _gate(step, setting), step.whole
     verdict, findings = (MISSING, ()) if step.tied else _verdict(step, fit)
     best = step.tied[0] if step.tied else None
     pair = alone = None
@@ -266,7 +266,9 @@ def _candidates(step: Step) -> tuple[Candidate, ...]:
     found: dict[str, Candidate] = {}
     others = sorted((one for one in step.weighed if one not in step.tied), key=lambda one: -one.merit)
     for one in [*step.tied, *others]:
-        model = fitted_model(one.fit) if one in step.tied[:1] else one.fit.form.engine.model.with_theta(one.fit.theta)
+        model = one.fit.form.engine.model.with_theta(one.fit.theta)
+        if step.named is not None and one is step.tied[0]:
+            model = fitted_model(step.named)
         for which, proposal in enumerate(one.proposals):
             found.setdefault(proposal.name, _candidate(step, one, which, model))
     for proposal in step.asked:

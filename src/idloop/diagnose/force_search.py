@@ -281,6 +281,14 @@ class Step:
         others = [one for one in self.eligible if one is not first and not one.contains(first)]
         return [first, *(one for one in others if not self._told(first, one))]
 
+    @cached_property
+    def named(self) -> WeakFit | None:
+        """The model with the best choice, fitted to all windows; None where there is no choice."""
+        if not self.tied:
+            return None
+        fit = self.tied[0].fit
+        return fit if self.whole is self.parent else _again(fit, self.whole.form) or fit
+
     def _equal(self, best: Weighed, other: Weighed) -> bool:
         return best.scores.against(other.scores).log <= math.log(1.0 / self.level)
 
