@@ -43,8 +43,6 @@ FEWEST_ROWS = 100
 _TOLERANCE = 1e-4
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
-# Slopes serve a further step where what they have changed since is worth less log-likelihood than this.
-_KEPT = 1e-2
 # A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
 _TELLS = 0.5
 # Of a normal distribution with deviation 1.
@@ -378,24 +376,22 @@ def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, ali
     if not np.all(np.isfinite(form.residual(*_split(form, point)))):
         raise IdloopError("the force balance cannot be evaluated at the starting values")
     target = _Target(form, alike=alike)
-    damping, converged, kept, iteration = 1e-3, False, False, 0
-    jacobian = np.zeros((0, len(point)))
+    damping, converged, iteration = 1e-3, False, 0
+    size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
     while iteration < rounds and not converged:
         iteration += 1
         error = target(point)
-        scale, cost = _rms(error), _cost(error)
-        base, by_row = (error / scale).ravel(), np.tile(scale, len(error))[:, None]
+        size_of_errors = scale = _rms(error)
+        cost = _cost(error)
+        base = (error / scale).ravel()
 
         def scaled(at: Array, scale: Array = scale) -> Array:
             return (target(at) / scale).ravel()
 
-        if not kept:
-            jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
-            jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
-            jacobian *= by_row
-        slopes = jacobian / by_row
-        gradient, hessian = slopes.T @ base, slopes.T @ slopes
-        accepted, used = False, kept
+        jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
+        jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
+        gradient, hessian = jacobian.T @ base, jacobian.T @ jacobian
+        accepted = False
         while damping <= _MOST_DAMPING:
             move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
             if predicted <= _TOLERANCE:
@@ -407,21 +403,17 @@ def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, ali
                 now = _cost(left)
                 if now < cost:
                     accepted, converged, point = True, cost - now < _TOLERANCE, trial
-                    # By how much a step misses its promise tells how far the slopes have changed.
-                    kept = (1.0 - (cost - now) / predicted) ** 2 * predicted <= _KEPT
                     damping = max(0.1 * damping, 1e-9)
                     break
             damping *= 8.0
-        if not accepted and not converged and used:
-            damping, kept = 1e-3, False
-            continue
         if not accepted:
             converged = converged or damping > _MOST_DAMPING
             break
         size = np.maximum(size, np.abs(point))
     scale = _scales(form, point, form.residual(*_split(form, point)))
     likelihood = -_cost(target(point))
-    return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, jacobian)
+    unscaled = (jacobian.reshape(form.starts[-1], -1, len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
+    return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, unscaled)
 
 
 def _rms(error: Array) -> Array:
