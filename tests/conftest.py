@@ -131,7 +131,6 @@ def missing_pair() -> Diagnosis:
         unknown=None,
         criterion="prediction",
         level=0.01,
-        fit=None,
         pair=(gain.name, load.name),
         rival_pairs=((gain.name, "input_offset@input"),),
         alone=replace(gain, model=first),

@@ -8,7 +8,6 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from idloop.diagnose import Ladder, add_effect, diagnose, refine
-from idloop.diagnose.confirm import Confirmed
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import refit
 from idloop.diagnose.rivals import alike
@@ -104,7 +103,7 @@ def test_only_effects_that_leave_the_trace_of_the_best_one_are_alike(correlation
     rival = leaving("load_torque", across[:, :1], other)
     plane = leaving("imbalance", np.hstack([own, across[:, :1]]))
     aside = leaving("cogging", besides)
-    found = alike(Confirmed(best.proposal, None, 1.0, 1.0), [best, rival, plane, aside, leaving("saturation")])  # type: ignore[arg-type]
+    found = alike("dead_zone@input", [best, rival, plane, aside, leaving("saturation")])
     # The side to which a trace points is its sign's; a plane can leave every trace that lies in it.
     assert found == ([rival, plane] if abs(correlation) > 0.95 else [plane])
 

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from idloop.diagnose import diagnose
 from idloop.diagnose.confirm import Confirmed
+from idloop.diagnose.predictive import Evidence, Scores
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import Refit, refit, transfer
-from idloop.diagnose.rivals import with_rivals
+from idloop.diagnose.rivals import from_the_best
 from idloop.diagnose.screen import SKETCH, Screened, Trace
 from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.step import Weighed
 from idloop.estimate.innovations import WALK
 from idloop.physics import Model, load_model
 from idloop.physics.effect import built_in
@@ -91,35 +93,8 @@ def test_what_a_search_has_left_behind_is_searched_from_the_best_ones_optimum(st
     assert lost.log_likelihood < best.fit.log_likelihood - 50.0
     behind = replace(twin, fit=lost, gain=0.0)
     screened = [leaving_one_trace(c.proposal) for c in (best, twin)]
-    first, (rival,) = with_rivals(setting, parent, best, [], screened, [best, behind], bar=20.0)
-    assert first is best
+    first = Weighed((best.proposal,), best.fit, Scores(np.zeros(1), []), Evidence(0.0, 1.0, 0.0, 1), best.gain)
+    (rival,) = from_the_best(setting, parent, first, screened, [best, behind])
+    assert rival.proposal.name == twin.proposal.name
     assert rival.fit.log_likelihood == pytest.approx(best.fit.log_likelihood, abs=1.0)
     assert rival.gain == pytest.approx(rival.fit.log_likelihood - parent.log_likelihood, abs=1e-6)
-
-
-@pytest.mark.parametrize(("bar", "name"), [(20.0, "coulomb_friction@axis"), (1e6, "quadratic_drag@axis")])
-def test_an_effect_that_explains_more_by_what_is_significant_takes_the_place(
-    start: Model, bar: float, name: str
-) -> None:
-    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.2)"])
-    setting = prepare_setting(start, [record_of(machine, 4, disturbance=0.02)], "prediction")
-    parent = refit(setting, start)
-    drag = refitted(setting, parent, "quadratic_drag", {"coefficient": 0.01})
-    friction = refitted(setting, parent, "coulomb_friction", {"level": 0.1})
-    screened = [leaving_one_trace(c.proposal) for c in (drag, friction)]
-    best, rivals = with_rivals(setting, parent, drag, [], screened, [drag, friction], bar=bar)
-    assert best.proposal.name == name
-    assert [c.proposal.name for c in rivals] == ([] if best is friction else ["coulomb_friction@axis"])
-
-
-def test_a_richer_effect_does_not_take_the_place_of_the_plainer_one_that_it_contains(start: Model) -> None:
-    machine = load_model("axis").with_effects(["stribeck_friction@axis(coulomb=0.1,static=0.3,velocity=0.5)"])
-    setting = prepare_setting(start, [record_of(machine, 4)], "prediction")
-    parent = refit(setting, start)
-    plain = refitted(setting, parent, "coulomb_friction", {"level": 0.1})
-    rich = refitted(setting, parent, "stribeck_friction", {"coulomb": 0.1, "static": 0.3, "velocity": 0.5})
-    assert rich.fit.log_likelihood > plain.fit.log_likelihood + 20.0
-    screened = [leaving_one_trace(c.proposal) for c in (plain, rich)]
-    best, rivals = with_rivals(setting, parent, plain, [], screened, [plain, rich], bar=20.0)
-    assert best is plain
-    assert rivals == []

@@ -1,4 +1,4 @@
-"""Which physical effect a model lacks: gate, screening, calibrated evidence, the ladder, the next experiment."""
+"""Which physical effect a model lacks: evidence by unseen samples in two views, the ladder, the next experiment."""
 
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.diagnose import diagnose

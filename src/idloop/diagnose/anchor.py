@@ -8,10 +8,10 @@ by itself and shows what it lacks.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from idloop.diagnose.calibrate import calibrate
 from idloop.diagnose.confirm import Confirmed, confirm, promising
 from idloop.diagnose.ends import ends
 from idloop.diagnose.proposals import Proposal, proposals
@@ -69,7 +69,7 @@ def from_near(
     if start is None:
         return []
     screened = Screen(setting, start, seed).all(proposals(start.model, effects))
-    chosen = promising(screened, calibrate(screened, seed + 1).threshold(0.5))
+    chosen = promising(screened, 2.0 * math.log(max(len(screened), 1)))
     # A score says little of what begins at a level, of a joint whose spring is far from its right stiffness, or of a
     # delay of many samples.
     chosen += [s for s in screened if s.traces and s not in chosen and _strange_to_scores(s.proposal)]

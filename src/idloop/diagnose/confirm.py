@@ -15,7 +15,6 @@ from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import FAN, Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screened, Trace
 from idloop.diagnose.setting import Setting
-from idloop.diagnose.unevenness import unevenness
 from idloop.errors import IdloopError
 from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
 from idloop.physics.model import Model
@@ -57,39 +56,19 @@ class Confirmed:
         Log-likelihood above the parent's, never below 0: the parent is one of its models.
     statistic : float
         Score statistic of the screening.
-    uneven : float
-        How much more the errors vary along the effect's trace than elsewhere, at least 1.
-    allowance : float
-        What of twice the gain may be the noise model's doing, where the score test has no say; infinite
-        where it has.
     """
 
     proposal: Proposal
     fit: Refit
     gain: float
     statistic: float
-    uneven: float = 1.0
-    allowance: float = float("inf")
 
     def refitted(self, fit: Refit, parent: Refit) -> Confirmed:
         """The same with another fit."""
-        uneven, gain = self.uneven, fit.log_likelihood - parent.log_likelihood
+        gain = fit.log_likelihood - parent.log_likelihood
         if self.proposal.effect.slow:
-            # The parent's noise may have taken the very force for its own; what is left beside the effect counts.
-            uneven = _uneven_beside(fit, self.proposal.name)
             gain += fit.at_start - parent.at_start
-        return replace(self, fit=fit, gain=max(gain, 0.0), uneven=uneven)
-
-
-def _uneven_beside(fit: Refit, name: str) -> float:
-    """Unevenness of a fitted model's errors along the trace of one of its effects."""
-    errors = fit.residual()
-    if fit.slopes is None or len(fit.slopes) != len(errors):
-        return 1.0
-    own = [place for place, free in enumerate(fit.model.free) if free.startswith(f"{name}.")]
-    others = [place for place in range(fit.slopes.shape[1]) if place not in own]
-    directions, _ = np.linalg.qr(np.asarray(fit.slopes[:, [*others, *own]], dtype=float))
-    return unevenness(directions[:, len(others) :], errors)
+        return replace(self, fit=fit, gain=max(gain, 0.0))
 
 
 def promising(screened: Sequence[Screened], chance: float, fewest: int = FEWEST_REFITS) -> list[Screened]:
@@ -230,7 +209,7 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
         return None
     if proposal.effect.slow:
         best = without_long_memory(setting, parent, best)
-    return Confirmed(proposal, best, 0.0, screened.statistic, screened.uneven).refitted(best, parent)
+    return Confirmed(proposal, best, 0.0, screened.statistic).refitted(best, parent)
 
 
 def without_long_memory(setting: Setting, parent: Refit, found: Refit) -> Refit:
@@ -305,7 +284,7 @@ def confirm_behind_noise(
     def begin(pair: tuple[Screened, Refit]) -> Confirmed:
         one, near = pair
         fit = refit(setting, near.model, None, near, rounds=_ROUGH_ROUNDS, orders=parent.problem.orders)
-        return Confirmed(one.proposal, fit, 0.0, one.statistic, one.uneven).refitted(fit, parent)
+        return Confirmed(one.proposal, fit, 0.0, one.statistic).refitted(fit, parent)
 
     def told(share: float, pair: tuple[Screened, Refit]) -> None:
         if report is not None:

@@ -9,23 +9,18 @@ import numpy as np
 
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.diagnosis import Diagnosis, diagnose_fitted
+from idloop.diagnose.deciding_view import NOTHING, asked_fit, deciding_fit
+from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
-from idloop.diagnose.force_ladder import (
-    NOTHING,
-    against_the_command,
-    diagnosed_by_force,
-    fitted_by_force,
-    needs_balance,
-)
-from idloop.diagnose.force_search import ForceSearch
-from idloop.diagnose.leap import leap
+from idloop.diagnose.force_view import ForceView
+from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.refit import refit
 from idloop.diagnose.setting import prepare_setting
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
+from idloop.estimate.weak_form import WeakForm
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -56,7 +51,7 @@ def diagnose(
     criterion : {"auto", "prediction", "simulation", "force"}
         What the models are measured by, as in `idloop.estimate.fit`.
     minimum_improvement : float
-        Part by which an effect must make the errors on unseen samples smaller to be named, by the force balance.
+        Part by which an effect must make the errors on unseen samples smaller to be named.
     effects : sequence of str, optional
         Choose from these only (``name`` or ``name@site``).
     seed : int
@@ -84,7 +79,7 @@ def diagnose(
     if criterion in ("auto", FORCE):
         diagnosis = _by_force(model, records, criterion, level, minimum_improvement, effects, tell)
     if diagnosis is None:
-        diagnosis = _by_errors(model, records, kind, level, effects, seed, progress)
+        diagnosis = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell)
     reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
     told = [] if together is None else [together]
     if diagnosis.best is not None and diagnosis.best.model is not None:
@@ -104,20 +99,18 @@ def _by_force(
     tell: Progress,
 ) -> Diagnosis | None:
     """By the force balance; None where another view is to decide."""
-    setting = prepare_setting(model, records, "prediction")
-    asked = criterion == FORCE
-    fit = fitted_by_force(model, setting, insist=asked)
-    if fit is None or not (asked or (fit.model_error_rules and not against_the_command(fit))):
-        if asked:
-            raise needs_balance()
+    setting, asked = prepare_setting(model, records, "prediction"), criterion == FORCE
+    forms: dict[int, WeakForm] = {}
+    fit = asked_fit(model, setting, forms) if asked else deciding_fit(model, setting, forms)
+    if fit is None:
         return None
     tell(0.3, "weighing effects")
-    step = ForceSearch(setting, level, least, effects).weigh(fit)
+    step = ForceView(setting, level, least, effects, forms=forms).weigh(fit)
     shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
     if not asked and (shown is None or shown.relative >= NOTHING):
         return None
     tell(1.0, "done")
-    return diagnosed_by_force(step, setting)
+    return diagnosis_of(step)
 
 
 def _by_errors(
@@ -125,15 +118,14 @@ def _by_errors(
     records: Sequence[Record],
     kind: str,
     level: float,
+    least: float,
     effects: Sequence[str] | None,
     seed: int,
-    progress: Progress | None,
+    tell: Progress,
 ) -> Diagnosis:
     """By one-step or free-run errors."""
     setting = with_common_whitening(prepare_setting(model, records, kind))
-    parent = refit(setting, model)
-    found = diagnose_fitted(setting, parent, level=level, effects=effects, seed=seed, progress=progress)
-    further = leap(
-        setting, found.fit or parent, model.values, level=level, effects=effects, pairs=found.best is None, seed=seed
-    )  # fmt: skip
-    return found.why_unmoved(setting, model) if further is None else found.or_rather(further)
+    view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell)
+    found = diagnosis_of(view.weigh(refit(setting, model)))
+    tell(1.0, "done")
+    return found

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.diagnose.evidence import distinguishable
 from idloop.diagnose.foretells import foretells
+from idloop.diagnose.likelihood_difference import distinguishable
 from idloop.diagnose.refit import Refit, refit, refit_or_none, transfer
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import IdloopError

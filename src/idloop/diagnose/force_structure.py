@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.predictive import FOLDS, Evidence, Scores, deal
-from idloop.diagnose.unknown import UnknownStructure
+from idloop.diagnose.step import Weighed
+from idloop.diagnose.unknown import DRIVE_CURVES, UnknownStructure
 from idloop.estimate.student import log_density, scale_of
 from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import BLOCKS
@@ -56,11 +57,6 @@ class Curve:
     closed: bool
 
     @property
-    def imitated(self) -> bool:
-        """Whether waves and springs may stand in for it: what depends on where the axis is, and not on how it moves."""
-        return self.of in ("force", "inertia") and "position" in self.over
-
-    @property
     def text(self) -> str:
         """In words."""
         what = "a force" if self.of == "force" else f"a change of the {self.of}"
@@ -68,8 +64,8 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Structure:
-    """A curve with the evidence for it.
+class ForceCurve:
+    """A curve of an unexplained force, with the evidence for it.
 
     Attributes
     ----------
@@ -86,9 +82,27 @@ class Structure:
     scores: Scores
     evidence: Evidence
 
+    def imitated_by(self, one: Weighed[WeakFit]) -> bool:
+        """Whether waves and springs may stand in for it: what depends on where the axis is, and not on how it moves."""
+        return self.curve.of in ("force", "inertia") and "position" in self.curve.over
+
+    @property
+    def of_the_drive(self) -> bool:
+        """Whether it is about how the command becomes a force."""
+        return self.curve.of in DRIVE_CURVES
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return self.curve.text
+
+    @property
+    def worth(self) -> float:
+        """Part by which it makes errors on unseen samples smaller, and of the drive's force that it explains."""
+        return min(self.evidence.improvement, self._explains)
+
     @cached_property
-    def explains(self) -> float:
-        """Part of the drive's force that it explains of what is left, as rms."""
+    def _explains(self) -> float:
         columns, residual = _beside(self.fit, self.curve), self.fit.residual[:, 0]
         left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=_LEAST_WEIGHT)[0]
         return self.fit.relative * (1.0 - float(np.linalg.norm(left) / max(float(np.linalg.norm(residual)), 1e-300)))
@@ -129,7 +143,7 @@ class Structure:
         )
 
 
-def structures(fit: WeakFit) -> list[Structure]:
+def structures(fit: WeakFit) -> list[ForceCurve]:
     """Curves that the unexplained force of the driven body may follow, with their evidence, best first.
 
     Parameters
@@ -138,7 +152,7 @@ def structures(fit: WeakFit) -> list[Structure]:
 
     Returns
     -------
-    list of Structure
+    list of ForceCurve
     """
     folds, blocks = deal(fit.form.starts)
     curves = _curves(fit)
@@ -149,7 +163,7 @@ def structures(fit: WeakFit) -> list[Structure]:
         scores = Scores(_scores(fit, np.hstack([own, curve.columns]), folds), blocks)
         evidence = scores.against(Scores(base, blocks))
         if np.isfinite(evidence.difference):
-            found.append(Structure(curve, fit, scores, evidence))
+            found.append(ForceCurve(curve, fit, scores, evidence))
     return sorted(found, key=lambda one: one.evidence.spread - one.evidence.difference)
 
 

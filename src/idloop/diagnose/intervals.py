@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.refit import Refit, felt
-from idloop.diagnose.weighing import residual_or_infinite
-from idloop.estimate.levenberg import difference_jacobian
+from idloop.diagnose.refit import Refit
 from idloop.estimate.spread import problem_covariance
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -47,20 +45,6 @@ def parameter_covariance(fit: Refit) -> NDArray[np.float64]:
     array, shape (k, k)
         In the order of ``fit.model.free``; not finite where the data do not tell.
     """
-    problem, point, k = fit.problem, fit.point, fit.parameters
-    lower, upper = fit.model.bounds
-    _, low, high, size = fit.criterion.nuisance()
-    residual = fit.residual()
-    scale = np.concatenate([np.maximum(np.abs(point[:k]), 1e-12), size])
-    jacobian, _ = difference_jacobian(
-        lambda at: residual_or_infinite(problem, at),
-        point,
-        residual,
-        np.concatenate([lower, low]),
-        np.concatenate([upper, high]),
-        fit.step,
-        scale,
-    )
-    jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
-    jacobian = jacobian[:, (np.arange(jacobian.shape[1]) < k) | felt(jacobian, k, size)]
-    return np.asarray(problem_covariance(problem, point, residual, jacobian)[:k, :k])
+    k, jacobian = fit.parameters, fit.jacobian
+    jacobian = jacobian[:, (np.arange(jacobian.shape[1]) < k) | fit.felt]
+    return np.asarray(problem_covariance(fit.problem, fit.point, fit.residual(), jacobian)[:k, :k])

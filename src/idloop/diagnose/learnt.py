@@ -72,8 +72,8 @@ class Learnt:
         return self.power - 2.0 * self.directions
 
 
-def remaining(screen: Screen, level: float) -> list[tuple[Learnt, float]]:
-    """Curves that the errors follow, best first, each with its p-value: forces, a command, coefficients that change.
+def remaining(screen: Screen, level: float) -> list[Learnt]:
+    """Curves that the errors follow, best first: forces, a command, coefficients that change.
 
     Parameters
     ----------
@@ -84,14 +84,14 @@ def remaining(screen: Screen, level: float) -> list[tuple[Learnt, float]]:
 
     Returns
     -------
-    list of tuple
+    list of Learnt
     """
     found = [
         one
         for shapes in (force_shapes(screen), factor_shapes(screen))
-        for one in significant(shapes, screen, 0.5 * level)
+        for one, _ in significant(shapes, screen, 0.5 * level)
     ]
-    return sorted(found, key=lambda one: -one[0].merit)
+    return sorted(found, key=lambda one: -one.merit)
 
 
 def significant(shapes: Sequence[Shape], screen: Screen, level: float) -> list[tuple[Learnt, float]]:

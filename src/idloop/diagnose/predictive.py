@@ -76,10 +76,13 @@ class Scores:
         Of every sample of the folds that are scored.
     blocks : list of array of int
         Stretches of them.
+    start : float
+        Log-density of how the records begin, where the samples do not count it: one event, which has no stretches.
     """
 
     log_density: Array
     blocks: list[Rows]
+    start: float = 0.0
 
     def against(self, other: Scores) -> Evidence:
         """Evidence for this model against another one."""
@@ -90,7 +93,11 @@ class Scores:
         alone = float(np.var(difference)) * len(difference)
         together = float(np.sum((sums - mean * lengths) ** 2))
         return Evidence(
-            float(np.sum(sums)), max(together / max(alone, 1e-300), 1.0), float(np.sqrt(together)), len(difference)
+            float(np.sum(sums)),
+            max(together / max(alone, 1e-300), 1.0),
+            float(np.sqrt(together)),
+            len(difference),
+            self.start - other.start,
         )
 
 
@@ -107,17 +114,25 @@ class Evidence:
     spread : float
         Its standard deviation.
     samples : int
+    start : float
+        Of the log-densities of how the records begin.
     """
 
     difference: float
     design_effect: float
     spread: float
     samples: int
+    start: float = 0.0
 
     @property
     def log(self) -> float:
         """Log-evidence, tempered."""
-        return self.difference / self.design_effect
+        return self.difference / self.design_effect + self.start
+
+    @property
+    def sure(self) -> float:
+        """What is beyond doubt of the difference: all but so many of its deviations."""
+        return self.difference + self.start - DEVIATIONS * self.spread
 
     @property
     def improvement(self) -> float:
@@ -127,7 +142,7 @@ class Evidence:
     @property
     def told(self) -> bool:
         """Whether the difference stands above its own spread."""
-        return self.difference > DEVIATIONS * self.spread
+        return self.sure > 0.0
 
     def p_value(self, candidates: int) -> float:
         """Probability that the best of so many candidates has such evidence where nothing is missing, at most 1."""

@@ -2,49 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
+from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, PREDICTION, check_numbers, first_kind
+from idloop.diagnose.climb import Climb
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.diagnosis import diagnose_fitted
+from idloop.diagnose.deciding_view import NOTHING, asked_fit, deciding_fit
+from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.follows import unmoved
-from idloop.diagnose.force_ladder import (
-    NOTHING,
-    ForceClimb,
-    against_the_command,
-    fitted_by_force,
-    fitted_model,
-    needs_balance,
-)
-from idloop.diagnose.force_search import ForceSearch
+from idloop.diagnose.force_view import ForceView, fitted_model
 from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.lattice import quantised
-from idloop.diagnose.leap import leap
-from idloop.diagnose.parallel import in_parallel
+from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import Refit, refit, refit_or_none
-from idloop.diagnose.restarts import has_contacts, searched_anew
-from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.refit import refit
+from idloop.diagnose.setting import prepare_setting
+from idloop.diagnose.step import FitT, View
 from idloop.diagnose.verdict import MISSING
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
+from idloop.estimate.weak_form import WeakForm
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
 from idloop.records import Record
 
 Progress = Callable[[float, str], None]
 
-# An earlier effect goes when the model without it loses less log-likelihood than this.
-_NEEDLESS = 4.0
 # What raises the unexplained force by a tenth is not what was missing: parameters make up for it.
 _SPOILT = 1.1
 
@@ -99,173 +90,84 @@ def refine(
     together = common_scale(RememberingEngine(start), prepare(start, records))
     if together is not None:
         start = together.fixed(start)
-    tell = progress or (lambda share, text: None)
-    climb = _Climb(records, validation, level, effects, seed, most, tell, on_step, model.values)
-    by_force = ForceClimb(records, validation, level, minimum_improvement, effects, most, tell, on_step)
+    task = _Task(
+        model, records, validation, level, minimum_improvement, effects, seed, most,
+        progress or (lambda share, text: None), on_step,
+    )  # fmt: skip
     found = None
     # A ladder goes on by what it has been climbed by.
     wanted = (
         ladder.criterion if criterion == "auto" and ladder is not None and ladder.criterion != "auto" else criterion
     )
     if wanted in ("auto", FORCE):
-        found, decided = _by_force(by_force, start, ladder, wanted)
+        found, decided = task.by_force(start, ladder, asked=wanted == FORCE)
         if not decided:
             climbed = found is not None and found is not ladder
-            found = climb(start if found is None else found.model, found or ladder, PREDICTION, climbed=climbed)
+            found = task.by_errors(start if found is None else found.model, found or ladder, PREDICTION, climbed)
     if found is None:
-        found = climb(start, ladder, kind if wanted == criterion else wanted)
+        found = task.by_errors(start, ladder, kind if wanted == criterion else wanted, False)
     told = ([] if together is None else [together]) + effect_scales(found.model, records)
     texts = ["" if unmoved(found.findings) else turned(start, found.model), *(one.text for one in told)]
     return replace(found, findings=(*found.findings, *(text for text in texts if text)))
 
 
-def _by_force(climb: ForceClimb, start: Model, ladder: Ladder | None, criterion: str) -> tuple[Ladder | None, bool]:
-    """Climb by the force balance where it serves, and tell whether it has the last word.
-
-    Where sensor noise is what is left in the end, and where it shows nothing, finer views go on.
-    """
-    asked = criterion == FORCE
-    setting, fit = climb.begin(start, insist=asked)
-    if fit is None or not (asked or (fit.model_error_rules and not against_the_command(fit))):
-        if asked:
-            raise needs_balance()
-        return None, False
-    found, last = climb(setting, fit, ladder)
-    if asked:
-        return found, True
-    if last.relative >= NOTHING or len(found.steps) == (1 if ladder is None else len(ladder.steps)):
-        return ladder, False
-    return found, last.model_error_rules
-
-
 @dataclass(frozen=True)
-class _Climb:
-    """All that does not change while a ladder grows."""
+class _Task:
+    """What was asked for; attributes as the parameters of `refine`."""
 
+    model: Model
     records: Sequence[Record]
     validation: Sequence[Record]
     level: float
+    least: float
     effects: Sequence[str] | None
     seed: int
     most: int
     tell: Progress
     on_step: Callable[[Ladder], None] | None
-    given: Mapping[str, float]
 
-    def __call__(self, start: Model, ladder: Ladder | None, kind: str, *, climbed: bool = False) -> Ladder:
+    def by_force(self, start: Model, ladder: Ladder | None, *, asked: bool) -> tuple[Ladder | None, bool]:
+        """Climb by the force balance where it serves, and tell whether it has the last word.
+
+        Where sensor noise is what is left in the end, and where it shows nothing, finer views go on.
+        """
+        setting = prepare_setting(start, self.records, "prediction", self.validation)
+        forms: dict[int, WeakForm] = {}
+        fit = asked_fit(start, setting, forms) if asked else deciding_fit(start, setting, forms)
+        if fit is None:
+            return None, False
+        held_out = prepare(start, self.validation, beside=self.records) if self.validation else []
+        view = ForceView(setting, self.level, self.least, self.effects, held_out, forms)
+        found, last = self._climb(view, FORCE)(fit, ladder)
+        if asked:
+            return found, True
+        if last.relative >= NOTHING or len(found.steps) == (1 if ladder is None else len(ladder.steps)):
+            return ladder, False
+        return found, last.model_error_rules
+
+    def by_errors(self, start: Model, ladder: Ladder | None, kind: str, climbed: bool) -> Ladder:
         """Climb by one criterion; on from what the force balance has found, that stays and its error with it."""
-        given, spoilt = ladder, False
-        found_by_force = frozenset(() if given is None or not climbed else given.added)
         setting = with_common_whitening(prepare_setting(start, self.records, kind, self.validation))
-        parent = refit(setting, start)
-        if ladder is None:
-            fitted = with_stderr(parent, setting.records)
-            ladder = Ladder((self._step(None, fitted),), criterion=kind, level=self.level)
-        ladder = replace(ladder, criterion=kind, level=self.level)
         held_out = None
         if self.validation:
             held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
-        while True:
-            count = len(ladder.added)
+        view = PredictionView(setting, self.model, self.level, self.least, self.effects, held_out, self.seed, self.tell)
+        climb = self._climb(view, kind)
+        if climbed and ladder is not None:
+            climb = replace(climb, stays=ladder.added, spoils=self._spoils)
+        found, _ = climb(refit(setting, start), ladder)
+        for candidate in quantised(found.model, setting, self.effects):
+            if len(found.added) < self.most:
+                found = _with_resolution(found, candidate)
+        return found
 
-            def report(part: float, text: str, count: int = count) -> None:
-                self.tell(count / (count + 2.0) + part / (count + 3.0), text)
+    def _climb(self, view: View[FitT], criterion: str) -> Climb[FitT]:
+        return Climb(view, self.records, self.validation, criterion, self.level, self.most, self.tell, self.on_step)
 
-            diagnosis = diagnose_fitted(
-                setting, parent, level=self.level, effects=self.effects, seed=self.seed, progress=report, rungs=True,
-                held_out=held_out,
-            )  # fmt: skip
-            if count >= self.most:
-                break
-            further = leap(
-                setting, diagnosis.fit or parent, self.given, level=self.level, effects=self.effects, held_out=held_out,
-                pairs=diagnosis.best is None and count + 1 < self.most, seed=self.seed,
-            )  # fmt: skip
-            if further is not None:
-                diagnosis = diagnosis.or_rather(further)
-            fit = diagnosis.best_fit
-            if fit is None or count + len(diagnosis.rungs) > self.most:
-                break
-            *before, last = diagnosis.rungs
-            spoilt = climbed and self._spoils(ladder, last.added.model)
-            if spoilt:
-                break
-            for rung in before:
-                ladder = self._with(ladder, rung)
-                if self.on_step is not None:
-                    self.on_step(ladder)
-            parent = fit
-            if kind == "prediction":
-                # Where model error is what is left, a step that helped stays for the reader to see.
-                ladder, parent = self._without_needless(ladder, fit, setting, found_by_force)
-                # The order of the whitening that suited the model before need not suit it now.
-                parent = refit(setting, parent.model, None, parent, reconsider=True)
-                if has_contacts(parent.model):
-                    parent = searched_anew(setting, parent)
-                last = _with_values(last, with_stderr(parent, setting.records))
-            ladder = self._with(ladder, last)
-            if self.on_step is not None:
-                self.on_step(ladder)
-        if spoilt and given is not None:
-            # What the balance says of the machine stands.
-            return given if len(ladder.steps) == len(given.steps) else replace(ladder, verdict=given.verdict)
-        for candidate in quantised(ladder.model, setting, self.effects):
-            if len(ladder.added) < self.most:
-                ladder = _with_resolution(ladder, candidate)
-        diagnosis = diagnosis.why_unmoved(setting, start)
-        self.tell(1.0, "done")
-        return replace(
-            ladder,
-            verdict=diagnosis.verdict,
-            candidates=diagnosis.candidates,
-            untestable=diagnosis.untestable,
-            findings=diagnosis.gate.findings,
-            unknown=diagnosis.unknown,
-            passed_over=diagnosis.passed_over,
-            limits=diagnosis.gate.limits,
-        )
-
-    def _with(self, ladder: Ladder, rung: Rung) -> Ladder:
-        """The ladder with one more rung; what its effect takes the place of is no rung of its own any more."""
-        added = rung.added
-        if added.model is None:
-            return ladder
-        steps = [s for s in ladder.steps if s.added is None or s.added.name != added.replaces or s.chosen_by == "user"]
-        step = replace(self._step(added, added.model), set=rung.set, p_value=added.p_value)
-        return replace(ladder, steps=(*steps, step), verdict=MISSING)
-
-    def _step(self, added: Candidate | None, model: Model) -> Step:
-        return Step(
-            added, model, train=model_errors(model, self.records), validation=model_errors(model, self.validation)
-        )
-
-    def _spoils(self, ladder: Ladder, model: Model | None) -> bool:
-        """Whether a model leaves more of the drive's force unexplained than the last one of a ladder."""
-        records = self.validation or self.records
-        before, after = (model_errors(one, records)["force"] for one in (ladder.model, model or ladder.model))
-        return before is not None and after is not None and after > _SPOILT * before
-
-    def _without_needless(
-        self, ladder: Ladder, parent: Refit, setting: Setting, stays: Collection[str]
-    ) -> tuple[Ladder, Refit]:
-        """Take effects out again that a later one has made superfluous."""
-        for step in ladder.steps[1:]:
-            if step.added is None or step.added.name not in parent.model.effect_names:
-                continue
-            if step.chosen_by == "user" or step.added.name in stays:
-                continue
-            smaller = parent.model.without_effect(step.added.name)
-            tries = in_parallel(partial(refit_or_none, setting, smaller, None), (parent, None))
-            without = max((fit for fit in tries if fit is not None), key=lambda fit: fit.log_likelihood, default=None)
-            if without is None or parent.log_likelihood - without.log_likelihood >= _NEEDLESS:
-                continue
-            ladder, parent = replace(ladder, steps=tuple(s for s in ladder.steps if s is not step)), without
-        return ladder, parent
-
-
-def _with_values(rung: Rung, fitted: Model) -> Rung:
-    """A rung with other values for its model."""
-    return replace(rung, added=replace(rung.added, model=fitted, parameters=effect_parameters(fitted, rung.added.name)))
+    def _spoils(self, before: Model, after: Model) -> bool:
+        """Whether a model leaves more of the drive's force unexplained than another one."""
+        was, now = (model_errors(one, self.validation or self.records)["force"] for one in (before, after))
+        return was is not None and (now is None or now > _SPOILT * was)
 
 
 def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:
@@ -328,14 +230,11 @@ def add_effect(
     setting = with_common_whitening(prepare_setting(model, records, kind))
     parent = refit(setting, model)
     trial = model.with_effect(name, at, **values)
-    fit: Refit | None = None
-    if not values:
-        choice = [p for p in proposals(parent.model) if p.name == f"{name}@{at}"]
-        if choice:
-            diagnosis = diagnose_fitted(setting, parent, level=ladder.level, effects=[f"{name}@{at}"], seed=seed)
-            found = diagnosis.candidates[0]
-            if found.model is not None:
-                return _chosen(ladder, found, found.model, records, validation)
+    if not values and any(p.name == f"{name}@{at}" for p in proposals(parent.model)):
+        step = PredictionView(setting, model, ladder.level, 0.0, [f"{name}@{at}"], seed=seed).weigh(parent)
+        for found in step.weighed[:1]:
+            model = step.reported(found.fit)
+            return _chosen(ladder, candidate_of(step, found, 0, model), model, records, validation)
     fit = refit(setting, trial, None, parent)
     fitted = with_stderr(fit, setting.records)
     effect = next(a.effect for a in fitted.effects if a.name == f"{name}@{at}")
@@ -361,15 +260,12 @@ def _added_by_force(
     validation: Sequence[Record],
 ) -> Ladder:
     """Add the user's own choice, fitted by the force balance from what the unexplained force promises."""
-    climb = ForceClimb(records, validation, ladder.level, 0.0, None, 1, lambda share, text: None, None)
-    setting, parent = climb.begin(ladder.model, insist=True)
-    if parent is None:
-        raise needs_balance()
-    fit = None if values else ForceSearch(setting, ladder.level, 0.0).best_with(parent, name, at)
-    trial = ladder.model.with_effect(name, at, **values) if fit is None else fit.form.engine.model.with_theta(fit.theta)
-    fit = fitted_by_force(trial, setting, insist=True)
-    if fit is None:
-        raise needs_balance()
+    setting = prepare_setting(ladder.model, records, "prediction", validation)
+    parent = asked_fit(ladder.model, setting, {})
+    view = ForceView(setting, ladder.level, 0.0)
+    found = None if values else view.best_with(parent, name, at)
+    trial = ladder.model.with_effect(name, at, **values) if found is None else found.model
+    fit = asked_fit(trial, setting, {})
     fitted, active = fitted_model(fit), trial.effects[-1]
     candidate = Candidate(
         effect=name,

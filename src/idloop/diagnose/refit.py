@@ -30,7 +30,7 @@ from idloop.diagnose.weighing import projected, residual_or_infinite, weigh
 from idloop.errors import IdloopError
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
-from idloop.estimate.levenberg import minimise
+from idloop.estimate.levenberg import difference_jacobian, minimise
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.physics.model import Model
@@ -98,6 +98,28 @@ class Refit:
     def residual(self) -> Array:
         """Whitened errors in units of their standard deviation, in one vector."""
         return self.problem.frozen_residual(self.point)
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Slopes of the residual by the parameters and the nuisance parameters, shape (n, k + m); 0 where unknown."""
+        lower, upper = self.model.bounds
+        _, low, high, size = self.criterion.nuisance()
+        found, _ = difference_jacobian(
+            lambda at: residual_or_infinite(self.problem, at),
+            self.point,
+            self.residual(),
+            np.concatenate([lower, low]),
+            np.concatenate([upper, high]),
+            self.step,
+            np.concatenate([np.maximum(np.abs(self.point[: self.parameters]), 1e-12), size]),
+        )
+        found[:, ~np.all(np.isfinite(found), axis=0)] = 0.0
+        return np.asarray(found)
+
+    @property
+    def felt(self) -> NDArray[np.bool_]:
+        """Which of its columns the errors feel, shape (k + m,)."""
+        return felt(self.jacobian, self.parameters, self.criterion.nuisance()[3])
 
     @property
     def coloured(self) -> float:

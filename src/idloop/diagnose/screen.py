@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import Refit, felt
+from idloop.diagnose.refit import Refit
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.unevenness import unevenness
-from idloop.diagnose.weighing import residual_or_infinite
 from idloop.errors import IdloopError
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
-from idloop.estimate.levenberg import difference_jacobian
 from idloop.physics import kernel
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales, Trial
@@ -117,11 +115,6 @@ class Screened:
         return max((t.statistic for t in self.traces), default=0.0)
 
     @property
-    def uneven(self) -> float:
-        """Of the best alternative."""
-        return max(self.traces, key=lambda t: t.statistic).uneven if self.traces else 1.0
-
-    @property
     def detectable(self) -> float:
         """Largest detectability of an alternative."""
         return max((t.detectable for t in self.traces), default=0.0)
@@ -149,23 +142,10 @@ class Screen:
         self.sizes = Sizes(parent.model, setting)
         problem, point = parent.problem, parent.point
         self.errors = self.whitened = parent.residual()
-        lower, upper = parent.model.bounds
-        _, low, high, size = parent.criterion.nuisance()
-        k = parent.parameters
-        scale = np.concatenate([np.maximum(np.abs(point[:k]), 1e-12), size])
-        slopes, _ = difference_jacobian(
-            lambda at: residual_or_infinite(problem, at),
-            point,
-            self.errors,
-            np.concatenate([lower, low]),
-            np.concatenate([upper, high]),
-            parent.step,
-            scale,
-        )
-        slopes[:, ~np.all(np.isfinite(slopes), axis=0)] = 0.0
+        k, slopes = parent.parameters, parent.jacobian
         self._back = np.linalg.pinv(slopes[:, :k], rcond=1e-6)
         self._own, _ = np.linalg.qr(slopes[:, :k])
-        slopes = slopes[:, felt(slopes, k, size)]
+        slopes = slopes[:, parent.felt]
         left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
         # Parameters that the data cannot tell apart span fewer directions than they are.
         self.basis = left[:, weight > 1e-6 * max(float(np.max(weight, initial=0.0)), 1e-300)]

@@ -197,9 +197,9 @@ def _known_by_now(found: Diagnosis | Ladder) -> Model:
     """The model with what a diagnosis has found, so that the next experiment is not chosen to show it once more."""
     from idloop.diagnose.diagnosis import Diagnosis
 
-    if not isinstance(found, Diagnosis) or found.best_fit is None:
+    if not isinstance(found, Diagnosis) or found.reached is None:
         return found.model
-    return found.best_fit.model
+    return found.reached
 
 
 def _over_a_turn(model: Model, seen: Limits, allowed: Limits) -> list[str]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.evidence import LEAST_DIFFERENCE
 from idloop.diagnose.learnt import Learnt
 from idloop.diagnose.shape import Shape
 
@@ -19,6 +17,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 COMMAND, FORCE, DRIVE = "command", "force", "drive"
+# What is about how the command becomes a force.
+DRIVE_CURVES = (COMMAND, DRIVE)
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class UnknownStructure:
     @property
     def of_the_drive(self) -> bool:
         """Whether it is about how the command becomes a force."""
-        return self.of in (COMMAND, DRIVE)
+        return self.of in DRIVE_CURVES
 
     @property
     def what(self) -> str:
@@ -101,37 +101,33 @@ class UnknownStructure:
         return cls(**{**document, **arrays, "rivals": tuple(document.get("rivals", ()))})
 
 
-def unknown_structure(screen: Screen, found: Sequence[tuple[Learnt, float]]) -> UnknownStructure | None:
-    """Tell the structure in the errors that no effect of the catalogue explains.
+def unknown_structure(screen: Screen, best: Learnt, p_value: float, rivals: tuple[str, ...] = ()) -> UnknownStructure:
+    """Tell a curve in the errors that no effect of the catalogue explains.
 
     A force over velocity, over position, over the place within a period of the position, a correction of the command,
-    and coefficients that change over position or time are learnt as curves, linearised at the model as it is; what
-    white errors would give by chance is known from the F distribution, shared between them and all periods that were
-    looked at.
+    and coefficients that change over position or time are learnt as curves, linearised at the model as it is.
 
     Parameters
     ----------
     screen : Screen
         Errors of the model.
-    found : sequence of tuple
-        Curves that they follow, from `idloop.diagnose.learnt.remaining`.
+    best : Learnt
+    p_value : float
+    rivals : tuple of str
+        Other curves that this data cannot tell from it, in words.
 
     Returns
     -------
-    UnknownStructure or None
+    UnknownStructure
     """
     from scipy.stats import norm
 
-    if not found:
-        return None
-    best, p_value = found[0]
     best = replace(best, value=_strength(screen, best) * best.value)
     shape, known = best.shape, _closed(best.shape, best.known)
     # The mean of a coefficient is the model's own parameter.
     mean = 0.0 if not shape.coefficient else float(np.mean(best.value[best.known]))
     curve = _closed(shape, best.value - mean)
     length = float(shape.knots[-1] - shape.knots[0]) if shape.repeats else None
-    rivals = tuple(fit.shape.text for fit, _ in found[1:] if fit.merit > best.merit - 2.0 * LEAST_DIFFERENCE)
     return UnknownStructure(
         variable=shape.over,
         unit=shape.unit,

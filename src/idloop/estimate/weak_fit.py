@@ -88,6 +88,11 @@ class WeakFit:
         return self.point[: len(self.form.engine.free)]
 
     @property
+    def model(self) -> Model:
+        """The model with the values found."""
+        return self.form.engine.model.with_theta(self.theta)
+
+    @property
     def shift(self) -> float:
         """Time from the stamp of a command to its action [s]."""
         return float(self.point[-1]) if self.form.free_timing else 0.0

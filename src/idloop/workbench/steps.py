@@ -88,8 +88,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         unknown=found.unknown,
         passed_over=found.passed_over,
     )
-    # The fits are large and not needed any more; the models of the candidates are.
-    return Found(replace(found, fit=None, best_fit=None), ladder, pictures)
+    return Found(found, ladder, pictures)
 
 
 def add(

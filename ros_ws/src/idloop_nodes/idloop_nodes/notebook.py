@@ -51,8 +51,7 @@ class Notebook:
             seed=job.seed,
             progress=report,
         )
-        # The fits are large and not needed any more; the models of the candidates are.
-        self.diagnosis = replace(found, fit=None, best_fit=None)
+        self.diagnosis = found
         self.suggested = None
         if self.ladder is None:
             self.ladder = Ladder((_step(found.model, job),), criterion=found.criterion, level=job.level)

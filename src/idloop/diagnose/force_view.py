@@ -3,30 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.force_structure import Structure, structures
+from idloop.diagnose.choice import FORCE
+from idloop.diagnose.force_structure import structures
+from idloop.diagnose.gate import Gate, excitation_findings
 from idloop.diagnose.parallel import in_parallel
-from idloop.diagnose.predictive import Evidence, Scores, scores_of
+from idloop.diagnose.predictive import scores_of
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import Setting
+from idloop.diagnose.step import Step, View, Weighed
+from idloop.diagnose.verdict import ADEQUATE, UNKNOWN
 from idloop.diagnose.waves import harmonics
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.weak_fit import MOST_ITERATIONS, WeakFit, cost_at, draft_of, fit_weak, relative_error
+from idloop.estimate.weak_fit import (
+    MOST_ITERATIONS,
+    WeakFit,
+    cost_at,
+    draft_of,
+    fit_by_force,
+    fit_weak,
+    relative_error,
+)
 from idloop.estimate.weak_form import WeakForm, weak_form
 from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
+# Effects, and the model that has them fitted.
+_Fitted = tuple[tuple[Proposal, ...], WeakFit]
 
 # Effects that are fitted: those whose trace promises most.
 FITTED = 10
@@ -34,8 +48,6 @@ FITTED = 10
 _STARTS, _IN_PAIRS = 2, 4
 # Two effects that show only together explain this part of the error: a patch of two makes any error a little smaller.
 _TOGETHER = 0.5
-# A curve that explains so many times as much as an effect is what that stands in for.
-FAR_MORE = 2.0
 # A fit from several starts goes on from the best after so many iterations.
 _FIRST_ROUNDS = 3
 # Part of a trace that must not be the free parameters' own.
@@ -43,72 +55,80 @@ _OWN_PART = 3e-3
 # Effects are weighed in so many windows at most: what makes their errors smaller by 1 % is worth 500 units of
 # log-likelihood there, fifty times what a name asks for.
 _ENOUGH = 50_000
+# A model that leaves less than this part of the drive's force is adequate where no effect explains more.
+_ADEQUATE = 0.1
 # Least log-likelihood that a trace must promise.
 _LEAST_PROMISE = 2.0
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """An effect, or two, with the model that has it fitted.
+class ForceStep(Step[WeakFit]):
+    """What one step has weighed by the balance of forces.
 
     Attributes
     ----------
-    proposals : tuple of Proposal
-        One, or two that show only together.
-    fit : WeakFit
-    scores : Scores
-    evidence : Evidence
-        Against the model without.
-    gain : float
-        Log-likelihood on the samples that were fitted.
-    held_out : float or None
-        Part by which it makes the errors on held-out records smaller, typical ones or all of them, whichever is less;
-        None without such records.
+    thinned : WeakFit
+        The parent, fitted to the windows in which the effects are weighed.
     """
 
-    proposals: tuple[Proposal, ...]
-    fit: WeakFit
-    scores: Scores
-    evidence: Evidence
-    gain: float
-    held_out: float | None
+    thinned: WeakFit = field(kw_only=True)
 
     @property
-    def merit(self) -> float:
-        """What is sure of the evidence: the difference of the scores less its spread."""
-        return self.evidence.difference - self.evidence.spread
+    def criterion(self) -> str:
+        """What the models are measured by."""
+        return FORCE
 
-    @property
-    def richness(self) -> tuple[int, int]:
-        """Of equals the least goes first: free parameters of the model, and effects that contain plainer ones."""
-        return len(self.fit.point), sum(bool(proposal.effect.contains) for proposal in self.proposals)
+    def smaller(self, one: Weighed[WeakFit]) -> float:
+        """Part by which it makes errors smaller: the least of those on samples not seen, held-out records and all.
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of its effects."""
-        return tuple(proposal.name for proposal in self.proposals)
+        The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing.
+        """
+        relative = 1.0 - one.fit.relative / max(self.thinned.relative, 1e-300)
+        parts = (one.evidence.improvement, relative, one.held_out)
+        return min(part for part in parts if part is not None)
 
-    @property
-    def hollow(self) -> bool:
-        """Whether an effect leaves nothing of a plainer one that it contains: only its further shape is used."""
-        model = self.fit.form.engine.model.with_theta(self.fit.theta)
-        for proposal in self.proposals:
-            own = {spec.name: spec for spec in proposal.effect.parameters}
-            for shared in proposal.effect.contains.values():
-                values = [(own[name], model.values[f"{proposal.name}.{name}"]) for name in shared.values()]
-                if all(value == spec.neutral and spec.neutral in (spec.min, spec.max) for spec, value in values):
-                    return True
-        return False
+    def only_together(self, pair: Weighed[WeakFit]) -> bool:
+        """Whether two effects explain together what neither does alone."""
+        return self.smaller(pair) >= _TOGETHER
 
-    def contains(self, other: Weighed) -> bool:
-        """Whether its one effect is the other's and more."""
-        (mine, *rest), (its, *further) = self.proposals, other.proposals
-        if rest or further or mine.at != its.at:
-            return False
-        return its.effect.name in mine.effect.contains or its.effect.name in mine.effect.degenerates_to
+    def too_small(self, one: Weighed[WeakFit]) -> str:
+        """Why an effect that shows is not worth a name."""
+        part = self.smaller(one)
+        if one.held_out == part and part <= 0.0:
+            return "it explains nothing of the held-out records"
+        return (
+            f"it makes the unexplained force smaller by {100.0 * max(part, 0.0):.2g} % only, and "
+            f"{100.0 * self.least:g} % is asked for"
+        )
+
+    def reported(self, fit: WeakFit) -> Model:
+        """A fitted model with its standard errors, on long records fitted to all windows first."""
+        if self.thinned is not self.parent and any(fit is one.fit for one in self.weighed):
+            fit = _again(fit, self.parent.form) or fit
+        return fitted_model(fit)
+
+    def verdict(self) -> tuple[str, tuple[str, ...]]:
+        """What is left, judged by the drive's force."""
+        fit = self.parent
+        if self.structure is not None:
+            return UNKNOWN, ()
+        if fit.relative < _ADEQUATE or not fit.model_error_rules:
+            return ADEQUATE, ()
+        text = (
+            f"{100.0 * fit.relative:.3g} % of the drive force stays unexplained, which sensor noise does not account "
+            "for: no effect that was looked for explains more of it on samples that the fit has not seen"
+        )
+        return UNKNOWN, (text,)
 
 
-class ForceSearch:
+def fitted_model(fit: WeakFit) -> Model:
+    """The model with its fitted values and their standard errors."""
+    model, variance = fit.model, np.diag(fit.covariance)
+    errors = {n: float(np.sqrt(v)) for n, v in zip(model.free, variance, strict=False) if np.isfinite(v) and v >= 0.0}
+    return model.with_values({}, errors)
+
+
+class ForceView(View[WeakFit]):
     """Weighs what could be added to a model by its force balance.
 
     Parameters
@@ -123,6 +143,8 @@ class ForceSearch:
         Choose from these only.
     held_out : sequence of Data
         Records on which an effect has to explain something, too.
+    forms : dict of int to WeakForm, optional
+        Windows of the records by width; what is made anew is added.
     """
 
     def __init__(
@@ -132,14 +154,15 @@ class ForceSearch:
         least: float,
         effects: Sequence[str] | None = None,
         held_out: Sequence[Data] = (),
+        forms: dict[int, WeakForm] | None = None,
     ) -> None:
         self.setting, self.level, self.least, self.effects = setting, level, least, effects
-        self.held_out = tuple(held_out)
+        self.held_out, self._forms = tuple(held_out), {} if forms is None else forms
 
-    def weigh(self, parent: WeakFit) -> Step:
+    def weigh(self, parent: WeakFit) -> Step[WeakFit]:
         """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
         whole, parent = parent, parent.thinned(_ENOUGH)
-        model = parent.form.engine.model.with_theta(parent.theta)
+        model = parent.model
         screen = _Screen(self.setting, parent, model)
         asked = proposals(model, self.effects)
         choices = [one for one in asked if _balances(one)]
@@ -151,28 +174,36 @@ class ForceSearch:
         chosen += [found for found in promising[FITTED:] if found.proposal.effect.name in parts]
         weigher = _Weigher(parent, self.held_out)
         weighed = weigher(in_parallel(partial(_fitted, parent, draft_of(parent.form)), chosen))
-        step = Step(whole, parent, tuple(weighed), len(choices) + screen.waves, self.level, self.least)
+        step = ForceStep(
+            whole, tuple(weighed), len(choices) + screen.waves, self.level, self.least, tuple(asked), thinned=parent
+        )
         design = min((one.evidence.design_effect for one in weighed), default=1.0)
         testable, why = _testable(asked, screened, design * step.threshold())
-        step = replace(step, asked=tuple(asked), testable=testable, why=why)
         pairs = weigher(in_parallel(partial(_pair, parent), _pairs(step)))
-        return replace(step, weighed=(*weighed, *pairs), structures=tuple(structures(parent)))
+        return replace(
+            step,
+            weighed=(*weighed, *pairs),
+            gate=Gate(excitation_findings(model, self.setting), testable, why),
+            structures=tuple(structures(parent)),
+        )
 
     def best_with(self, parent: WeakFit, name: str, at: str) -> WeakFit | None:
         """The model with one effect, from where the unexplained force promises most of it; None where it does not."""
-        model = parent.form.engine.model.with_theta(parent.theta)
-        screen = _Screen(self.setting, parent, model)
-        for proposal in proposals(model, [f"{name}@{at}"]):
+        screen = _Screen(self.setting, parent, parent.model)
+        for proposal in proposals(parent.model, [f"{name}@{at}"]):
             fitted = _fitted(parent, draft_of(parent.form), screen(proposal)) if _balances(proposal) else None
             if fitted is not None:
                 return fitted[1]
         return None
 
-    def needless(self, fit: WeakFit, name: str) -> WeakFit | None:
+    def again(self, fit: WeakFit) -> WeakFit:
+        """The same model in windows as wide as its noise asks for."""
+        return fit_by_force(fit.form.engine, self.setting.data, fit.theta, self._forms, insist=True) or fit
+
+    def without(self, fit: WeakFit, name: str) -> WeakFit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
-        model = fit.form.engine.model.with_theta(fit.theta).without_effect(name)
         fit = fit.thinned(_ENOUGH)
-        smaller = fit_in(fit.form, model, fit.shift)
+        smaller = fit_in(fit.form, fit.model.without_effect(name), fit.shift)
         if smaller is None:
             return None
         try:
@@ -180,124 +211,10 @@ class ForceSearch:
         except (IdloopError, np.linalg.LinAlgError):
             return None
         worth = evidence.improvement >= self.least and evidence.log >= math.log(1.0 / self.level)
-        return None if worth else smaller
+        return None if worth else self.again(smaller)
 
 
-@dataclass(frozen=True)
-class Step:
-    """What one step has weighed.
-
-    Attributes
-    ----------
-    whole : WeakFit
-        Model without any of the effects, fitted to all windows.
-    parent : WeakFit
-        The same, fitted to those in which the effects are weighed.
-    weighed : tuple of Weighed
-    count : int
-        Choices that there were.
-    level, least : float
-    structures : tuple of Structure
-        Curves that the unexplained force follows, best first.
-    asked : tuple of Proposal
-        All that was looked for, fitted or not.
-    testable, why : mapping of str to str
-        By effect, whether this data could show it, and why.
-    """
-
-    whole: WeakFit
-    parent: WeakFit
-    weighed: tuple[Weighed, ...]
-    count: int
-    level: float
-    least: float
-    structures: tuple[Structure, ...] = ()
-    asked: tuple[Proposal, ...] = ()
-    testable: Mapping[str, str] = field(default_factory=dict)
-    why: Mapping[str, str] = field(default_factory=dict)
-
-    def threshold(self, effects: int = 1) -> float:
-        """Log-evidence from which on so many effects together are named."""
-        return math.log(max(math.comb(self.count, effects), 1) / self.level)
-
-    @cached_property
-    def significant(self) -> list[Weighed]:
-        """What shows beyond doubt, worth naming or not, best first."""
-        found = [one for one in self.weighed if self._shows(one)]
-        return sorted(found, key=lambda one: -one.merit)
-
-    def _shows(self, one: Weighed) -> bool:
-        return one.evidence.log >= self.threshold(len(one.proposals)) and one.evidence.told
-
-    @property
-    def eligible(self) -> list[Weighed]:
-        """What shows and is worth naming."""
-        return [one for one in self.significant if self.worth(one) and not one.hollow and not self._stands_in(one)]
-
-    def worth(self, one: Weighed) -> bool:
-        """Whether it makes errors on samples not seen enough smaller, and those on held-out records."""
-        return self.smaller(one) >= (self.least if len(one.proposals) == 1 else _TOGETHER)
-
-    def smaller(self, one: Weighed) -> float:
-        """Part by which it makes errors smaller: the least of those on samples not seen, held-out records and all.
-
-        The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing.
-        """
-        relative = 1.0 - one.fit.relative / max(self.parent.relative, 1e-300)
-        parts = (one.evidence.improvement, relative, one.held_out)
-        return min(part for part in parts if part is not None)
-
-    @property
-    def structure(self) -> Structure | None:
-        """The curve that explains most of the force that no effect does; None where none shows or is worth telling."""
-        for one in self.structures:
-            shows = one.evidence.log >= self.threshold() and one.evidence.told
-            if shows and one.evidence.improvement >= self.least and one.explains >= self.least:
-                return one
-        return None
-
-    def _stands_in(self, one: Weighed) -> bool:
-        """Whether an effect is named for want of a curve that explains far more: it fits a part of that."""
-        for curve in self.structures:
-            far_more = curve.evidence.difference >= FAR_MORE * one.evidence.difference
-            if far_more and curve.curve.imitated and curve.evidence.told and curve.scores.against(one.scores).told:
-                return True
-        return False
-
-    @cached_property
-    def stand_ins(self) -> list[Weighed]:
-        """Effects that show and are worth naming, were there no curve that explains far more."""
-        return [one for one in self.significant if self.worth(one) and self._stands_in(one)]
-
-    @cached_property
-    def tied(self) -> list[Weighed]:
-        """The best choice first, then those that the data cannot tell from it: of equals the plainest goes first."""
-        if not self.eligible:
-            return []
-        best = self.eligible[0]
-        equal = [one for one in self.eligible if one is best or self._equal(best, one)]
-        first = min(equal, key=lambda one: (one.richness, -one.merit))
-        # A plain effect earns its place before a richer one that contains it.
-        first = next((one for one in self.eligible if first.contains(one)), first)
-        others = [one for one in self.eligible if one is not first and not one.contains(first)]
-        return [first, *(one for one in others if not self._told(first, one))]
-
-    @cached_property
-    def named(self) -> WeakFit | None:
-        """The model with the best choice, fitted to all windows; None where there is no choice."""
-        if not self.tied:
-            return None
-        fit = self.tied[0].fit
-        return fit if self.whole is self.parent else _again(fit, self.whole.form) or fit
-
-    def _equal(self, best: Weighed, other: Weighed) -> bool:
-        return best.scores.against(other.scores).log <= math.log(1.0 / self.level)
-
-    def _told(self, best: Weighed, other: Weighed) -> bool:
-        return best.scores.against(other.scores).told and not self._equal(best, other)
-
-
-def _pairs(step: Step) -> list[tuple[Weighed, Weighed]]:
+def _pairs(step: Step[WeakFit]) -> list[tuple[Weighed[WeakFit], Weighed[WeakFit]]]:
     """Which of the effects that were fitted alone are tried together.
 
     The best few, where none shows alone; else, where the best contains a plainer one, that one with each of the others:
@@ -447,7 +364,7 @@ def _cost_in(form: WeakForm, shift: float, model: Model) -> float:
     return cost_at(form, np.append(model.theta, shift) if form.free_timing else model.theta)
 
 
-def _fitted(parent: WeakFit, draft: WeakForm, promising: _Promising) -> tuple[tuple[Proposal, ...], WeakFit] | None:
+def _fitted(parent: WeakFit, draft: WeakForm, promising: _Promising) -> _Fitted | None:
     """The model with an effect, searched for in a draft of the windows and then fitted to those of its parent."""
     shift = parent.shift
     models = [promising.proposal.model(trial) for trial in promising.starts]
@@ -467,7 +384,7 @@ def _fitted(parent: WeakFit, draft: WeakForm, promising: _Promising) -> tuple[tu
 
 def _again(fit: WeakFit, form: WeakForm) -> WeakFit | None:
     """The model of a fit, fitted on from there in other windows."""
-    return fit_in(form, fit.form.engine.model.with_theta(fit.theta), fit.shift)
+    return fit_in(form, fit.model, fit.shift)
 
 
 class _Weigher:
@@ -487,11 +404,11 @@ class _Weigher:
         typical = -float(np.mean(fit.log_densities(form)))
         return np.array([typical, math.log(relative_error(form, fit.theta, fit.shift))])
 
-    def __call__(self, fits: Iterable[tuple[tuple[Proposal, ...], WeakFit] | None]) -> list[Weighed]:
+    def __call__(self, fits: Iterable[_Fitted | None]) -> list[Weighed[WeakFit]]:
         """Those that explain anything, with their evidence."""
         return [one for one in in_parallel(self._weigh, list(fits)) if one is not None]
 
-    def _weigh(self, fitted: tuple[tuple[Proposal, ...], WeakFit] | None) -> Weighed | None:
+    def _weigh(self, fitted: _Fitted | None) -> Weighed[WeakFit] | None:
         if fitted is None:
             return None
         chosen, fit = fitted
@@ -509,13 +426,13 @@ class _Weigher:
         return Weighed(chosen, fit, scores, scores.against(self.base), gain, held_out)
 
 
-def _pair(parent: WeakFit, pair: tuple[Weighed, Weighed]) -> tuple[tuple[Proposal, ...], WeakFit] | None:
+def _pair(parent: WeakFit, pair: tuple[Weighed[WeakFit], Weighed[WeakFit]]) -> _Fitted | None:
     """A model with two effects, from where each of them went alone."""
     one, other = pair
-    first = one.fit.form.engine.model.with_theta(one.fit.theta)
+    first = one.fit.model
     (wanted,) = other.proposals
     for proposal in proposals(first, [wanted.name]):
-        alone = other.fit.form.engine.model.with_theta(other.fit.theta)
+        alone = other.fit.model
         prefix = f"{wanted.name}."
         values = {n[len(prefix) :]: v for n, v in alone.values.items() if n.startswith(prefix)}
         fit = fit_in(parent.form, proposal.model(proposal.inside(values)), parent.shift)

@@ -1,0 +1,161 @@
+"""Climb a ladder in one view of the data: weigh, add the best, take out what is needless, until nothing shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic
+
+from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
+from idloop.diagnose.diagnosis import candidate_of, candidates_of, first_of_pair, tied_members, unknown_of
+from idloop.diagnose.errors import model_errors
+from idloop.diagnose.ladder import Ladder
+from idloop.diagnose.ladder import Step as LadderStep
+from idloop.diagnose.step import FitT, Step, View
+from idloop.diagnose.verdict import MISSING
+from idloop.physics.model import Model
+from idloop.records import Record
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Climb(Generic[FitT]):
+    """What does not change while a ladder grows.
+
+    Attributes
+    ----------
+    view : View
+    records, validation : sequence of Record
+        What is fitted, and what the fit does not see.
+    criterion : str
+        What the models are measured by.
+    level : float
+        Family-wise error rate of every step.
+    most : int
+        Most effects to add.
+    tell : callable
+    on_step : callable, optional
+    stays : collection of str
+        Effects that are not taken out again.
+    spoils : callable, optional
+        Whether the second of two models must not take the place of the first.
+    """
+
+    view: View[FitT]
+    records: Sequence[Record]
+    validation: Sequence[Record]
+    criterion: str
+    level: float
+    most: int
+    tell: Progress
+    on_step: Callable[[Ladder], None] | None = None
+    stays: Collection[str] = ()
+    spoils: Callable[[Model, Model], bool] | None = None
+
+    def __call__(self, fit: FitT, ladder: Ladder | None = None) -> tuple[Ladder, FitT]:
+        """Climb from a fitted model.
+
+        Parameters
+        ----------
+        fit : Fitted
+        ladder : Ladder, optional
+            Go on from this one.
+
+        Returns
+        -------
+        ladder : Ladder
+        fit : Fitted
+            Of its last model.
+        """
+        given, spoilt = ladder, False
+        stays, seen = set(self.stays), set[str]()
+        step: Step[FitT] | None = None
+        while True:
+            count = 0 if ladder is None else len(ladder.added)
+            self.tell(count / (count + 2.0), f"weighing effects beside {count}" if count else "weighing effects")
+            step = self.view.weigh(fit)
+            fit = step.parent
+            if ladder is None:
+                ladder = Ladder((self._rise(None, step.reported(fit)),))
+            ladder = replace(ladder, criterion=self.criterion, level=self.level)
+            if not step.tied or count + len(step.tied[0].proposals) > self.most:
+                break
+            rungs, further = self._taken(step)
+            if self.spoils is not None and self.spoils(ladder.model, rungs[-1].added.model or ladder.model):
+                spoilt = True
+                break
+            fit = further
+            for rung in rungs:
+                ladder = self._with(ladder, rung)
+            # What was taken out and has come back stays, or a ladder could turn in a circle.
+            names = set(step.tied[0].names)
+            stays, seen = stays | (names & seen), seen | names
+            ladder, fit = self._without_needless(ladder, fit, step, stays)
+            if self.on_step is not None:
+                self.on_step(ladder)
+        self.tell(1.0, "done")
+        if spoilt and given is not None:
+            # What the other view says of the machine stands.
+            return (given if len(ladder.steps) == len(given.steps) else replace(ladder, verdict=given.verdict)), fit
+        return self._concluded(ladder, step), fit
+
+    def _taken(self, step: Step[FitT]) -> tuple[list[Rung], FitT]:
+        """What the best choice of a step adds, one effect after the other, and the model that has it all."""
+        best = step.tied[0]
+        fit = self.view.again(best.fit)
+        last = candidate_of(step, best, -1, step.reported(fit))
+        if len(best.proposals) == 1:
+            return [Rung(last, step.names)], fit
+        first, second = best.names
+        rivals = [one.names for one in step.tied[1:] if len(one.names) == 2]
+        pairs = [(a, b) for a, b in rivals]
+        return [Rung(first_of_pair(step, best), (first,)), Rung(last, tied_members(second, first, pairs))], fit
+
+    def _with(self, ladder: Ladder, rung: Rung) -> Ladder:
+        """The ladder with one more rung; what its effect takes the place of is no rung of its own any more."""
+        added = rung.added
+        steps = [s for s in ladder.steps if s.added is None or s.added.name != added.replaces or s.chosen_by == "user"]
+        if added.model is None:
+            return ladder
+        step = replace(self._rise(added, added.model), set=rung.set, p_value=added.p_value)
+        return replace(ladder, steps=(*steps, step), verdict=MISSING)
+
+    def _rise(self, added: Candidate | None, model: Model) -> LadderStep:
+        return LadderStep(
+            added, model, train=model_errors(model, self.records), validation=model_errors(model, self.validation)
+        )
+
+    def _without_needless(
+        self, ladder: Ladder, fit: FitT, step: Step[FitT], stays: Collection[str]
+    ) -> tuple[Ladder, FitT]:
+        """Take effects out again that a later one has made superfluous."""
+        for earlier in ladder.steps[1:-1]:
+            name = None if earlier.added is None else earlier.added.name
+            if name is None or earlier.chosen_by == "user" or name in stays or name not in fit.model.effect_names:
+                continue
+            without = self.view.without(fit, name)
+            if without is None:
+                continue
+            fit, last = without, ladder.steps[-1]
+            model = step.reported(fit)
+            added = None
+            if last.added is not None:
+                added = replace(last.added, model=model, parameters=effect_parameters(model, last.added.name))
+            renewed = replace(self._rise(added, model), set=last.set, p_value=last.p_value)
+            ladder = replace(ladder, steps=(*(s for s in ladder.steps[:-1] if s is not earlier), renewed))
+        return ladder, fit
+
+    def _concluded(self, ladder: Ladder, step: Step[FitT]) -> Ladder:
+        verdict, findings = step.verdict() if not step.tied else (MISSING, ())
+        shown = {*ladder.added, *step.passed_over}
+        return replace(
+            ladder,
+            verdict=verdict,
+            candidates=candidates_of(step),
+            untestable=tuple(name for name in step.gate.untestable if name not in shown),
+            findings=(*step.gate.findings, *findings),
+            unknown=None if step.tied else unknown_of(step),
+            passed_over=step.passed_over,
+            limits=step.gate.limits,
+        )

@@ -1,0 +1,371 @@
+"""One step of a diagnosis by one-step or free-run errors: which effects explain errors that no fit has seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from idloop.diagnose.choice import PREDICTION
+from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.disturbance import LONG_MEMORY
+from idloop.diagnose.errors import model_errors
+from idloop.diagnose.far_searches import beside_bare, far_searches, white
+from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
+from idloop.diagnose.footing import beside_the_noise_of, same_footing
+from idloop.diagnose.foretells import foretells
+from idloop.diagnose.gate import gate
+from idloop.diagnose.held_out import holds
+from idloop.diagnose.innovation_scores import InnovationScores
+from idloop.diagnose.intervals import with_stderr
+from idloop.diagnose.learnt import remaining
+from idloop.diagnose.learnt_curve import LearntCurve
+from idloop.diagnose.pairs import confirmed_pairs
+from idloop.diagnose.parallel import in_parallel
+from idloop.diagnose.predictive import Scores
+from idloop.diagnose.proposals import Proposal, proposals
+from idloop.diagnose.reach import at_its_bound
+from idloop.diagnose.refit import Refit, refit, refit_or_none
+from idloop.diagnose.restarts import has_contacts, searched_anew
+from idloop.diagnose.rivals import from_the_best
+from idloop.diagnose.same_motion import same_motion
+from idloop.diagnose.screen import Screen, Screened
+from idloop.diagnose.setting import Setting
+from idloop.diagnose.step import Step, View, Weighed
+from idloop.diagnose.verdict import ADEQUATE, NOT_EXCITED, UNKNOWN
+from idloop.errors import IdloopError
+from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.whitening import choose_order
+from idloop.physics.model import Model
+from idloop.records import Record
+from idloop.validate.measures import NEGLIGIBLE
+
+Progress = Callable[[float, str], None]
+
+# A whitening of so many lags that makes the errors' deviations smaller by more than this [log] has swallowed an effect.
+MANY_LAGS, MUCH_COLOUR = 6, 0.05
+# Fewer lags that do so by this much: noise with a memory of a hundred samples would not.
+ANY_COLOUR = 2.5
+# Least log-likelihood that is worth weighing.
+_LEAST_GAIN = 2.0
+
+
+@dataclass(frozen=True)
+class PredictionStep(Step[Refit]):
+    """What one step has weighed by one-step or free-run errors.
+
+    Attributes
+    ----------
+    setting : Setting
+        What was fitted.
+    unseen : tuple of Record
+        Records whose free run tells whether an effect is worth a name.
+    unfollowed : str
+        What to say where the motion does not follow the command; empty where it does.
+    """
+
+    setting: Setting = field(kw_only=True)
+    unseen: tuple[Record, ...] = field(kw_only=True)
+    unfollowed: str = ""
+
+    @property
+    def criterion(self) -> str:
+        """What the models are measured by."""
+        return self.setting.kind
+
+    def smaller(self, one: Weighed[Refit]) -> float:
+        """Part by which an effect makes errors smaller: those one sample ahead, or those of the free run."""
+        part = one.evidence.improvement
+        splits = any(proposal.effect.splits for proposal in one.proposals)
+        if not splits and same_motion(one.fit.model, self.parent.model, self.setting.records):
+            return 0.0
+        return part if part >= self.least else max(part, self._of_the_free_run(one))
+
+    def _of_the_free_run(self, one: Weighed[Refit]) -> float:
+        before, after = (model_errors(fit.model, self.unseen) for fit in (self.parent, one.fit))
+        parts = [0.0]
+        for label in ("nrmse", "anew"):
+            was = np.array([before[label][name] for name in before[label]])
+            now = np.array([after[label].get(name, np.inf) for name in before[label]])
+            if np.any(was > 0.0):
+                parts.append(1.0 - float(np.linalg.norm(now) / np.linalg.norm(was)))
+        return max(parts)
+
+    def _equal(self, best: Weighed[Refit], other: Weighed[Refit]) -> bool:
+        # The noise is modelled: a difference counts as it is.
+        against = best.scores.against(other.scores)
+        return against.difference + against.start <= math.log(1.0 / self.level)
+
+    def only_together(self, pair: Weighed[Refit]) -> bool:
+        """Whether each of two effects is needed beside the other."""
+        alone = [one for one in self.weighed if len(one.names) == 1 and one.names[0] in pair.names]
+        known = {one.names[0] for one in alone}
+        beyond = [pair.scores.against(one.scores) for one in alone]
+        if len(known) < len(pair.names):
+            beyond.append(pair.evidence)
+        return all(evidence.log >= self.threshold() and evidence.told for evidence in beyond)
+
+    def too_small(self, one: Weighed[Refit]) -> str:
+        """Why an effect that shows is not worth a name."""
+        part = max(self.smaller(one), 0.0)
+        if part == 0.0:
+            return f"it moves no output by more than {100.0 * NEGLIGIBLE:g} % of its standard deviation"
+        return (
+            f"it makes errors on unseen samples smaller by {100.0 * part:.3g} % only, and {100.0 * self.least:g} % is "
+            "asked for"
+        )
+
+    def reported(self, fit: Refit) -> Model:
+        """A fitted model with its standard errors."""
+        return with_stderr(fit, self.setting.records)
+
+    def verdict(self) -> tuple[str, tuple[str, ...]]:
+        """What is left when no effect is named."""
+        findings = (self.unfollowed,) if self.unfollowed else ()
+        if self.structure is not None or self.unfollowed == OTHERWISE:
+            return UNKNOWN, findings
+        return (NOT_EXCITED if self.gate.poor or self.unfollowed else ADEQUATE), findings
+
+
+class PredictionView(View[Refit]):
+    """Weighs what could be added to a model by its one-step errors, or those of its free run.
+
+    Parameters
+    ----------
+    setting : Setting
+        Records, and what models are measured by.
+    start : Model
+        As the user gave it.
+    level, least : float
+        As of `Step`.
+    effects : sequence of str, optional
+        Choose from these only.
+    held_out : Setting, optional
+        Validation records, on which an effect must do no harm.
+    seed : int
+    tell : callable, optional
+        Called with the share done and a text.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        start: Model,
+        level: float,
+        least: float,
+        effects: Sequence[str] | None = None,
+        held_out: Setting | None = None,
+        seed: int = 0,
+        tell: Progress | None = None,
+    ) -> None:
+        self.setting, self.start, self.level, self.least, self.effects = setting, start, level, least, effects
+        self.held_out, self.seed, self._tell = held_out, seed, tell or (lambda share, text: None)
+
+    def weigh(self, parent: Refit) -> Step[Refit]:
+        """Weigh the effects of the catalogue that a score test finds promising, and pairs of them."""
+        asked = proposals(parent.model, self.effects)
+        screen = Screen(self.setting, parent, self.seed)
+        screened = screen.all(asked, lambda share, text: self._tell(0.15 + 0.4 * share, f"screening {text}"))
+        bar = 2.0 * math.log(max(len(asked), 1) / self.level)
+        confirmed = self._confirmed(parent, screened, bar)
+        parent, confirmed = same_footing(self.setting, parent, confirmed, bar)
+        confirmed = _best_of_each(
+            [*confirmed, *far_searches(self.setting, parent, self.start, self.effects, self.seed)]
+        )
+        weigher = _Weigher(parent)
+        step = PredictionStep(
+            parent, tuple(weigher.singles(confirmed)), len(asked), self.level, self.least, tuple(asked),
+            gate(parent.model, self.setting, screened, bar), setting=self.setting,
+            unseen=(self.setting if self.held_out is None else self.held_out).records,
+        )  # fmt: skip
+        moved = follows(self.setting, parent)
+        step = self._judged(step, moved)
+        left = remaining(screen, self.level)
+        step = replace(step, structures=tuple(LearntCurve.weighed(screen, left, weigher.innovations)))
+        if step.tied:
+            more = from_the_best(self.setting, parent, step.tied[0], screened, confirmed)
+            better = {one.proposal.name: one for one in more}
+            kept = [one for one in step.weighed if one.names[0] not in better]
+            return self._judged(replace(step, weighed=(*kept, *weigher.singles(more))), moved)
+        if self.setting.kind == PREDICTION and not step.stand_ins:
+            pairs = weigher.pairs(self._pairs(screen, screened, confirmed, bar))
+            step = self._with_first(self._judged(replace(step, weighed=(*step.weighed, *pairs)), moved), weigher)
+        if moved or step.tied:
+            return step
+        unfollowed = UNMOVED
+        if reversed_command(self.setting, parent, self.start):
+            unfollowed = REVERSED
+        elif foretells(self.setting.records, self.seed):
+            unfollowed = OTHERWISE
+        # A force over the motion says nothing where it is not the command that moves the axis.
+        curves = tuple(one for one in step.structures if unfollowed != REVERSED and one.of_the_drive)
+        return replace(step, unfollowed=unfollowed, structures=curves)
+
+    def _confirmed(self, parent: Refit, screened: list[Screened], bar: float) -> list[Confirmed]:
+        """Refits of what the score test does not rule out."""
+        swallowed = _swallowed(parent)
+        # What the noise model has swallowed a score test does not see.
+        chosen = promising(screened, *((2.0 * math.log(max(len(screened), 1)),) if swallowed else (bar, 0)))
+        chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
+        found = confirm(
+            self.setting,
+            parent,
+            chosen,
+            lambda share, text: self._tell(0.55 + 0.2 * share, f"refitting with {text}"),
+            None if swallowed else lambda first: _may_decide(first, bar),
+        )
+        if swallowed and (not found or _swallowed(found[0].fit)):
+            found += confirm_behind_noise(
+                self.setting,
+                parent,
+                screened,
+                lambda share, text: self._tell(0.75 + 0.1 * share, f"looking behind noise: {text}"),
+            )
+            found = _best_of_each(found)
+        if found:
+            found = beside_the_noise_of(max(found, key=lambda c: c.gain), self.setting, parent, found)
+        return found
+
+    def _pairs(
+        self, screen: Screen, screened: list[Screened], confirmed: list[Confirmed], bar: float
+    ) -> list[tuple[Confirmed, Confirmed]]:
+        """Two effects each that may show only together, the model of the second has both."""
+        found = confirmed_pairs(
+            screen, screened, bar, lambda share, text: self._tell(0.85 + 0.1 * share, f"refitting with {text}")
+        )
+        for bare in () if white(screen.parent) else confirmed:
+            if not bare.proposal.effect.parameters:
+                found += [(bare, one) for one in beside_bare(self.setting, bare.fit, self.effects, self.seed)]
+        return found
+
+    def _with_first(self, step: PredictionStep, weigher: _Weigher) -> PredictionStep:
+        """With the first effect of the best pair by itself, where a ladder comes by."""
+        if not step.tied or any(one.names == step.tied[0].names[:1] for one in step.weighed):
+            return step
+        first, best = step.tied[0].proposals[0], step.tied[0].fit
+        prefix = f"{first.name}."
+        own = {name.removeprefix(prefix): v for name, v in best.model.values.items() if name.startswith(prefix)}
+        fit = refit_or_none(self.setting, first.model(own), None, step.parent)
+        if fit is None:
+            return step
+        return replace(step, weighed=(*step.weighed, *weigher.weighed([((first,), fit)])))
+
+    def _judged(self, step: PredictionStep, moved: bool) -> PredictionStep:
+        """With the reasons for which effects that show are not named."""
+        refused = {}
+        for one in step.significant:
+            if len(one.proposals) > 1:
+                continue
+            (proposal,) = one.proposals
+            if why := at_its_bound(one.fit.model, proposal):
+                refused[proposal.name] = why
+            elif self.held_out is not None and not holds(self.held_out, step.parent, proposal, one.fit):
+                refused[proposal.name] = "it does harm on the unseen data"
+            elif not moved and not follows(self.setting, one.fit):
+                refused[proposal.name] = REFUSED
+        return replace(step, refused=refused)
+
+    def again(self, fit: Refit) -> Refit:
+        """The same model, with the order of whitening that suits it."""
+        if self.setting.kind != PREDICTION:
+            return fit
+        # The order of the whitening that suited the model before need not suit it now.
+        fit = refit(self.setting, fit.model, None, fit, reconsider=True)
+        return searched_anew(self.setting, fit) if has_contacts(fit.model) else fit
+
+    def without(self, fit: Refit, name: str) -> Refit | None:
+        """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
+        if self.setting.kind != PREDICTION:
+            # Where model error is what is left, a step that helped stays for the reader to see.
+            return None
+        smaller = fit.model.without_effect(name)
+        tries = in_parallel(lambda beside: refit_or_none(self.setting, smaller, None, beside), (fit, None))
+        found = max((one for one in tries if one is not None), key=lambda one: one.log_likelihood, default=None)
+        if found is None:
+            return None
+        evidence = InnovationScores(fit).scores().against(InnovationScores(found).scores())
+        return found if evidence.log < math.log(1.0 / self.level) else None
+
+
+class _Weigher:
+    """Weighs fitted models against one without what they have."""
+
+    def __init__(self, parent: Refit) -> None:
+        self.parent, self.innovations = parent, InnovationScores(parent)
+        self.base = replace(self.innovations.scores(), start=parent.at_start)
+
+    def singles(self, confirmed: Iterable[Confirmed]) -> list[Weighed[Refit]]:
+        """Those that explain anything, with their evidence."""
+        return self.weighed([((one.proposal,), one.fit) for one in confirmed if one.gain >= _LEAST_GAIN])
+
+    def pairs(self, found: Iterable[tuple[Confirmed, Confirmed]]) -> list[Weighed[Refit]]:
+        """Two effects each."""
+        return self.weighed([((one.proposal, other.proposal), other.fit) for one, other in found])
+
+    def weighed(self, choices: Sequence[tuple[tuple[Proposal, ...], Refit]]) -> list[Weighed[Refit]]:
+        """Effects, and the models that have them fitted, with the evidence for them."""
+        scores = in_parallel(lambda choice: self._scores(choice[1]), choices)
+        return [
+            Weighed(proposals, fit, one, one.against(self.base), fit.log_likelihood - self.parent.log_likelihood)
+            for (proposals, fit), one in zip(choices, scores, strict=True)
+            if one is not None
+        ]
+
+    def _scores(self, fit: Refit) -> Scores | None:
+        """Scores of a candidate; None where it cannot be scored."""
+        try:
+            scores = InnovationScores(fit).scores()
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
+        # Bodies that are new with an effect start somewhere: what a start loses does not count.
+        scores = replace(scores, start=max(fit.at_start, self.parent.at_start))
+        return scores if np.all(np.isfinite(scores.log_density)) else None
+
+
+def _best_of_each(found: Sequence[Confirmed]) -> list[Confirmed]:
+    """Of several searches for one effect the one that ended best."""
+    return list({one.proposal.name: one for one in sorted(found, key=lambda one: one.gain)}.values())
+
+
+def _may_decide(first: Confirmed, bar: float) -> bool:
+    """Whether an effect may still show when its search has only had its first round.
+
+    What takes a plainer effect's place begins far from where it is best, with the disturbance that was strong for
+    want of it: after one round it may still be worse than what it replaces, and the score test tells more.
+    """
+    gained = first.proposal.effect.slow or first.proposal.replaces is not None
+    return max(2.0 * first.gain if gained else 0.0, first.statistic) > 0.5 * bar
+
+
+def _swallowed(fit: Refit) -> bool:
+    """Whether the noise model explains what no noise would.
+
+    A free whitening imitates a filter, a resonance or a sensor's error so well that its innovations show
+    no effect any more. Noise of few lags is taken for noise.
+    """
+    if not isinstance(fit.criterion, InnovationCriterion):
+        return False
+    if fit.coloured <= MUCH_COLOUR or fit.coloured > ANY_COLOUR:
+        return fit.coloured > ANY_COLOUR
+    return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
+
+
+def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
+    """Effects of which a score says little.
+
+    Slow forces that a long memory of the noise may stand for (of those that act on bodies alike, on the
+    first), and effects that would take a plainer one's place.
+    """
+    criterion = parent.criterion
+    if not isinstance(criterion, InnovationCriterion):
+        return []
+    remembers = criterion.memory >= LONG_MEMORY or any(parent.problem.orders)
+    places = ("input", parent.model.bodies[0])
+
+    def slow(proposal: Proposal) -> bool:
+        alike = proposal.effect.name != "viscous_friction"
+        return remembers and proposal.effect.slow and (proposal.at in places or not alike)
+
+    return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]

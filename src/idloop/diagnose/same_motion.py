@@ -1,0 +1,57 @@
+"""Whether two models move alike, however clear the data that tell them apart.
+
+Clean data has the power to show differences far below what anybody means by an effect: another way to integrate the
+same equations, a stamp that is a microsecond off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimate.dataset import Data, prepare
+from idloop.estimate.engine import RememberingEngine
+from idloop.physics.model import Model
+from idloop.records import Record
+from idloop.validate.free_run import free_runs
+from idloop.validate.measures import NEGLIGIBLE
+
+Array = NDArray[np.float64]
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
+    """Whether two models of the same bodies move no output apart by more than a negligible part of its deviation.
+
+    Parameters
+    ----------
+    model, other : Model
+    records : sequence of Record
+        Their commands are simulated, from the start that suits the first model best.
+
+    Returns
+    -------
+    bool
+        False where a simulation fails.
+    """
+    try:
+        return all(
+            np.all(
+                np.sqrt(np.nanmean(apart[:, seen] ** 2, axis=0)) <= NEGLIGIBLE * np.nanstd(data.output[:, seen], axis=0)
+            )
+            for data, apart in _apart(model, other, records)
+            for seen in [np.any(np.isfinite(data.output), axis=0)]
+        )
+    except IdloopError:
+        return False
+
+
+def _apart(model: Model, other: Model, records: Sequence[Record]) -> Iterator[tuple[Data, Array]]:
+    """Records, and how far the free runs of two models of the same bodies come apart in them, shape (n, p)."""
+    engine, second = RememberingEngine(model), RememberingEngine(other)
+    for data in prepare(model, records):
+        one, two = free_runs(engine, data, second)
+        yield data, one - two

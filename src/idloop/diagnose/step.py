@@ -1,0 +1,304 @@
+"""One step of a diagnosis: which of the models that were fitted says most of samples that no fit has seen."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Generic, Protocol, TypeVar
+
+from idloop.diagnose.gate import Gate
+from idloop.diagnose.predictive import Evidence, Scores
+from idloop.diagnose.proposals import Proposal
+from idloop.diagnose.unknown import UnknownStructure
+from idloop.physics.model import Model
+
+# A curve that explains so many times as much as an effect is what that stands in for.
+FAR_MORE = 2.0
+
+
+class Fitted(Protocol):
+    """A model fitted in one view of the data."""
+
+    @property
+    def model(self) -> Model:
+        """With the values found."""
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of the samples that were fitted."""
+
+
+class Structure(Protocol):
+    """A curve that the errors follow."""
+
+    @property
+    def scores(self) -> Scores:
+        """Of the model with the curve."""
+
+    @property
+    def evidence(self) -> Evidence:
+        """Against the model without it."""
+
+    def imitated_by(self, one: Weighed[Any]) -> bool:
+        """Whether an effect of another shape may stand in for it."""
+
+    @property
+    def worth(self) -> float:
+        """Part by which it makes errors on unseen samples smaller."""
+
+    @property
+    def of_the_drive(self) -> bool:
+        """Whether it is about how the command becomes a force."""
+
+    @property
+    def text(self) -> str:
+        """In words."""
+
+    def unknown(self, p_value: float) -> UnknownStructure:
+        """As a diagnosis reports it."""
+
+
+FitT = TypeVar("FitT", bound=Fitted)
+
+
+@dataclass(frozen=True)
+class Weighed(Generic[FitT]):
+    """An effect, or two, with the model that has it fitted.
+
+    Attributes
+    ----------
+    proposals : tuple of Proposal
+        One, or two that show only together.
+    fit : Fitted
+    scores : Scores
+    evidence : Evidence
+        Against the model without.
+    gain : float
+        Log-likelihood on the samples that were fitted.
+    held_out : float or None
+        Part by which it makes the errors on held-out records smaller; None without such records.
+    """
+
+    proposals: tuple[Proposal, ...]
+    fit: FitT
+    scores: Scores
+    evidence: Evidence
+    gain: float
+    held_out: float | None = None
+
+    @property
+    def merit(self) -> float:
+        """What is sure of the evidence: the difference of the scores less its spread."""
+        return self.evidence.difference + self.evidence.start - self.evidence.spread
+
+    @property
+    def richness(self) -> tuple[int, int]:
+        """Of equals the least goes first: free parameters of the model, and effects that contain plainer ones."""
+        return len(self.fit.model.free), sum(bool(proposal.effect.contains) for proposal in self.proposals)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its effects."""
+        return tuple(proposal.name for proposal in self.proposals)
+
+    @property
+    def hollow(self) -> bool:
+        """Whether an effect leaves nothing of a plainer one that it contains: only its further shape is used."""
+        model = self.fit.model
+        for proposal in self.proposals:
+            own = {spec.name: spec for spec in proposal.effect.parameters}
+            for shared in proposal.effect.contains.values():
+                values = [(own[name], model.values[f"{proposal.name}.{name}"]) for name in shared.values()]
+                if all(value == spec.neutral and spec.neutral in (spec.min, spec.max) for spec, value in values):
+                    return True
+        return False
+
+    def contains(self, other: Weighed[FitT]) -> bool:
+        """Whether its one effect is the other's and more."""
+        return self._of_one_site(other) and other.proposals[0].effect.name in self.proposals[0].effect.contains
+
+    def becomes(self, other: Weighed[FitT]) -> bool:
+        """Whether its one effect ends as the other's at the edge of its values."""
+        return self._of_one_site(other) and other.proposals[0].effect.name in self.proposals[0].effect.degenerates_to
+
+    def _of_one_site(self, other: Weighed[FitT]) -> bool:
+        (mine, *rest), (its, *further) = self.proposals, other.proposals
+        return not rest and not further and mine.at == its.at
+
+
+@dataclass(frozen=True)
+class Step(ABC, Generic[FitT]):
+    """What one step has weighed.
+
+    Attributes
+    ----------
+    parent : Fitted
+    weighed : tuple of Weighed
+    count : int
+        Choices that there were.
+    level, least : float
+        Probability of naming an effect where nothing is missing, and the part by which an effect must make the errors
+        on unseen samples smaller to be named.
+    asked : tuple of Proposal
+        All that was looked for, fitted or not.
+    gate : Gate
+        What the data can show.
+    structures : tuple of Structure
+        Curves that the errors follow, best first.
+    refused : mapping of str to str
+        Effects that are not named whatever their evidence, and why.
+    """
+
+    parent: FitT
+    weighed: tuple[Weighed[FitT], ...]
+    count: int
+    level: float
+    least: float
+    asked: tuple[Proposal, ...] = ()
+    gate: Gate = field(default_factory=lambda: Gate((), {}, {}))
+    structures: Sequence[Structure] = ()
+    refused: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    @abstractmethod
+    def criterion(self) -> str:
+        """What the models are measured by."""
+
+    @abstractmethod
+    def smaller(self, one: Weighed[FitT]) -> float:
+        """Part by which an effect makes the errors on unseen samples smaller, at most 1."""
+
+    @abstractmethod
+    def only_together(self, pair: Weighed[FitT]) -> bool:
+        """Whether two effects explain together what neither does alone."""
+
+    @abstractmethod
+    def too_small(self, one: Weighed[FitT]) -> str:
+        """Why an effect that shows is not worth a name."""
+
+    @abstractmethod
+    def reported(self, fit: FitT) -> Model:
+        """A fitted model with its standard errors."""
+
+    @abstractmethod
+    def verdict(self) -> tuple[str, tuple[str, ...]]:
+        """What is left when no effect is named, and findings about it."""
+
+    def threshold(self, effects: int = 1) -> float:
+        """Log-evidence from which on so many effects together are named."""
+        return math.log(max(math.comb(self.count, effects), 1) / self.level)
+
+    @cached_property
+    def significant(self) -> list[Weighed[FitT]]:
+        """What shows beyond doubt, worth naming or not, best first."""
+        found = [one for one in self.weighed if self._shows(one)]
+        return sorted(found, key=lambda one: -one.merit)
+
+    def _shows(self, one: Weighed[FitT]) -> bool:
+        return one.evidence.log >= self.threshold(len(one.proposals)) and one.evidence.told
+
+    @cached_property
+    def eligible(self) -> list[Weighed[FitT]]:
+        """What shows and is worth naming."""
+        return [
+            one for one in self.significant
+            if not one.hollow and not self.refused.keys() & set(one.names) and not self._stands_in(one)
+            and self.worth(one)
+        ]  # fmt: skip
+
+    def worth(self, one: Weighed[FitT]) -> bool:
+        """Whether it makes errors on samples not seen enough smaller, and two effects show only together."""
+        return self.smaller(one) >= self.least and (len(one.proposals) == 1 or self.only_together(one))
+
+    @cached_property
+    def structure(self) -> Structure | None:
+        """The curve that explains most of what no effect does; None where none shows or is worth telling."""
+        for one in self.structures:
+            if one.evidence.log >= self.threshold() and one.evidence.told and one.worth >= self.least:
+                return one
+        return None
+
+    def _stands_in(self, one: Weighed[FitT]) -> bool:
+        """Whether an effect is named for want of a curve that explains far more: it fits a part of that."""
+        for curve in self.structures:
+            far_more = curve.evidence.difference >= FAR_MORE * one.evidence.difference
+            if far_more and curve.evidence.told and curve.scores.against(one.scores).told and curve.imitated_by(one):
+                return True
+        return False
+
+    @cached_property
+    def stand_ins(self) -> list[Weighed[FitT]]:
+        """Effects that show and are worth naming, were there no curve that explains far more."""
+        return [one for one in self.significant if self._stands_in(one) and self.worth(one)]
+
+    @cached_property
+    def tied(self) -> list[Weighed[FitT]]:
+        """The best choice first, then those that the data cannot tell from it: of equals the plainest goes first."""
+        if not self.eligible:
+            return []
+        best = self.eligible[0]
+        equal = [one for one in self.eligible if one is best or self._equal(best, one)]
+        first = min(equal, key=lambda one: (one.richness, -one.merit))
+        # A plain effect earns its place before a richer one that contains it.
+        first = next((one for one in self.eligible if first.contains(one) or self._nearly_becomes(first, one)), first)
+        others = [
+            one for one in self.eligible if one is not first and not one.contains(first) and not one.becomes(first)
+        ]
+        return [first, *(one for one in others if not self._told(first, one))]
+
+    def _nearly_becomes(self, rich: Weighed[FitT], plain: Weighed[FitT]) -> bool:
+        """Whether most of what an effect explains is what another one does, as which it ends at its edge."""
+        return rich.becomes(plain) and FAR_MORE * plain.evidence.difference >= rich.evidence.difference
+
+    def _equal(self, best: Weighed[FitT], other: Weighed[FitT]) -> bool:
+        """Whether the odds of two choices are less than those of a false alarm."""
+        return best.scores.against(other.scores).log <= math.log(1.0 / self.level)
+
+    def _told(self, best: Weighed[FitT], other: Weighed[FitT]) -> bool:
+        return best.scores.against(other.scores).told and not self._equal(best, other)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The first effect of the best choice, and single effects that the data cannot tell from it."""
+        if not self.tied:
+            return ()
+        best = self.tied[0]
+        if len(best.names) > 1:
+            return best.names[:1]
+        return (best.names[0], *(one.names[0] for one in self.tied[1:] if len(one.names) == 1))
+
+    @property
+    def passed_over(self) -> dict[str, str]:
+        """Effects that show and are not worth a name, and why."""
+        shown = {name for one in self.significant for name in one.names}
+        found = {name: why for name, why in self.refused.items() if name in shown}
+        for one in self.stand_ins:
+            why = f"it stands in for something that explains far more: {self.structures[0].text}"
+            found.setdefault(one.names[-1], why)
+        for one in self.significant:
+            if one in self.tied or one in self.stand_ins or len(one.proposals) > 1:
+                continue
+            if one.hollow:
+                found.setdefault(one.names[-1], "nothing is left in it of the plainer effect that it contains")
+            elif not self.worth(one):
+                found.setdefault(one.names[-1], self.too_small(one))
+        return {name: why for name, why in found.items() if name not in self.names}
+
+
+class View(ABC, Generic[FitT]):
+    """One view of the data, in which models are fitted and effects weighed."""
+
+    @abstractmethod
+    def weigh(self, parent: FitT) -> Step[FitT]:
+        """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
+
+    @abstractmethod
+    def again(self, fit: FitT) -> FitT:
+        """The same model, searched as thoroughly as one that is to stay deserves."""
+
+    @abstractmethod
+    def without(self, fit: FitT, name: str) -> FitT | None:
+        """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
