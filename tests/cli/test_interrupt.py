@@ -44,9 +44,13 @@ FITS = SOON.replace(
 )
 
 
+# What a shell has begun in the background ignores SIGINT, and so do its children, were it not for this.
+HEEDED = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+
+
 def interrupted(code: str, words: list[object], *, when: Callable[[subprocess.Popen[str]], str]) -> tuple[str, str]:
     """Send SIGINT as soon as a line has come; the last line on stderr, and all of stdout after that."""
-    command = [sys.executable, "-c", code, *map(str, words)]
+    command = [sys.executable, "-c", HEEDED + code, *map(str, words)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         late = threading.Timer(DEADLINE, process.kill)
         late.start()

@@ -1,4 +1,4 @@
-"""`idloop diagnose`: which physical effects a model lacks, ranked by calibrated evidence."""
+"""`idloop diagnose`: which physical effects a model lacks, ranked by what they say of unseen samples."""
 
 from __future__ import annotations
 
@@ -53,8 +53,9 @@ def command(
 ) -> None:
     """Name the physical effects that MODEL lacks to explain every BAG.
 
-    First what this data can show at all; then the effects, ranked by evidence that is calibrated over the whole
-    catalogue, with the share of the error that each explains. Effects that the data cannot tell apart are one set.
+    First what this data can show at all; then the effects, ranked by what models with them say of samples that their
+    fits have not seen, with the share of the error that each explains. Effects that the data cannot tell apart are one
+    set.
     """
     model = apply_options(model, settings, effects)
     records = read_records(bags, model)

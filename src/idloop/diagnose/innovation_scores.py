@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +142,7 @@ class InnovationScores:
                     break
             for group, rest, found in zip(self._groups, others, density, strict=True):
                 found[group.folds[index]] = _log_densities(group, errors, rest, group.folds[index])
-        return _joined(self._groups, density)
+        return replace(_joined(self._groups, density), start=self.fit.at_start)
 
 
 def _log_densities(group: _Group, residual: Array, others: Rows, own: Rows) -> Array:

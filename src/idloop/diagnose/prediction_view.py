@@ -64,11 +64,14 @@ class PredictionStep(Step[Refit]):
         Records whose free run tells whether an effect is worth a name.
     unfollowed : str
         What to say where the motion does not follow the command; empty where it does.
+    known : dict
+        Fits whose free runs have been compared with the parent's, and the part by which each makes errors smaller.
     """
 
     setting: Setting = field(kw_only=True)
     unseen: tuple[Record, ...] = field(kw_only=True)
     unfollowed: str = ""
+    known: dict[int, tuple[Refit, float]] = field(default_factory=dict, compare=False)
 
     @property
     def criterion(self) -> str:
@@ -77,6 +80,11 @@ class PredictionStep(Step[Refit]):
 
     def smaller(self, one: Weighed[Refit]) -> float:
         """Part by which an effect makes errors smaller: those one sample ahead, or those of the free run."""
+        if id(one.fit) not in self.known:
+            self.known[id(one.fit)] = one.fit, self._smaller(one)
+        return self.known[id(one.fit)][1]
+
+    def _smaller(self, one: Weighed[Refit]) -> float:
         part = one.evidence.improvement
         splits = any(proposal.effect.splits for proposal in one.proposals)
         if not splits and same_motion(one.fit.model, self.parent.model, self.setting.records):
@@ -294,7 +302,7 @@ class _Weigher:
 
     def __init__(self, parent: Refit) -> None:
         self.parent, self.innovations = parent, InnovationScores(parent)
-        self.base = replace(self.innovations.scores(), start=parent.at_start)
+        self.base = self.innovations.scores()
 
     def singles(self, confirmed: Iterable[Confirmed]) -> list[Weighed[Refit]]:
         """Those that explain anything, with their evidence."""
@@ -320,7 +328,7 @@ class _Weigher:
         except (IdloopError, np.linalg.LinAlgError):
             return None
         # Bodies that are new with an effect start somewhere: what a start loses does not count.
-        scores = replace(scores, start=max(fit.at_start, self.parent.at_start))
+        scores = replace(scores, start=max(scores.start, self.base.start))
         return scores if np.all(np.isfinite(scores.log_density)) else None
 
 
