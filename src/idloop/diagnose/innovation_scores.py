@@ -162,7 +162,8 @@ def _joined(groups: list[_Group], density: list[Array]) -> Scores:
     found, blocks, before = [], [], 0
     for group, values in zip(groups, density, strict=True):
         known = np.isfinite(values)
-        found.append(np.where(known, values, np.mean(values[known]))[np.concatenate(group.folds)])
+        average = float(np.mean(values[known])) if np.any(known) else np.nan
+        found.append(np.where(known, values, average)[np.concatenate(group.folds)])
         blocks += [block + before for block in group.blocks]
         before += len(values)
     return Scores(np.concatenate(found), blocks)
