@@ -124,7 +124,7 @@ def _scattered(
 
 
 def beside_bare(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: int) -> list[Confirmed]:
-    """Effects fitted beside one without parameters, best first; none where nothing is left to explain.
+    """Effects fitted beside one without parameters, best first.
 
     What the screening says of a model that is far off is little: all values that it tried are starts.
 

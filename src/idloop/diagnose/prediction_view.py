@@ -45,9 +45,11 @@ from idloop.validate.measures import NEGLIGIBLE
 Progress = Callable[[float, str], None]
 
 # A whitening of so many lags that makes the errors' deviations smaller by more than this [log] has swallowed an effect.
-MANY_LAGS, MUCH_COLOUR = 6, 0.05
+_MANY_LAGS, _MUCH_COLOUR = 6, 0.05
 # Fewer lags that do so by this much: noise with a memory of a hundred samples would not.
-ANY_COLOUR = 2.5
+_ANY_COLOUR = 2.5
+# Part of what shows that the first round of a search must reach.
+_FIRST_ROUND = 0.5
 # Least log-likelihood that is worth weighing.
 _LEAST_GAIN = 2.0
 
@@ -215,7 +217,8 @@ class PredictionView(View[Refit]):
         """Refits of what the score test does not rule out."""
         swallowed = _swallowed(parent)
         # What the noise model has swallowed a score test does not see.
-        chosen = promising(screened, *((2.0 * math.log(max(len(screened), 1)),) if swallowed else (bar, 0)))
+        chance = 2.0 * math.log(max(len(screened), 1))
+        chosen = promising(screened, chance) if swallowed else promising(screened, bar, fewest=0)
         chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
         found = confirm(
             self.setting,
@@ -343,8 +346,11 @@ def _may_decide(first: Confirmed, bar: float) -> bool:
     What takes a plainer effect's place begins far from where it is best, with the disturbance that was strong for
     want of it: after one round it may still be worse than what it replaces, and the score test tells more.
     """
-    gained = first.proposal.effect.slow or first.proposal.replaces is not None
-    return max(2.0 * first.gain if gained else 0.0, first.statistic) > 0.5 * bar
+    if first.proposal.replaces is not None:
+        reached = max(2.0 * first.gain, first.statistic)
+    else:
+        reached = 2.0 * first.gain if first.proposal.effect.slow else first.statistic
+    return reached > _FIRST_ROUND * bar
 
 
 def _swallowed(fit: Refit) -> bool:
@@ -355,9 +361,9 @@ def _swallowed(fit: Refit) -> bool:
     """
     if not isinstance(fit.criterion, InnovationCriterion):
         return False
-    if fit.coloured <= MUCH_COLOUR or fit.coloured > ANY_COLOUR:
-        return fit.coloured > ANY_COLOUR
-    return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
+    if fit.coloured <= _MUCH_COLOUR or fit.coloured > _ANY_COLOUR:
+        return fit.coloured > _ANY_COLOUR
+    return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= _MANY_LAGS
 
 
 def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
