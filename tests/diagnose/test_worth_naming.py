@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from idloop.diagnose import diagnose
@@ -61,3 +62,33 @@ def test_what_helps_less_than_is_asked_for_is_passed_over(start: Model, least: f
     found = diagnose(start, [record], effects=["coulomb_friction"], minimum_improvement=least, criterion="prediction")
     assert (found.best is not None) is named
     assert ("99.9 % is asked for" in found.summary()) is not named
+
+
+@pytest.mark.parametrize(("amplitude", "named"), [(3e-4, False), (0.05, True)])
+def test_what_a_coarse_sensor_rounds_off_is_no_ripple(amplitude: float, named: bool) -> None:
+    name, start = "sensor_ripple@position[axis]", load_model("axis")
+    exact = record_of(start.with_effects([f"{name}(amplitude={amplitude},harmonic=6,phase=0.4)"]), 4, seconds=8.0)
+    output = exact.output.copy()
+    output[:, 0] = 0.02 * np.round(output[:, 0] / 0.02)
+    found = diagnose(start, [replace(exact, output=output)], effects=["sensor_ripple"], criterion="prediction")
+    assert (found.best is not None and found.best.name == name) is named
+
+
+@pytest.mark.parametrize(("ratio", "named"), [(0.0, False), (0.3, True)])
+def test_a_richer_effect_must_show_beyond_the_plainer_one_whose_place_it_takes(ratio: float, named: bool) -> None:
+    plain, rich = "coulomb_friction@axis", "asymmetric_friction@axis"
+    bare = with_noise(load_model("axis"), 10.0)
+    record = record_of(bare.with_effects([f"{rich}(level=0.05,ratio={ratio})"]), 4, seconds=8.0)
+    start = bare.with_effects([f"{plain}(level=0.05)"])
+    found = diagnose(start, [record], effects=["asymmetric_friction"], criterion="prediction")
+    assert (found.set == (rich,)) is named
+
+
+@pytest.mark.parametrize("give", [True, False])
+def test_a_spring_must_give(give: bool) -> None:
+    start = with_noise(load_model("axis"), 30.0)
+    values = {"stiffness": 20.0, "damping": 0.02, "split": 0.4, "viscous_split": 0.4}
+    machine = start.with_effect("compliance", "axis", **values) if give else start
+    record = record_of(machine, 4, seconds=8.0)
+    found = diagnose(start, [record], effects=["compliance"], criterion="prediction")
+    assert (found.best is not None) is give

@@ -30,7 +30,7 @@ from idloop.diagnose.reach import at_its_bound
 from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.restarts import has_contacts, searched_anew
 from idloop.diagnose.rivals import from_the_best
-from idloop.diagnose.same_motion import same_motion
+from idloop.diagnose.same_motion import same_motion, within_rounding
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.step import Step, View, Weighed
@@ -38,6 +38,7 @@ from idloop.diagnose.verdict import ADEQUATE, NOT_EXCITED, UNKNOWN
 from idloop.errors import IdloopError
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.whitening import choose_order
+from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validate.measures import NEGLIGIBLE
@@ -272,11 +273,19 @@ class PredictionView(View[Refit]):
             (proposal,) = one.proposals
             if why := at_its_bound(one.fit.model, proposal):
                 refused[proposal.name] = why
+            elif self._rounded_off(one.fit.model, proposal):
+                refused[proposal.name] = "it moves the reading by less than half a step of its rounding"
             elif self.held_out is not None and not holds(self.held_out, step.parent, proposal, one.fit):
                 refused[proposal.name] = "it does harm on the unseen data"
             elif not moved and not follows(self.setting, one.fit):
                 refused[proposal.name] = REFUSED
         return replace(step, refused=refused)
+
+    def _rounded_off(self, model: Model, proposal: Proposal) -> bool:
+        """Whether all that an effect does to a reading is less than the sensor's rounding."""
+        if proposal.effect.site != OUTPUT or proposal.replaces is not None:
+            return False
+        return within_rounding(model, model.without_effect(proposal.name), proposal.at, self.setting.records)
 
     def again(self, fit: Refit) -> Refit:
         """The same model, with the order of whitening that suits it."""

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnose.lattice import rounding_step
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data, prepare
 from idloop.estimate.engine import RememberingEngine
@@ -45,6 +46,32 @@ def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
             for data, apart in _apart(model, other, records)
             for seen in [np.any(np.isfinite(data.output), axis=0)]
         )
+    except IdloopError:
+        return False
+
+
+def within_rounding(model: Model, other: Model, output: str, records: Sequence[Record]) -> bool:
+    """Whether two models of the same motion read a sensor apart by no more than its own rounding does.
+
+    Parameters
+    ----------
+    model, other : Model
+    output : str
+        Site of the sensor.
+    records : sequence of Record
+        As of `same_motion`.
+
+    Returns
+    -------
+    bool
+        False where a simulation fails.
+    """
+    column = next(i for i, o in enumerate(model.outputs) if o.site == output)
+    step = rounding_step(records, column)
+    if step == 0.0:
+        return False
+    try:
+        return all(np.all(np.abs(apart[:, column]) <= 0.5 * step) for _, apart in _apart(model, other, records))
     except IdloopError:
         return False
 
