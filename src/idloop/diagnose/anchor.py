@@ -24,7 +24,7 @@ from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter
 
 # A mass or a stiffness that the fit has changed by this factor is not the user's any more.
-_LEFT_BEHIND = 5.0
+LEFT_BEHIND = 5.0
 # How far from the user's values the model may go when it is held near them.
 _NEAR = 3.0
 # Searches from the very values of the user that are carried on after a first round.
@@ -94,7 +94,7 @@ def _begins_at_the_users(model: Model, given: Mapping[str, float], proposal: Pro
     if proposal.effect.site == COUPLING:
         return f"{proposal.at}.stiffness" in _left(model, given)
     of_the_drive = proposal.effect.site == INPUT or bool(proposal.effect.delay)
-    return of_the_drive and _GAIN in model.free and abs(model.values[_GAIN]) < abs(given.get(_GAIN, 0.0)) / _LEFT_BEHIND
+    return of_the_drive and _GAIN in model.free and abs(model.values[_GAIN]) < abs(given.get(_GAIN, 0.0)) / LEFT_BEHIND
 
 
 def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
@@ -110,7 +110,7 @@ def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: 
 def _left(model: Model, given: Mapping[str, float]) -> list[str]:
     """Inertias and stiffnesses that are far from what the user gave."""
     shares = {name: model.values[name] / given[name] for name in _linear(model, given, _SIZES)}
-    return [name for name, share in shares.items() if not 1.0 / _LEFT_BEHIND < share < _LEFT_BEHIND]
+    return [name for name, share in shares.items() if not 1.0 / LEFT_BEHIND < share < LEFT_BEHIND]
 
 
 def _strange_to_scores(proposal: Proposal) -> bool:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+from idloop.diagnose.anchor import LEFT_BEHIND
+from idloop.diagnose.refit import refit_or_none
 from idloop.diagnose.setting import Setting
 from idloop.errors import InputError
 from idloop.estimate.engine import RememberingEngine
@@ -28,10 +32,11 @@ def deciding_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> 
     Returns
     -------
     WeakFit or None
-        None where some body is not measured, where sensor noise is what it would show, and where the command is turned.
+        None where some body is not measured, where sensor noise is what it would show, where the command is turned, and
+        where what it shows is a feedback.
     """
     fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms)
-    serves = fit is not None and fit.model_error_rules and not _against_the_command(fit)
+    serves = fit is not None and fit.model_error_rules and setting.shows(fit.model) and not _against_the_command(fit)
     return fit if serves else None
 
 
@@ -55,6 +60,35 @@ def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> Wea
             "use prediction"
         )
     return fit
+
+
+def contradicted(start: Model, found: Model, setting: Setting, level: float) -> bool:
+    """Whether predictions of the next sample are no better for what a force balance has found.
+
+    Where a disturbance moves an axis and a loop answers it, the balance shows that loop and not the axis. Predictions
+    have the disturbance for what it is; but they may take a missing friction for one, too, and an axis that the drive
+    hardly moves. What they say of that is no contradiction.
+
+    Parameters
+    ----------
+    start, found : Model
+        Before and after the balance has added to it.
+    setting : Setting
+        Of predictions.
+    level : float
+        Probability of naming an effect where nothing is missing.
+    """
+    plain = refit_or_none(setting, start)
+    if plain is None or _push(plain.model) < _push(start) / LEFT_BEHIND:
+        return False
+    after = refit_or_none(setting, found)
+    return after is None or after.log_likelihood - plain.log_likelihood < math.log(1.0 / level)
+
+
+def _push(model: Model) -> float:
+    """Acceleration of the driven body for a command, less its friction [position/s² per input]."""
+    values = model.values
+    return abs(values["drive.gain"]) / max(values[f"{model.bodies[0]}.inertia"], 1e-300)
 
 
 def _against_the_command(fit: WeakFit) -> bool:

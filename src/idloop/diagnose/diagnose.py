@@ -9,7 +9,7 @@ import numpy as np
 
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, asked_fit, deciding_fit
+from idloop.diagnose.deciding_view import NOTHING, asked_fit, contradicted, deciding_fit
 from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView
@@ -108,6 +108,8 @@ def _by_force(
     step = ForceView(setting, level, least, effects, forms=forms).weigh(fit)
     shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
     if not asked and (shown is None or shown.relative >= NOTHING):
+        return None
+    if not asked and step.tied and contradicted(model, step.tied[0].fit.model, setting, level):
         return None
     tell(1.0, "done")
     return diagnosis_of(step)

@@ -172,7 +172,7 @@ class ForceView(View[WeakFit]):
         chosen = promising[:FITTED]
         parts = {part for found in chosen for part in found.proposal.effect.contains}
         chosen += [found for found in promising[FITTED:] if found.proposal.effect.name in parts]
-        weigher = _Weigher(parent, self.held_out)
+        weigher = _Weigher(self.setting, parent, self.held_out)
         weighed = weigher(in_parallel(partial(_fitted, parent, draft_of(parent.form)), chosen))
         step = ForceStep(
             whole, tuple(weighed), len(choices) + screen.waves, self.level, self.least, tuple(asked), thinned=parent
@@ -390,8 +390,8 @@ def _again(fit: WeakFit, form: WeakForm) -> WeakFit | None:
 class _Weigher:
     """Weighs fitted models against one without what they have."""
 
-    def __init__(self, parent: WeakFit, held_out: Sequence[Data]) -> None:
-        self.parent, self.base = parent, scores_of(parent)
+    def __init__(self, setting: Setting, parent: WeakFit, held_out: Sequence[Data]) -> None:
+        self.setting, self.parent, self.base = setting, parent, scores_of(parent)
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
         self._held_out = None if form is None else form.thinned(_ENOUGH)
         self._before = self._errors(parent)
@@ -413,7 +413,7 @@ class _Weigher:
             return None
         chosen, fit = fitted
         gain = fit.log_likelihood - self.parent.log_likelihood
-        if gain < _LEAST_PROMISE:
+        if gain < _LEAST_PROMISE or not self.setting.shows(fit.model):
             return None
         try:
             scores = scores_of(fit)

@@ -11,7 +11,7 @@ from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, PREDICTION, check_numbers, first_kind
 from idloop.diagnose.climb import Climb
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, asked_fit, deciding_fit
+from idloop.diagnose.deciding_view import NOTHING, asked_fit, contradicted, deciding_fit
 from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.follows import unmoved
@@ -142,6 +142,8 @@ class _Task:
         if asked:
             return found, True
         if last.relative >= NOTHING or len(found.steps) == (1 if ladder is None else len(ladder.steps)):
+            return ladder, False
+        if contradicted(start, found.model, setting, self.level):
             return ladder, False
         return found, last.model_error_rules
 

@@ -133,10 +133,24 @@ class Setting:
 
     def criterion(self, model: Model) -> Criterion:
         """The criterion for one model."""
-        engine = FrugalEngine(model, min(d.sample_time for d in self.data), self.speed)
+        engine = self._engine(model)
         if self.kind == "simulation":
             return SimulationCriterion(engine, list(self.data))
         return InnovationCriterion(engine, list(self.data), self.noise, self.force)
+
+    def shows(self, model: Model) -> bool:
+        """Whether a model is none of an axis far faster than the samples.
+
+        A feedback from a disturbed motion to the command looks like one in a balance of forces: without inertia.
+        """
+        try:
+            self._engine(model).layout()
+        except IdloopError:
+            return False
+        return True
+
+    def _engine(self, model: Model) -> FrugalEngine:
+        return FrugalEngine(model, min(d.sample_time for d in self.data), self.speed)
 
 
 def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: Sequence[Record] = ()) -> Setting:
