@@ -171,7 +171,7 @@ class _Forms:
                 choices.append(["" if part in rest else part])
             else:
                 choices.append([one for one in (part, *self._others(part, rest)) if one not in rest])
-        return [_AND.join(filter(None, spelt)) for spelt in product(*choices)]
+        return [_AND.join(filter(None, spelt)) for spelt in product(*choices) if any(spelt)]
 
     def checks(self, names: Iterable[str]) -> tuple[str, ...]:
         """What tells effects apart by hand: the plainest first, and none of two that others tell apart already."""
@@ -195,7 +195,7 @@ class _Forms:
         if name in above:  # each of two is said to be the other
             return {min(above)}
         parts = self._parts(name, names)
-        return {piece for part in parts for piece in self._resolved(part, names, (*above, name))} or {name}
+        return {piece for part in parts for piece in self._resolved(part, names - {name}, (*above, name))} or {name}
 
     def _parts(self, name: str, names: set[str]) -> tuple[str, ...]:
         """The effects that one is the equation of among others; empty where it is none."""
@@ -210,20 +210,21 @@ class _Forms:
         parts = {one.site: one for one in self._known[part]}
         same = parts.get(effect.site)
         if same is not None:
-            low, high = sorted((effect.order, same.order))
-            return at if effect.site == BODY or self._leave_constants(at, low, high, names) else None
+            return at if effect.site == BODY or self._leave_constants(at, (effect, same), names) else None
         if effect.site == INPUT and BODY in parts:
             # Gain times a constant is a constant force on the driven body.
-            return self.model.bodies[0] if self._leave_constants(at, effect.order, math.inf, names) else None
+            return self.model.bodies[0] if self._leave_constants(at, (effect,), names) else None
         if effect.delay and INPUT in parts and parts[INPUT].delay and len(self.model.outputs) == 1:
             # Nothing between command and sensor depends on time: with one sensor the order does not matter.
             return INPUT
         return None
 
-    def _leave_constants(self, at: str, low: float, high: float, names: set[str]) -> bool:
-        """Whether what stands between two places of a chain of effects leaves a constant alone."""
-        chain = (self._effect(name) for name in names if effect_and_site(name)[1] == at)
-        return all(one.passes_constants for one in chain if low < one.order < high)
+    def _leave_constants(self, at: str, ends: tuple[Effect, ...], names: set[str]) -> bool:
+        """Whether what stands between two effects of a site, or behind one, leaves a constant alone."""
+        chain = [self._effect(name) for name in names if effect_and_site(name)[1] == at]
+        low = min(one.order for one in ends)
+        high = max(one.order for one in ends) if len(ends) > 1 else math.inf
+        return all(one.passes_constants for one in chain if one not in ends and low <= one.order <= high)
 
     def _others(self, part: str, rest: set[str]) -> Iterator[str]:
         """Effects that are the equation of one alone."""
