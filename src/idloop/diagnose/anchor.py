@@ -22,6 +22,7 @@ from idloop.diagnose.setting import Setting
 from idloop.physics.effect import COUPLING, INPUT
 from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter
+from idloop.physics.schema import BODY_PARAMETERS, COUPLING_PARAMETERS
 
 # A mass or a stiffness that the fit has changed by this factor is not the user's any more.
 LEFT_BEHIND = 5.0
@@ -29,7 +30,7 @@ LEFT_BEHIND = 5.0
 _NEAR = 3.0
 # Searches from the very values of the user that are carried on after a first round.
 _CARRIED_ON = 2
-_SIZES, _LOSSES, _GAIN = ("inertia", "stiffness"), ("viscous_friction", "damping"), "drive.gain"
+_SIZES, _GAIN = ("inertia", "stiffness"), "drive.gain"
 
 
 def left_behind(model: Model, given: Mapping[str, float]) -> bool:
@@ -134,7 +135,7 @@ def _near(parameter: Parameter, given: float) -> Parameter:
 
 def _held_near(setting: Setting, model: Model, given: Mapping[str, float]) -> Refit | None:
     """The model at its best near the user's values; free to leave them again."""
-    names = _linear(model, given, (*_SIZES, *_LOSSES))
+    names = _linear(model, given, (*BODY_PARAMETERS, *COUPLING_PARAMETERS))
     if _GAIN in model.free and given.get(_GAIN, 0.0) != 0.0:
         names.append(_GAIN)
     start = model.with_values({name: given[name] for name in names})

@@ -27,8 +27,6 @@ _SURE = 2.5
 _OWN_PART = 3e-3
 # A joint that swings this often in a sample must show; inertia of two halves against each other, in that of both.
 _SWING, _HALVES = 0.1, 0.25
-# Effects that are everyday and whose absence from the data is worth a verdict of its own.
-_EVERYDAY = ("dead_zone", "coulomb_friction", "gain_asymmetry", "viscous_friction")
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,8 @@ class Gate:
         Effects that begin at a level, which the data may not have reached.
     limits : dict
         Size from which on an effect would be found, by effect and site, of those whose size has a name.
+    poor : bool
+        Whether the data cannot show effects that every servo axis may have.
     """
 
     findings: tuple[str, ...]
@@ -55,16 +55,12 @@ class Gate:
     why: dict[str, str]
     from_a_level: tuple[str, ...] = ()
     limits: dict[str, DetectionLimit] = field(default_factory=dict)
+    poor: bool = False
 
     @property
     def untestable(self) -> tuple[str, ...]:
         """Effects that this data cannot show, or not beyond the level that it has reached."""
         return tuple(name for name, answer in self.testable.items() if answer == "no" or name in self.from_a_level)
-
-    @property
-    def poor(self) -> bool:
-        """Whether the data cannot show effects that every servo axis may have."""
-        return any(name.split("@")[0] in _EVERYDAY for name, answer in self.testable.items() if answer == "no")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -108,7 +104,8 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
             if quicker:
                 testable[name], why[name] = "no", quicker
     levels = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
-    return Gate(facts.findings, testable, why, levels, limits | resolution_limits(model, setting))
+    poor = any(s.proposal.effect.everyday and testable[s.proposal.name] == "no" for s in screened)
+    return Gate(facts.findings, testable, why, levels, limits | resolution_limits(model, setting), poor)
 
 
 def excitation_findings(model: Model, setting: Setting) -> tuple[str, ...]:
@@ -191,10 +188,10 @@ def _reversals(model: Model, data: Data) -> int:
 
 def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | None, reach: Reach) -> tuple[str, str]:
     """``yes``, ``weak`` or ``no``, and why."""
-    name = s.proposal.effect.name
+    effect = s.proposal.effect
     if not s.traces:
         return "no", "the model cannot be simulated with it on this data"
-    if name in ("dead_zone", "saturation") and facts.command_levels <= 1:
+    if effect.odd and facts.command_levels <= 1:
         return "no", "the command has one size only, so the effect is a plain gain: use several amplitudes"
     if s.left < _OWN_PART:
         return "no", "on this data it does no more than the free parameters or the initial state can do"
@@ -206,9 +203,9 @@ def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | No
         return "no", "at its usual size it does no more than chance" + (f"; {from_where}" if from_where else "")
     if worth < _SURE * chance:
         return "weak", from_where or "only a strong effect would show"
-    level = s.proposal.effect.from_a_level
+    level = effect.from_a_level
     if level:
         return "weak", f"a {level} that this data has reached would show, one beyond it cannot"
-    if name == "imbalance" and facts.turns < 1.0:
+    if effect.whole_turn and facts.turns < 1.0:
         return "weak", f"the motion covers {facts.turns:.2g} of a turn: it looks like an offset or a spring"
     return "yes", from_where or f"at its usual size it would be worth {0.5 * worth:.3g} units of log-likelihood"

@@ -12,13 +12,12 @@ from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.detection import DetectionLimit
 from idloop.diagnose.setting import Setting
 from idloop.estimate.noise import resolution
-from idloop.physics.effect import OUTPUT, find_effect
-from idloop.physics.model import Model
+from idloop.physics.effect import OUTPUT, Effect, catalogue
+from idloop.physics.model import Model, effect_name
 from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-EFFECT = "sensor_quantisation"
 # The lattice must be at least this coarse against what else the readings scatter by.
 _COARSE = 0.9
 # Mean size of the second differences of white noise of deviation 1, and the most of it beside a lattice of 1.
@@ -44,8 +43,10 @@ def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = No
     """
     found = []
     for column, output in enumerate(model.outputs):
-        name = f"{EFFECT}@{output.site}"
-        if name in model.effect_names or not (effects is None or EFFECT in effects or name in effects):
+        if any(active.at == output.site and active.effect.resolution for active in model.effects):
+            continue
+        effect = next((one for one in _rounding(model, output.field) if _asked(one, output.site, effects)), None)
+        if effect is None:
             continue
         # A velocity computed from rounded positions has no converter of its own.
         if not any(np.any(np.isfinite(d.output[:, column])) for d in setting.data):
@@ -53,21 +54,28 @@ def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = No
         step = rounding_step(setting.records, column)
         if step <= 0.0:
             continue
-        effect = find_effect(EFFECT, OUTPUT)
-        grown = model.with_entry(EFFECT, output.site, {"resolution": step})
-        found.append(
-            Candidate(
-                effect=EFFECT,
-                at=output.site,
-                testable="yes",
-                why=f"the readings are multiples of {step:.6g} {output.unit}, coarser than their noise",
-                text=effect.text,
-                p_value=1e-300,
-                parameters={"resolution": {"value": step, "stderr": 0.0, "unit": output.unit}},
-                model=grown,
-            )
+        candidate = Candidate(
+            effect=effect.name,
+            at=output.site,
+            testable="yes",
+            why=f"the readings are multiples of {step:.6g} {output.unit}, coarser than their noise",
+            text=effect.text,
+            p_value=1e-300,
+            parameters={effect.resolution: {"value": step, "stderr": 0.0, "unit": output.unit}},
+            model=model.with_entry(effect.name, output.site, {effect.resolution: step}),
         )
-    return sorted(found, key=lambda c: -float(c.parameters["resolution"]["value"]))
+        found.append((step, candidate))
+    return [candidate for _, candidate in sorted(found, key=lambda one: -one[0])]
+
+
+def _asked(effect: Effect, at: str, effects: Sequence[str] | None) -> bool:
+    return effects is None or effect.name in effects or effect_name(effect.name, at) in effects
+
+
+def _rounding(model: Model, field: str) -> list[Effect]:
+    """Effects of the catalogue by which a sensor of a field rounds its readings."""
+    known = (effect for several in catalogue(*model.effect_folders).values() for effect in several)
+    return [effect for effect in known if effect.site == OUTPUT and effect.resolution and field in effect.outputs]
 
 
 def resolution_limits(model: Model, setting: Setting) -> dict[str, DetectionLimit]:
@@ -81,7 +89,9 @@ def resolution_limits(model: Model, setting: Setting) -> dict[str, DetectionLimi
     limits = {}
     for output, noise in zip(model.outputs, setting.noise, strict=True):
         least = _BEND / _MOST_BEND * float(noise)
-        limits[f"{EFFECT}@{output.site}"] = DetectionLimit("resolution", output.unit, least, least)
+        for effect in _rounding(model, output.field):
+            name = effect_name(effect.name, output.site)
+            limits[name] = DetectionLimit(effect.resolution, output.unit, least, least)
     return limits
 
 

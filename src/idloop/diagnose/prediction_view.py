@@ -388,7 +388,6 @@ def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
     places = ("input", parent.model.bodies[0])
 
     def slow(proposal: Proposal) -> bool:
-        alike = proposal.effect.name != "viscous_friction"
-        return remembers and proposal.effect.slow and (proposal.at in places or not alike)
+        return remembers and proposal.effect.slow and (proposal.at in places or not proposal.effect.anywhere)
 
     return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from idloop.errors import InputError
-from idloop.physics.effect import INPUT, OUTPUT, Effect, catalogue
+from idloop.physics.effect import INPUT, OUTPUT, Effect, catalogue, parameter_as
 from idloop.physics.model import Model, effect_name, values_of
 from idloop.physics.schema import Value
 from idloop.physics.trial import Scales, Trial
@@ -163,10 +163,8 @@ def _fits(model: Model, effect: Effect, at: str) -> bool:
         return False
     if effect.needs_angle and model.units.position != "rad":
         return False
-    if effect.name == "viscous_friction" and f"{at}.viscous_friction" in model.free:
-        return False
     # The data's own lattice shows a sensor's resolution; no refit is needed to see it.
-    return effect.name != "sensor_quantisation"
+    return f"{at}.{effect.site_parameter}" not in model.free and not effect.resolution
 
 
 def _is_plain(model: Model, effect: Effect, at: str) -> bool:
@@ -206,18 +204,18 @@ def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
 
 def dry_level(model: Model, body: str) -> float:
     """Dry friction that a model has at a body at speed, 0 without any."""
-    return sum(_values_as(model, body, "coulomb_friction", "level"))
+    return sum(_values_as(model, body, lambda effect: effect.dry_level))
 
 
 def command_limit(model: Model) -> float:
     """Command from which on a model cuts it at rest, infinite without such a limit."""
-    return min(_values_as(model, INPUT, "saturation", "limit"), default=float("inf"))
+    return min(_values_as(model, INPUT, lambda effect: effect.command_limit), default=float("inf"))
 
 
-def _values_as(model: Model, at: str, plain: str, parameter: str) -> Iterator[float]:
-    """Values of a plain effect's parameter at a site, and of richer effects that contain it."""
+def _values_as(model: Model, at: str, fact: Callable[[Effect], str]) -> Iterator[float]:
+    """Values of the parameters at a site that a fact is about."""
     for active in model.effects:
         if active.at == at:
-            name = parameter if active.effect.name == plain else active.effect.contains.get(plain, {}).get(parameter)
-            if name is not None:
-                yield model.values[f"{active.name}.{name}"]
+            name = parameter_as(active.effect, fact, *model.effect_folders)
+            if name:
+                yield values_of(active, model.values)[name]

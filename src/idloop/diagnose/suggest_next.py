@@ -13,36 +13,23 @@ from idloop.diagnose.suggest_words import listed
 from idloop.diagnose.twins import find_twins, one_of_each
 from idloop.errors import IdloopError
 from idloop.physics.effect import catalogue
+from idloop.physics.model import effect_and_site, effect_name
 
 if TYPE_CHECKING:
     from idloop.diagnose.diagnosis import Diagnosis
     from idloop.diagnose.ladder import Ladder
     from idloop.physics import Model
+    from idloop.physics.effect import Effect
     from idloop.records import Record
 
 Progress = Callable[[float, str], None]
 
 # Rivals at most: each pair costs, and the last ones of a long set hardly differ from the others.
 _MOST_RIVALS = 4
-# What any servo axis may have, the likeliest first; asked for before the rest of the catalogue.
-_EVERYDAY = (
-    "dead_zone",
-    "coulomb_friction",
-    "saturation",
-    "input_offset",
-    "backlash",
-    "imbalance",
-    "gain_asymmetry",
-    "stribeck_friction",
-    "input_delay",
-    "compliance",
-)
 _MOST_UNSEEN = 6
 # The command must be allowed to go this much beyond what it was, to look for what is there.
 _WIDER = 1.2
 _TURN = 6.283185307179586
-# What no experiment can ever show, because an unknown start looks the same, or needs none.
-_NEVER = frozenset({"sensor_offset", "sensor_quantisation"})
 
 
 @dataclass(frozen=True)
@@ -167,18 +154,23 @@ def _for_the_unseen(
 ) -> Suggestion | None:
     """The experiment that shows most of the effects that the data cannot show."""
     plain = _known_by_now(found)
-    rank = {name: place for place, name in enumerate(_EVERYDAY)}
     known = catalogue(*plain.effect_folders)
+
+    def at(name: str) -> Effect:
+        kind, site = effect_and_site(name)
+        return next(effect for effect in known[kind] if effect.site == plain.site_kind(site))
+
     seen, allowed = Limits().completed(plain, records), limits.completed(plain, records)
     further = seen.command is not None and allowed.command is not None and allowed.command > _WIDER * seen.command
     unseen = []
     for name in found.untestable:
-        kind = name.partition("@")[0]
-        if kind not in _NEVER and (further or not any(effect.from_a_level for effect in known[kind])):
+        effect = at(name)
+        # A sensor's resolution shows without an experiment.
+        if not (effect.hidden_by_start or effect.resolution) and (further or not effect.from_a_level):
             unseen.append(name)
     unseen += [name for name in _over_a_turn(plain, seen, allowed) if name not in unseen]
     models: dict[str, Model] = {}
-    for name in sorted(unseen, key=lambda name: rank.get(name.partition("@")[0], len(rank))):
+    for name in sorted(unseen, key=lambda name: at(name).suggest_order):
         if len(models) == _MOST_UNSEEN:
             break
         try:
@@ -207,5 +199,9 @@ def _over_a_turn(model: Model, seen: Limits, allowed: Limits) -> list[str]:
     if model.units.position != "rad" or seen.position is None or allowed.position is None:
         return []
     covered, free = (high - low for low, high in (seen.position, allowed.position))
-    name = f"imbalance@{model.bodies[0]}"
-    return [name] if covered < _TURN <= free and name not in model.effect_names else []
+    if not covered < _TURN <= free:
+        return []
+    effects = (e for several in catalogue(*model.effect_folders).values() for e in several if e.whole_turn)
+    # Of the bodies, the driven one: its way is what the limits are about.
+    names = (effect_name(effect.name, at) for effect in effects for at in model.sites(effect.site)[:1])
+    return [name for name in names if name not in model.effect_names]

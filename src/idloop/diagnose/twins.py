@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 from idloop.diagnose.suggest_words import listed
-from idloop.physics.effect import INPUT, find_effect
+from idloop.physics.effect import BODY, INPUT, Effect, catalogue
+from idloop.physics.model import effect_and_site, effect_name
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -15,27 +18,6 @@ if TYPE_CHECKING:
 
 # Between effects that stand together for one.
 _AND = " + "
-# Behind these a constant of the command stays a constant of the force.
-_LEAVE_A_CONSTANT = frozenset({"input_delay", "actuator_lag"})
-# What to do where motion cannot tell, by the effects that it tells apart.
-_CHECKS: tuple[tuple[frozenset[str], str], ...] = (
-    (
-        frozenset({"input_offset", "load_torque"}),
-        "with the load off and the command at zero, an amplifier's offset still turns the motor, a load does not",
-    ),
-    (
-        frozenset({"asymmetric_friction", "load_torque"}),
-        "mount the axis the other way round or take the load off, a load turns its sign or goes, friction stays",
-    ),
-    (
-        frozenset({"asymmetric_friction", "input_offset"}),
-        "zero the amplifier, an offset goes, friction stays",
-    ),
-    (
-        frozenset({"input_delay", "sensor_delay"}),
-        "watch the drive's current beside the command, a delay of the input is there as well, one of the sensor is not",
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -91,15 +73,16 @@ def find_twins(model: Model, names: Sequence[str], replaces: str | None = None) 
         In the order of `names`, then what is one equation with them whatever a fit says, two effects that stand for
         one as ``effect@site + effect@site``. Empty where data of another kind could tell them apart.
     """
+    forms = _Forms(model)
     rest = {name for name in (*model.effect_names, replaces or "") if name and name not in names}
     groups: dict[frozenset[str], list[str]] = {}
     for name in dict.fromkeys(names):
-        groups.setdefault(_pieces(model, {*rest, name}), []).append(name)
-    for spelt in dict.fromkeys(other for name in names for other in _spelt_out(model, name, rest)):
-        group = groups.get(_pieces(model, {*rest, *spelt.split(_AND)}), [])
+        groups.setdefault(forms.pieces({*rest, name}), []).append(name)
+    for spelt in dict.fromkeys(other for name in names for other in forms.spelt_out(name, rest)):
+        group = groups.get(forms.pieces({*rest, *spelt.split(_AND)}), [])
         if group and spelt not in group:
             group.append(spelt)
-    return tuple(Twins(tuple(group), _checks(group)) for group in groups.values() if len(group) > 1)
+    return tuple(Twins(tuple(group), forms.checks(group)) for group in groups.values() if len(group) > 1)
 
 
 def ladder_twins(ladder: Ladder) -> tuple[Twins, ...]:
@@ -147,66 +130,106 @@ def rival_twins(models: Sequence[Model]) -> tuple[tuple[int, ...], Twins | None]
     kinds: dict[tuple[frozenset[str], frozenset[str]], list[int]] = {}
     for index, model in enumerate(models):
         others = frozenset(p.name for p in model.parameters if not _of_an_effect(model, p.name) and p.free)
-        kinds.setdefault((_pieces(model, set(model.effect_names)), others), []).append(index)
+        kinds.setdefault((_Forms(model).pieces(set(model.effect_names)), others), []).append(index)
     for group in kinds.values():
         own = [_AND.join(n for n in models[i].effect_names if n not in common) for i in group]
         if len(group) > 1 and len(set(own)) == len(group):
             kept = tuple(sorted({*range(len(models))} - set(group[1:])))
-            return kept, Twins(tuple(own), _checks(own))
+            return kept, Twins(tuple(own), _Forms(models[group[0]]).checks(own))
     return tuple(range(len(models))), None
-
-
-def _spelt_out(model: Model, name: str, rest: set[str]) -> list[str]:
-    """What friction that differs by direction is, beside an effect that the model has: friction and a constant."""
-    effect, _, at = name.partition("@")
-    if effect != "asymmetric_friction":
-        return []
-    constants = [f"load_torque@{at}", *([f"input_offset@{INPUT}"] if at == model.bodies[0] else [])]
-    plain = f"coulomb_friction@{at}"
-    return [c if plain in rest else f"{plain}{_AND}{c}" for c in constants if c not in rest]
 
 
 def _of_an_effect(model: Model, parameter: str) -> bool:
     return any(parameter.startswith(f"{name}.") for name in model.effect_names)
 
 
-def _pieces(model: Model, names: set[str]) -> frozenset[str]:
-    """Effects brought to a common form."""
-    found: set[str] = set()
-    for name in names:
-        effect, _, at = name.partition("@")
-        if effect == "asymmetric_friction":
-            # level (1 + ratio sign v) sign v = level sign v + level ratio, at rest too: friction and a constant
-            found |= {f"coulomb_friction@{at}", f"load_torque@{at}"}
-        elif effect == "input_offset" and _constant_arrives(model, names):
-            # gain (u + offset) = gain u + constant: a constant force on the driven body
-            found.add(f"load_torque@{model.bodies[0]}")
-        elif effect == "sensor_delay" and len(model.outputs) == 1:
+class _Forms:
+    """Effects of a model brought to a common form, by what the effects say they are.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._known = catalogue(*model.effect_folders)
+
+    def pieces(self, names: set[str]) -> frozenset[str]:
+        """Effects that are all of these, none of them another one's equation."""
+        return frozenset(piece for name in names for piece in self._resolved(name, names, ()))
+
+    def spelt_out(self, name: str, rest: set[str]) -> list[str]:
+        """What an effect that is two or more at once is, beside the effects that a model has."""
+        parts = self._parts(name, {*rest, name})
+        if len(parts) < 2:
+            return []
+        choices = []
+        for part in parts:
+            if effect_and_site(part)[0] in self._effect(name).contains:
+                # It takes the place of this one.
+                choices.append(["" if part in rest else part])
+            else:
+                choices.append([one for one in (part, *self._others(part, rest)) if one not in rest])
+        return [_AND.join(filter(None, spelt)) for spelt in product(*choices) if any(spelt)]
+
+    def checks(self, names: Iterable[str]) -> tuple[str, ...]:
+        """What tells effects apart by hand: the plainest first, and none of two that others tell apart already."""
+        effects = {one.name: one for name in names for one in map(self._effect, filter(None, name.split(_AND)))}
+        told: set[str] = set()
+        found = []
+        for effect in sorted(effects.values(), key=lambda one: (len(one.same_as), one.name)):
+            for other, check in effect.by_hand.items():
+                pair = {effect.name, other}
+                if other in effects and not pair <= told:
+                    found.append(check)
+                    told |= pair
+        return tuple(found) or ("measure the one or the other by itself",)
+
+    def _effect(self, name: str) -> Effect:
+        effect, at = effect_and_site(name)
+        kind = self.model.site_kind(at)
+        return next(one for one in self._known[effect] if one.site == kind)
+
+    def _resolved(self, name: str, names: set[str], above: tuple[str, ...]) -> set[str]:
+        if name in above:  # each of two is said to be the other
+            return {min(above)}
+        parts = self._parts(name, names)
+        return {piece for part in parts for piece in self._resolved(part, names - {name}, (*above, name))} or {name}
+
+    def _parts(self, name: str, names: set[str]) -> tuple[str, ...]:
+        """The effects that one is the equation of among others; empty where it is none."""
+        effect, (_, at) = self._effect(name), effect_and_site(name)
+        places = [self._place(effect, at, part, names) for part in effect.same_as]
+        if None in places:
+            return ()
+        return tuple(f"{part}@{place}" for part, place in zip(effect.same_as, places, strict=True))
+
+    def _place(self, effect: Effect, at: str, part: str, names: set[str]) -> str | None:
+        """Site at which a part of an effect has the same equation; None where it has another one in this model."""
+        parts = {one.site: one for one in self._known[part]}
+        same = parts.get(effect.site)
+        if same is not None:
+            return at if effect.site == BODY or self._leave_constants(at, (effect, same), names) else None
+        if effect.site == INPUT and BODY in parts:
+            # Gain times a constant is a constant force on the driven body.
+            return self.model.bodies[0] if self._leave_constants(at, (effect,), names) else None
+        if effect.delay and INPUT in parts and parts[INPUT].delay and len(self.model.outputs) == 1:
             # Nothing between command and sensor depends on time: with one sensor the order does not matter.
-            found.add("input_delay@input")
-        else:
-            found.add(name)
-    return frozenset(found)
+            return INPUT
+        return None
 
+    def _leave_constants(self, at: str, ends: tuple[Effect, ...], names: set[str]) -> bool:
+        """Whether what stands between two effects of a site, or behind one, leaves a constant alone."""
+        chain = [self._effect(name) for name in names if effect_and_site(name)[1] == at]
+        low = min(one.order for one in ends)
+        high = max(one.order for one in ends) if len(ends) > 1 else math.inf
+        return all(one.passes_constants for one in chain if one not in ends and low <= one.order <= high)
 
-def _constant_arrives(model: Model, names: set[str]) -> bool:
-    """Whether what stands between an offset of the command and the force leaves a constant alone."""
-    order = find_effect("input_offset", INPUT).order
-    for name in names:
-        effect, _, at = name.partition("@")
-        if at != INPUT or effect in _LEAVE_A_CONSTANT:
-            continue
-        if find_effect(effect, INPUT, *model.effect_folders).order > order:
-            return False
-    return True
-
-
-def _checks(names: Iterable[str]) -> tuple[str, ...]:
-    kinds = {part.partition("@")[0] for name in names for part in name.split(_AND)}
-    told: set[str] = set()
-    found = []
-    for pair, text in _CHECKS:
-        if pair <= kinds and not pair <= told:
-            found.append(text)
-            told |= pair
-    return tuple(found) or ("measure the one or the other by itself",)
+    def _others(self, part: str, rest: set[str]) -> Iterator[str]:
+        """Effects that are the equation of one alone."""
+        for effect in (one for several in self._known.values() for one in several if len(one.same_as) == 1):
+            for at in self.model.sites(effect.site):
+                name = effect_name(effect.name, at)
+                if self._parts(name, {*rest, name}) == (part,):
+                    yield name

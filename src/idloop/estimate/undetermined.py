@@ -19,6 +19,7 @@ from idloop.estimate.result import FitResult, Ratio
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.estimate.uncertainty import ties
 from idloop.physics import Engine
+from idloop.physics.schema import BODY_PARAMETERS, COUPLING_PARAMETERS
 
 if TYPE_CHECKING:
     from idloop.estimate.dataset import Data
@@ -217,8 +218,8 @@ def exactly_tied(model: Model, jacobian: Array) -> Undetermined | None:
 def _forces(model: Model) -> set[str]:
     """Parameters that are forces, or forces per command or per motion."""
     found = {"drive.gain"}
-    found |= {f"{body}.{own}" for body in model.bodies for own in ("inertia", "viscous_friction")}
-    found |= {f"{coupling}.{own}" for coupling in model.couplings for own in ("stiffness", "damping")}
+    found |= {f"{body}.{own}" for body in model.bodies for own in BODY_PARAMETERS}
+    found |= {f"{coupling}.{own}" for coupling in model.couplings for own in COUPLING_PARAMETERS}
     for active in model.effects:
         found |= {f"{active.name}.{p.name}" for p in active.effect.parameters if p.unit.startswith("{force}")}
     return found

@@ -8,7 +8,7 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.export.left_out import acts, values_of
-from idloop.physics.effect import BODY, Effect
+from idloop.physics.effect import Effect, parameter_as
 from idloop.physics.engine import Engine
 from idloop.physics.layout import Layout
 from idloop.physics.model import Model
@@ -72,13 +72,6 @@ class Mechanics:
     partly: dict[str, str]
 
 
-def dry_level_name(effect: Effect) -> str:
-    """Parameter of an effect that is its level of Coulomb friction; empty for other effects."""
-    if effect.site != BODY:
-        return ""
-    return "level" if effect.name == DRY else effect.contains.get(DRY, {}).get("level", "")
-
-
 def body_names(model: Model, layout: Layout) -> list[str]:
     """Names of the bodies after compliance has split some; the second half of a body is its far one."""
     ends = (*layout.body_of[1:], layout.bodies)
@@ -125,13 +118,13 @@ def mechanics(model: Model, form: str) -> Mechanics:
     for active in model.effects:
         if active.at not in body_of or not acts(model, active):
             continue
-        _add(found, found.bodies[body_of[active.at]], active.effect, active.name, values_of(model, active))
+        level = parameter_as(active.effect, lambda effect: effect.dry_level, *model.effect_folders)
+        _add(found, found.bodies[body_of[active.at]], active.effect, active.name, values_of(model, active), level)
     return found
 
 
-def _add(found: Mechanics, body: Body, effect: Effect, name: str, values: dict[str, float]) -> None:
-    """Add what an effect at a body means in these numbers."""
-    level = dry_level_name(effect)
+def _add(found: Mechanics, body: Body, effect: Effect, name: str, values: dict[str, float], level: str) -> None:
+    """Add what an effect at a body, with a level of dry friction or without, means in these numbers."""
     if level:
         body.dry += values[level]
         if effect.name == DRY:

@@ -127,14 +127,11 @@ def may_vary(model: Model, watches: Sequence[Watch], more: Iterable[str] = ()) -
     InputError
         The model has no such parameter.
     """
-    viscous = [p.name for p in model.parameters if _is_viscous(p.name) and p.value > 0.0]
+    losses = {name for body in model.bodies for name in model.doing_as(f"{body}.viscous_friction")}
+    viscous = [p.name for p in model.parameters if p.name in losses and p.value > 0.0]
     watched = {watch.parameter for watch in watches}
     further = [model.parameter(name).name for name in more]
     return tuple(dict.fromkeys(name for name in (*viscous, *further) if name not in watched))
-
-
-def _is_viscous(name: str) -> bool:
-    return name.endswith(".viscous_friction") or name.startswith("viscous_friction@")
 
 
 def _full_name(model: Model, name: str) -> str:

@@ -168,8 +168,38 @@ class Effect:
         Still an effect when the part of it that is another effect is switched off.
     degenerates_to : tuple of str
         Effects that this one imitates at the edge of its parameters.
+    same_as : tuple of str
+        Effects of the same site that together are the same equation, so that no motion tells them apart. A constant at
+        the input may name one of a body, the driven one (where what acts behind it passes constants), and a delay of
+        a sensor one of the input (where there is one sensor).
+    by_hand : mapping
+        What to do where motion cannot tell: ``{effect of the same equation: check}``.
+    passes_constants : bool
+        Of an effect at the input: a constant added to what comes in is a constant added to what goes out.
+    odd : bool
+        Of an effect at the input: the same in both directions and without memory, so that it is a plain gain while the
+        command has one size.
+    everyday : bool
+        Any servo axis may have it: data that cannot show it say too little of the axis to call a model adequate.
+    suggest_order : int
+        Place among the effects that the next experiment is to show, small first.
+    whole_turn : bool
+        Looks like an offset or a spring as long as the motion covers less than a turn.
+    hidden_by_start : bool
+        An unknown start looks the same, so that no experiment is chosen to show it.
+    resolution : str
+        Parameter that is the step of the readings: the data's own lattice shows it, without a refit.
+    site_parameter : str
+        Parameter of the body or the coupling itself that does the same as this effect's first one, such as
+        ``viscous_friction``; where it is free the effect is not looked for.
+    dry_level : str
+        Parameter that is the dry friction at speed.
+    command_limit : str
+        Parameter that is the largest command that acts on an axis at rest.
     slow : bool
         A force that a disturbance with a long memory may stand for, so that only a refit shows it.
+    anywhere : bool
+        A slow force that looks the same on whatever body of the axis it acts.
     needs_angle : bool
         Makes sense only where positions are angles.
     several : bool
@@ -212,7 +242,20 @@ class Effect:
     contains: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     separable: bool = False
     degenerates_to: tuple[str, ...] = ()
+    same_as: tuple[str, ...] = ()
+    by_hand: Mapping[str, str] = field(default_factory=dict)
+    passes_constants: bool = False
+    odd: bool = False
+    everyday: bool = False
+    suggest_order: int = 100
+    whole_turn: bool = False
+    hidden_by_start: bool = False
+    resolution: str = ""
+    site_parameter: str = ""
+    dry_level: str = ""
+    command_limit: str = ""
     slow: bool = False
+    anywhere: bool = False
     needs_angle: bool = False
     several: bool = False
     equation: EffectEquation | None = None
@@ -220,6 +263,14 @@ class Effect:
     undo: Hook | None = None
     lost_motion: str = ""
     not_cancelled: str = ""
+
+    def __post_init__(self) -> None:
+        """Each parameter that a fact names must be there."""
+        shared = [mine for parameters in self.contains.values() for mine in parameters.values()]
+        facts = (self.delay, self.lost_motion, self.resolution, self.dry_level, self.command_limit)
+        for name in (*facts, *shared):
+            if name:
+                self.spec(name)
 
     @property
     def lags(self) -> bool:
@@ -330,7 +381,19 @@ def catalogue(*folders: Path) -> dict[str, tuple[Effect, ...]]:
             if name in built_in():
                 raise InputError(f"{files.folder}: effect '{name}' has the name of a built-in one: choose another name")
             known[name] = several
+    for files in (*named, *beside):
+        for several in _effects_in(files).values():
+            for effect in several:
+                _check_names(effect, known, files.folder)
     return known
+
+
+def _check_names(effect: Effect, known: Mapping[str, tuple[Effect, ...]], folder: Path) -> None:
+    """Refuse an effect that is said to be, or to contain, one that there is not."""
+    for name in (*effect.contains, *effect.same_as):
+        if name not in known:
+            cure = did_you_mean_or_known(name, list(known))
+            raise InputError(f"{folder}: effect {effect.name} is said to be or contain '{name}', which is none{cure}")
 
 
 def find_effect(name: str, site: str, *folders: Path) -> Effect:
@@ -349,3 +412,29 @@ def find_effect(name: str, site: str, *folders: Path) -> Effect:
             return effect
     fits = " or ".join(effect.site for effect in known[name])
     raise InputError(f"effect {name} does not act at the site kind '{site}': it acts at {fits}")
+
+
+def parameter_as(effect: Effect, fact: Callable[[Effect], str], *folders: Path) -> str:
+    """Parameter that a fact is about, such as the level of dry friction, of an effect or of one that it contains.
+
+    Parameters
+    ----------
+    effect : Effect
+    fact : callable
+        Such as ``lambda effect: effect.dry_level``.
+    *folders : Path
+        As in `catalogue`.
+
+    Returns
+    -------
+    str
+        Empty where the fact is not one of this effect.
+    """
+    own = fact(effect)
+    if own or not effect.contains:
+        return own
+    for name, shared in effect.contains.items():
+        inner = fact(find_effect(name, effect.site, *folders))
+        if inner in shared:
+            return shared[inner]
+    return ""

@@ -79,6 +79,12 @@ def effect_name(effect: str, at: str, number: int = 1) -> str:
     return f"{effect}@{at}" if number == 1 else f"{effect}#{number}@{at}"
 
 
+def effect_and_site(name: str) -> tuple[str, str]:
+    """Effect and site of a name as `effect_name` writes it."""
+    effect, _, at = name.partition("@")
+    return effect.partition("#")[0], at
+
+
 def values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters of one effect by their own names; an optional one follows the one it defaults to."""
     own: dict[str, float] = {}
@@ -184,6 +190,11 @@ class Model:
             if parameter.name == name:
                 return parameter
         raise InputError(f"model {self.name} has no parameter '{name}'{did_you_mean_or_known(name, self.values)}")
+
+    def doing_as(self, name: str) -> tuple[str, ...]:
+        """Names of a parameter of a body or a coupling and of the effects there that do the same."""
+        same = (a for a in self.effects if f"{a.at}.{a.effect.site_parameter}" == name)
+        return (name, *(f"{active.name}.{active.effect.strength}" for active in same))
 
     def with_values(
         self,

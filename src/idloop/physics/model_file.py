@@ -18,7 +18,15 @@ from idloop.errors import InputError
 from idloop.physics.effect import catalogue
 from idloop.physics.model import InputSignal, Model, OutputSignal
 from idloop.physics.parameter import Parameter
-from idloop.physics.schema import SCHEMA, EffectEntry, ModelFile, Value, read_model_file
+from idloop.physics.schema import (
+    BODY_PARAMETERS,
+    COUPLING_PARAMETERS,
+    SCHEMA,
+    EffectEntry,
+    ModelFile,
+    Value,
+    read_model_file,
+)
 from idloop.physics.trust import Allowed, allow, allow_again
 from idloop.physics.units import FORCES, Units, input_unit, position_unit
 from idloop.spelling import did_you_mean_or_known
@@ -60,20 +68,10 @@ def to_mapping(model: Model) -> dict[str, Any]:
             entry["noise"] = output.noise
         file["outputs"].append(entry)
     file["bodies"] = [
-        {
-            "name": body,
-            "inertia": number(f"{body}.inertia"),
-            "viscous_friction": number(f"{body}.viscous_friction"),
-        }
-        for body in model.bodies
+        {"name": body, **{own: number(f"{body}.{own}") for own in BODY_PARAMETERS}} for body in model.bodies
     ]
     file["couplings"] = [
-        {
-            "from": a,
-            "to": b,
-            "stiffness": number(f"{coupling}.stiffness"),
-            "damping": number(f"{coupling}.damping"),
-        }
+        {"from": a, "to": b, **{own: number(f"{coupling}.{own}") for own in COUPLING_PARAMETERS}}
         for coupling, a, b in zip(model.couplings, model.bodies[:-1], model.bodies[1:], strict=True)
     ]
     file["drive"] = {"gain": number("drive.gain")}

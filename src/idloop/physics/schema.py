@@ -95,6 +95,10 @@ class Body(BaseModel):
     viscous_friction: Number = Value(value=0.0, free=False)
 
 
+# Parameters of a body, and of a coupling, beside those of the effects that act there.
+BODY_PARAMETERS = tuple(name for name in Body.model_fields if name != "name")
+
+
 class Coupling(BaseModel):
     """A spring and damper between two neighbours of the chain."""
 
@@ -103,6 +107,9 @@ class Coupling(BaseModel):
     target: Name = Field(alias="to")
     stiffness: Number
     damping: Number = Value(value=0.0, free=False)
+
+
+COUPLING_PARAMETERS = tuple(name for name in Coupling.model_fields if name not in ("source", "target"))
 
 
 class Drive(BaseModel):

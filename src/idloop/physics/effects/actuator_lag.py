@@ -41,6 +41,7 @@ EFFECT = Effect(
     states=1,
     order=60,
     rate=lambda values, inertia, stiffness: 1.0 / max(values["time_constant"], 1e-3),
+    passes_constants=True,
     looks_like=("input_delay",),
     trials=lambda s: alternatives("time_constant", time_constants(s)),
     not_cancelled="its inverse amplifies the noise of the loop; the controller has to allow for it",

@@ -26,6 +26,12 @@ EFFECT = Effect(
         ParameterSpec("ratio", "-", min=-1.0, max=1.0),
     ),
     friction=friction,
+    same_as=("coulomb_friction", "load_torque"),  # level sign v + level ratio, at rest too
+    by_hand={
+        "load_torque": "mount the axis the other way round or take the load off, a load turns its sign or goes, "
+        "friction stays",
+        "input_offset": "zero the amplifier, an offset goes, friction stays",
+    },
     looks_like=("input_offset", "load_torque"),
     trials=lambda s: [
         [{"level": s.dry, "ratio": 0.1}]

@@ -27,6 +27,7 @@ EFFECT = Effect(
     ),
     force=force,
     slow=True,
+    anywhere=True,
     linear=True,
     rate=lambda values, inertia, stiffness: (values["stiffness"] / inertia) ** 0.5,
     looks_like=("imbalance",),

@@ -20,6 +20,7 @@ EFFECT = Effect(
         ParameterSpec("viscous_split", "-", min=0.0, max=1.0, optional="split"),
     ),
     splits=True,
+    suggest_order=90,
     looks_like=("input_delay", "actuator_lag", "presliding_friction"),
     trials=lambda s: [
         [

@@ -24,6 +24,9 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("level", "{force}", min=0.0),),
     friction=friction,
+    dry_level="level",
+    everyday=True,
+    suggest_order=20,
     looks_like=("dead_zone", "stribeck_friction", "asymmetric_friction"),
     trials=lambda s: alternatives("level", [r * s.force for r in (0.03, 0.1, 0.3)]),
 )

@@ -39,6 +39,9 @@ EFFECT = Effect(
     command=command,
     undo=undo,
     order=50,
+    odd=True,
+    everyday=True,
+    suggest_order=10,
     looks_like=("coulomb_friction",),
     trials=lambda s: alternatives("width", [r * s.command for r in (0.02, 0.05, 0.12, 0.3, 0.6)]),
 )

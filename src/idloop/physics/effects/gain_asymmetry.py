@@ -32,6 +32,8 @@ EFFECT = Effect(
     command=command,
     undo=undo,
     order=30,
+    everyday=True,
+    suggest_order=70,
     looks_like=("asymmetric_friction",),
     trials=lambda s: alternatives("ratio", [0.05]),
 )

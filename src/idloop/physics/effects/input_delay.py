@@ -15,6 +15,8 @@ EFFECT = Effect(
     parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
     delay="delay",
     order=10,
+    passes_constants=True,
+    suggest_order=85,
     looks_like=("actuator_lag", "sensor_delay", "compliance"),
     trials=lambda s: alternatives("delay", time_constants(s)),
     not_cancelled="its inverse would have to act before the command is known",

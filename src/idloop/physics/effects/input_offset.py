@@ -32,6 +32,12 @@ EFFECT = Effect(
     command=command,
     undo=undo,
     order=40,
+    same_as=("load_torque",),  # gain (u + offset) = gain u + constant
+    by_hand={
+        "load_torque": "with the load off and the command at zero, an amplifier's offset still turns the motor, "
+        "a load does not",
+    },
+    suggest_order=40,
     looks_like=("load_torque", "imbalance", "asymmetric_friction"),
     slow=True,
     trials=lambda s: alternatives("offset", [0.05 * s.command]),

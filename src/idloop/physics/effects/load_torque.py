@@ -26,5 +26,6 @@ EFFECT = Effect(
     force=force,
     looks_like=("input_offset",),
     slow=True,
+    anywhere=True,
     trials=lambda s: alternatives("torque", [0.05 * s.force]),
 )

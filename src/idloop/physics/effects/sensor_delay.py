@@ -14,6 +14,11 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
     delay="delay",
+    same_as=("input_delay",),  # nothing between the command and the sensor depends on time
+    by_hand={
+        "input_delay": "watch the drive's current beside the command, a delay of the input is there as well, "
+        "one of the sensor is not",
+    },
     looks_like=("input_delay",),
     trials=lambda s: alternatives("delay", time_constants(s)),
 )

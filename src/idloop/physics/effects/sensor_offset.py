@@ -25,5 +25,6 @@ EFFECT = Effect(
     parameters=(ParameterSpec("offset", "{output}"),),
     reading=reading,
     order=60,
+    hidden_by_start=True,
     trials=lambda s: alternatives("offset", [0.05 * s.output]),
 )

@@ -27,5 +27,6 @@ EFFECT = Effect(
     parameters=(ParameterSpec("resolution", "{output}", min=0.0),),
     reading=reading,
     final=True,
+    resolution="resolution",
     looks_like=(),
 )

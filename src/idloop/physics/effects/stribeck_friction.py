@@ -35,6 +35,7 @@ EFFECT = Effect(
     ),
     friction=friction,
     rate=lambda values, inertia, stiffness: abs(values["static"] - values["coulomb"]) / values["velocity"] / inertia,
+    suggest_order=80,
     looks_like=("coulomb_friction", "quadratic_drag"),
     trials=lambda s: [
         [

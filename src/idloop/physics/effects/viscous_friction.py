@@ -24,6 +24,8 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("coefficient", "{force}·s/{position}", min=0.0),),
     force=force,
+    site_parameter="viscous_friction",
+    everyday=True,
     slow=True,
     linear=True,
     rate=lambda values, inertia, stiffness: values["coefficient"] / inertia,
