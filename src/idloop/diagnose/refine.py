@@ -153,11 +153,17 @@ class _Task:
         held_out = None
         if self.validation:
             held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
-        view = PredictionView(setting, self.model, self.level, self.least, self.effects, held_out, self.seed, self.tell)
-        climb = self._climb(view, kind)
-        if climbed and ladder is not None:
-            climb = replace(climb, stays=ladder.added, spoils=self._spoils)
-        found, _ = climb(refit(setting, start), ladder)
+        on = ladder if climbed else None
+        given = self.model if on is None else on.model
+        view = PredictionView(setting, given, self.level, self.least, self.effects, held_out, self.seed, self.tell)
+        climb, fit = self._climb(view, kind), refit(setting, start)
+        if on is not None and self._spoils(on.model, fit.model):
+            # A disturbance that is free takes a part of the force for its own: such predictions see no better.
+            found = on
+        else:
+            if on is not None:
+                climb = replace(climb, stays=on.added, spoils=self._spoils)
+            found, _ = climb(fit, ladder)
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)
