@@ -36,8 +36,6 @@ class Climb(Generic[FitT]):
         Most effects to add.
     tell : callable
     on_step : callable, optional
-    stays : collection of str
-        Effects that are not taken out again.
     spoils : callable, optional
         Whether the second of two models must not take the place of the first.
     """
@@ -50,7 +48,6 @@ class Climb(Generic[FitT]):
     most: int
     tell: Progress
     on_step: Callable[[Ladder], None] | None = None
-    stays: Collection[str] = ()
     spoils: Callable[[Model, Model], bool] | None = None
 
     def __call__(self, fit: FitT, ladder: Ladder | None = None) -> tuple[Ladder, FitT]:
@@ -69,7 +66,7 @@ class Climb(Generic[FitT]):
             Of its last model.
         """
         given, spoilt = ladder, False
-        stays, seen = set(self.stays), set[str]()
+        stays, seen = set[str](), set[str]()
         step: Step[FitT] | None = None
         while True:
             count = 0 if ladder is None else len(ladder.added)
@@ -137,8 +134,10 @@ class Climb(Generic[FitT]):
             without = self.view.without(fit, name)
             if without is None:
                 continue
+            model = step.reported(without)
+            if self.spoils is not None and self.spoils(ladder.model, model):
+                continue
             fit, last = without, ladder.steps[-1]
-            model = step.reported(fit)
             added = None
             if last.added is not None:
                 added = replace(last.added, model=model, parameters=effect_parameters(model, last.added.name))

@@ -6,7 +6,7 @@ import math
 
 from idloop.diagnose.anchor import LEFT_BEHIND
 from idloop.diagnose.refit import refit_or_none
-from idloop.diagnose.setting import Setting
+from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import InputError
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.weak_fit import WeakFit, draft_of, fit_anew, fit_by_force
@@ -17,6 +17,8 @@ from idloop.physics.model import Model
 NOTHING = 0.9
 # With the command turned a model explains far more where it leaves less than this part of what it leaves otherwise.
 _FAR_LESS = 0.5
+# Samples that mostly tell whether predictions are better with an effect that the force balance shows.
+_BEGINNINGS = 4000
 
 
 def deciding_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> WeakFit | None:
@@ -78,6 +80,25 @@ def contradicted(start: Model, found: Model, setting: Setting, level: float) -> 
     level : float
         Probability of naming an effect where nothing is missing.
     """
+    part = _beginnings(setting, start)
+    # How long records begin mostly says enough; where it does not, all of them are asked.
+    return (part is None or _denies(start, found, part, level)) and _denies(start, found, setting, level)
+
+
+def _beginnings(setting: Setting, start: Model) -> Setting | None:
+    """How the records begin, as a setting of its own; None where they are short, or begin without a motion."""
+    samples = sum(len(record.time) for record in setting.records)
+    if samples < 2 * _BEGINNINGS:
+        return None
+    ends = [record.time[(len(record.time) - 1) * _BEGINNINGS // samples] for record in setting.records]
+    try:
+        cut = [record.cut(None, float(end)) for record, end in zip(setting.records, ends, strict=True)]
+        return prepare_setting(start, cut, setting.kind)
+    except InputError:
+        return None
+
+
+def _denies(start: Model, found: Model, setting: Setting, level: float) -> bool:
     plain = refit_or_none(setting, start)
     if plain is None or _push(plain.model) < _push(start) / LEFT_BEHIND:
         return False

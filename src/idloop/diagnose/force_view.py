@@ -26,6 +26,8 @@ from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.weak_fit import (
     MOST_ITERATIONS,
+    RANKING,
+    TOLERANCE,
     WeakFit,
     cost_at,
     draft_of,
@@ -102,9 +104,9 @@ class ForceStep(Step[WeakFit]):
         )
 
     def reported(self, fit: WeakFit) -> Model:
-        """A fitted model with its standard errors, on long records fitted to all windows first."""
-        if self.thinned is not self.parent and any(fit is one.fit for one in self.weighed):
-            fit = _again(fit, self.parent.form) or fit
+        """A fitted model with its standard errors; what was only ranked is fitted to the end, to all windows, first."""
+        if any(fit is one.fit for one in self.weighed):
+            fit = fit_in(self.parent.form, fit.model, fit.shift, TOLERANCE) or fit
         return fitted_model(fit)
 
     def verdict(self) -> tuple[str, tuple[str, ...]]:
@@ -332,7 +334,9 @@ def _starts(proposal: Proposal, trials: Sequence[Trial], size: Array) -> list[Tr
     return [trials[0], proposal.inside(proposal.weaker(trials[0], share))]
 
 
-def fit_in(form: WeakForm, model: Model, shift: float, rounds: int = MOST_ITERATIONS) -> WeakFit | None:
+def fit_in(
+    form: WeakForm, model: Model, shift: float, tolerance: float = RANKING, rounds: int = MOST_ITERATIONS
+) -> WeakFit | None:
     """A model fitted in the windows of another one; None where it cannot be.
 
     Parameters
@@ -342,6 +346,8 @@ def fit_in(form: WeakForm, model: Model, shift: float, rounds: int = MOST_ITERAT
         At the values to start from.
     shift : float
         Time from the stamp of a command to its action to start from [s].
+    tolerance : float
+        Log-likelihood that a further iteration must promise.
     rounds : int
         Most iterations.
 
@@ -352,7 +358,7 @@ def fit_in(form: WeakForm, model: Model, shift: float, rounds: int = MOST_ITERAT
     form = form.with_engine(RememberingEngine(model))
     start = np.append(model.theta, shift) if form.free_timing else model.theta
     try:
-        found = fit_weak(form, start, rounds=rounds)
+        found = fit_weak(form, start, rounds=rounds, tolerance=tolerance)
     except (IdloopError, np.linalg.LinAlgError):
         return None
     return found if np.isfinite(found.log_likelihood) else None

@@ -100,8 +100,8 @@ def refine(
         ladder.criterion if criterion == "auto" and ladder is not None and ladder.criterion != "auto" else criterion
     )
     if wanted in ("auto", FORCE):
-        found, decided = task.by_force(start, ladder, asked=wanted == FORCE)
-        if not decided:
+        found = task.by_force(start, ladder, asked=wanted == FORCE)
+        if wanted != FORCE:
             climbed = found is not None and found is not ladder
             found = task.by_errors(start if found is None else found.model, found or ladder, PREDICTION, climbed)
     if found is None:
@@ -126,29 +126,24 @@ class _Task:
     tell: Progress
     on_step: Callable[[Ladder], None] | None
 
-    def by_force(self, start: Model, ladder: Ladder | None, *, asked: bool) -> tuple[Ladder | None, bool]:
-        """Climb by the force balance where it serves, and tell whether it has the last word.
-
-        Where sensor noise is what is left in the end, and where it shows nothing, finer views go on.
-        """
+    def by_force(self, start: Model, ladder: Ladder | None, *, asked: bool) -> Ladder | None:
+        """Climb by the force balance where it serves; as it was where that shows nothing."""
         setting = prepare_setting(start, self.records, "prediction", self.validation)
         forms: dict[int, WeakForm] = {}
         fit = asked_fit(start, setting, forms) if asked else deciding_fit(start, setting, forms)
         if fit is None:
-            return None, False
+            return None
         held_out = prepare(start, self.validation, beside=self.records) if self.validation else []
         view = ForceView(setting, self.level, self.least, self.effects, held_out, forms)
         found, last = self._climb(view, FORCE)(fit, ladder)
         if asked:
-            return found, True
+            return found
         if last.relative >= NOTHING or len(found.steps) == (1 if ladder is None else len(ladder.steps)):
-            return ladder, False
-        if contradicted(start, found.model, setting, self.level):
-            return ladder, False
-        return found, last.model_error_rules
+            return ladder
+        return ladder if contradicted(start, found.model, setting, self.level) else found
 
     def by_errors(self, start: Model, ladder: Ladder | None, kind: str, climbed: bool) -> Ladder:
-        """Climb by one criterion; on from what the force balance has found, that stays and its error with it."""
+        """Climb by one criterion; on from what the force balance has found, whose error must not become larger."""
         setting = with_common_whitening(prepare_setting(start, self.records, kind, self.validation))
         held_out = None
         if self.validation:
@@ -162,7 +157,7 @@ class _Task:
             found = on
         else:
             if on is not None:
-                climb = replace(climb, stays=on.added, spoils=self._spoils)
+                climb = replace(climb, spoils=self._spoils)
             found, _ = climb(fit, ladder)
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:

@@ -39,8 +39,9 @@ _RULED, _LEAST_UNEXPLAINED = 0.1, 0.01
 _DISAGREE = 0.05
 # Fewer windows in all do not tell a model from another.
 FEWEST_ROWS = 100
-# The search ends where a step promises less log-likelihood than this.
-_TOLERANCE = 1e-4
+# The search ends where a step promises less log-likelihood than this; one that only ranks models, where it is a
+# hundredth of what tells them apart.
+TOLERANCE, RANKING = 1e-4, 0.05
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
 # A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
@@ -180,7 +181,7 @@ class WeakFit:
             gradient, hessian = flat.T @ (weight * error.ravel()), flat.T @ (weight[:, None] * flat)
             step, promised = box_step(gradient, hessian, 1e-9, self.point + move, lower, upper)
             move = move + step
-            if promised < _TOLERANCE:
+            if promised < TOLERANCE:
                 break
         point = np.clip(self.point + move, lower, upper)
         residual = self.form.residual(*_split(self.form, point))
@@ -352,7 +353,14 @@ def _moves_slope(model: Model, name: str) -> bool:
     return owner == "drive" or any(effect.site == INPUT or effect.friction is not None for effect in acting)
 
 
-def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, alike: bool = False) -> WeakFit:
+def fit_weak(
+    form: WeakForm,
+    start: Array,
+    *,
+    rounds: int = MOST_ITERATIONS,
+    tolerance: float = TOLERANCE,
+    alike: bool = False,
+) -> WeakFit:
     """Fit a model to a force balance.
 
     Parameters
@@ -362,6 +370,8 @@ def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, ali
         Free parameters, and the timing where that is free (0 when left out).
     rounds : int
         Most iterations.
+    tolerance : float
+        Log-likelihood that a further iteration must promise.
     alike : bool
         Take every window as one that tells of its command: not the likelihood, but a place to search for it from.
 
@@ -399,7 +409,7 @@ def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, ali
         accepted = False
         while damping <= _MOST_DAMPING:
             move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
-            if predicted <= _TOLERANCE:
+            if predicted <= tolerance:
                 converged = True
                 break
             trial = np.clip(point + move, lower, upper)
@@ -407,7 +417,7 @@ def fit_weak(form: WeakForm, start: Array, *, rounds: int = MOST_ITERATIONS, ali
             if np.all(np.isfinite(left)):
                 now = _cost(left)
                 if now < cost:
-                    accepted, converged, point = True, cost - now < _TOLERANCE, trial
+                    accepted, converged, point = True, cost - now < tolerance, trial
                     damping = max(0.1 * damping, 1e-9)
                     break
             damping *= 8.0
