@@ -34,6 +34,7 @@ from idloop.estimate.weak_fit import (
     fit_by_force,
     fit_weak,
     relative_error,
+    with_rest_speed,
 )
 from idloop.estimate.weak_form import WeakForm, weak_form
 from idloop.physics.effect import OUTPUT
@@ -106,7 +107,7 @@ class ForceStep(Step[WeakFit]):
     def reported(self, fit: WeakFit) -> Model:
         """A fitted model with its standard errors; what was only ranked is fitted to the end, to all windows, first."""
         if any(fit is one.fit for one in self.weighed):
-            fit = fit_in(self.parent.form, fit.model, fit.shift, TOLERANCE) or fit
+            fit = _again(fit, self.parent.form, TOLERANCE) or fit
         return fitted_model(fit)
 
     def verdict(self) -> tuple[str, tuple[str, ...]]:
@@ -200,7 +201,11 @@ class ForceView(View[WeakFit]):
 
     def again(self, fit: WeakFit) -> WeakFit:
         """The same model in windows as wide as its noise asks for."""
-        return fit_by_force(fit.form.engine, self.setting.data, fit.theta, self._forms, insist=True) or fit
+        form = fit.form
+        found = fit_by_force(
+            form.engine, self.setting.data, fit.theta, self._forms, insist=True, rest_speed=form.rest_speed
+        )
+        return found or fit
 
     def without(self, fit: WeakFit, name: str) -> WeakFit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
@@ -382,15 +387,17 @@ def _fitted(parent: WeakFit, draft: WeakForm, promising: _Promising) -> _Fitted 
     best = max(found, key=lambda fit: fit.log_likelihood)
     if not best.converged:
         best = _again(best, draft) or best
+    if promising.proposal.effect.friction is not None:
+        best = with_rest_speed(best, RANKING)
     if draft is parent.form:
         return (promising.proposal,), best
     whole = _again(best, parent.form)
     return None if whole is None else ((promising.proposal,), whole)
 
 
-def _again(fit: WeakFit, form: WeakForm) -> WeakFit | None:
+def _again(fit: WeakFit, form: WeakForm, tolerance: float = RANKING) -> WeakFit | None:
     """The model of a fit, fitted on from there in other windows."""
-    return fit_in(form, fit.model, fit.shift)
+    return fit_in(form.with_rest_speed(fit.form.rest_speed), fit.model, fit.shift, tolerance)
 
 
 class _Weigher:
@@ -406,7 +413,7 @@ class _Weigher:
         """Logarithms of the typical and of the rms error on the held-out records."""
         if self._held_out is None:
             return np.zeros(2)
-        form = self._held_out.with_engine(fit.form.engine)
+        form = self._held_out.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
         typical = -float(np.mean(fit.log_densities(form)))
         return np.array([typical, math.log(relative_error(form, fit.theta, fit.shift))])
 
@@ -441,7 +448,8 @@ def _pair(parent: WeakFit, pair: tuple[Weighed[WeakFit], Weighed[WeakFit]]) -> _
         alone = other.fit.model
         prefix = f"{wanted.name}."
         values = {n[len(prefix) :]: v for n, v in alone.values.items() if n.startswith(prefix)}
-        fit = fit_in(parent.form, proposal.model(proposal.inside(values)), parent.shift)
+        form = parent.form.with_rest_speed(max(one.fit.form.rest_speed, other.fit.form.rest_speed))
+        fit = fit_in(form, proposal.model(proposal.inside(values)), parent.shift)
         if fit is not None:
             return (*one.proposals, proposal), fit
     return None

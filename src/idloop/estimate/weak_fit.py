@@ -44,10 +44,15 @@ FEWEST_ROWS = 100
 TOLERANCE, RANKING = 1e-4, 0.05
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
+# Parts of a linear step that are tried where values must suit each other, such as two levels of friction.
+_SHARES = (1.0, 0.5, 0.25, 0.0)
 # A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
 _TELLS = 0.5
 # Of a normal distribution with deviation 1.
 _ENTROPY = 0.5 * log(2.0 * pi * e)
+# Coloured noise makes a standing axis seem to move: the speed below which it counts as standing is searched for in
+# steps of this factor, up to a part of the typical speed, as long as one is worth so much log-likelihood.
+_REST_STEP, _LARGEST_REST, _WORTH_A_REST = 3.0, 0.1, 5.0
 # A search begins on so many windows: they tell where the optimum is, and all of them where exactly.
 # Where there are few times as many, it begins on all.
 _DRAFT, _WORTH_A_DRAFT = 2000, 4
@@ -183,9 +188,12 @@ class WeakFit:
             move = move + step
             if promised < TOLERANCE:
                 break
-        point = np.clip(self.point + move, lower, upper)
-        residual = self.form.residual(*_split(self.form, point))
-        if not np.all(np.isfinite(residual)):
+        for share in _SHARES:
+            point = np.clip(self.point + share * move, lower, upper)
+            residual = self.form.residual(*_split(self.form, point))
+            if np.all(np.isfinite(residual)):
+                break
+        else:
             raise IdloopError("the force balance cannot be evaluated")
         scale = _scales(self.form, point, residual, rows)
         return WeakFit(self.form, point, scale, rows, np.nan, self.iterations, self.converged, self.jacobian)
@@ -456,6 +464,7 @@ def fit_by_force(
     known: dict[int, WeakForm] | None = None,
     *,
     insist: bool = False,
+    rest_speed: float | None = None,
 ) -> WeakFit | None:
     """Fit a model to records by its force balance, in the narrowest windows in which sensor noise does not rule.
 
@@ -466,9 +475,10 @@ def fit_by_force(
     start : array, shape (k,)
     known : dict of int to WeakForm, optional
         Windows of these data by width, for other effects in the same machine; what is made anew is added.
-
     insist : bool
         Take the widest windows where sensor noise rules in all.
+    rest_speed : float, optional
+        Speed below which a body counts as standing to search from [m/s or rad/s].
 
     Returns
     -------
@@ -488,10 +498,36 @@ def fit_by_force(
         if form is None or form.starts[-1] < FEWEST_ROWS:
             return found if insist else None
         forms.setdefault(width, form)
-        found = fit_anew(form, point) if width == NARROWEST else fit_weak(form, point)
+        form = form if rest_speed is None else form.with_rest_speed(rest_speed)
+        found = with_rest_speed(fit_anew(form, point) if width == NARROWEST else fit_weak(form, point))
         if np.all(found.noise_share <= MOST_NOISE):
             return found
         width, point = _wider(width), found.theta
+
+
+def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:
+    """The fit with the likeliest speed below which bodies count as standing, where it has a dry friction.
+
+    Parameters
+    ----------
+    fit : WeakFit
+    tolerance : float
+        As of `fit_weak`.
+
+    Returns
+    -------
+    WeakFit
+    """
+    if not any(active.effect.friction is not None for active in fit.model.effects):
+        return fit
+    while True:
+        largest = max(_LARGEST_REST * fit.form.typical_speed, fit.form.rest_speed)
+        speeds = [min(fit.form.rest_speed * _REST_STEP, largest), fit.form.rest_speed / _REST_STEP]
+        forms = [fit.form.with_rest_speed(speed) for speed in speeds]
+        likeliest = min(forms, key=lambda form: cost_at(form, fit.point))
+        if -cost_at(likeliest, fit.point) < fit.log_likelihood + _WORTH_A_REST:
+            return fit
+        fit = fit_weak(likeliest, fit.point, tolerance=tolerance)
 
 
 def draft_of(form: WeakForm) -> WeakForm:

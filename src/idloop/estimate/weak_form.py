@@ -99,16 +99,13 @@ class _Run:
     position: Array
     velocity: Array
     acceleration: Array
-    rest_speed: float
 
     def at(self, places: NDArray[np.int64]) -> _Run:
         """The motion at some instants."""
-        return _Run(
-            self.time[places], self.position[places], self.velocity[places], self.acceleration[places], self.rest_speed
-        )
+        return _Run(self.time[places], self.position[places], self.velocity[places], self.acceleration[places])
 
     @classmethod
-    def of(cls, tracks: Sequence[Track], rest_speed: float) -> _Run:
+    def of(cls, tracks: Sequence[Track]) -> _Run:
         motions = [track.motion for track in tracks]
         step, after, times = motions[0].sample_time, 0.0, []
         for motion in motions:
@@ -119,7 +116,6 @@ class _Run:
             np.concatenate([motion.position for motion in motions]),
             np.concatenate([motion.velocity for motion in motions]),
             np.concatenate([motion.acceleration for motion in motions]),
-            rest_speed,
         )
 
 
@@ -300,7 +296,7 @@ class WeakForm:
         # What has no memory needs no beginning: all records are one call.
         self._remembers = _remembers(engine)
         self._runs = [[track] for track in tracks] if self._remembers else [list(tracks)]
-        self._motion = [_Run.of(run, rest_speed) for run in self._runs]
+        self._motion = [_Run.of(run) for run in self._runs]
         mean = np.concatenate([command.mean for command in self._commands(0.0)])
         self.rms = float(np.sqrt(np.mean(mean**2)))
         # What a window's command is worth where the motion tells nothing of it: as one of all commands.
@@ -330,6 +326,18 @@ class WeakForm:
         other.engine, other.free_timing = engine, _free_timing(engine)
         other.forget()
         return other
+
+    def with_rest_speed(self, rest_speed: float) -> WeakForm:
+        """The same windows with another speed below which a body counts as standing [m/s or rad/s]."""
+        other = copy(self)
+        other.rest_speed = rest_speed
+        other.forget()
+        return other
+
+    @cached_property
+    def typical_speed(self) -> float:
+        """Root mean square of the driven body's velocity [m/s or rad/s]."""
+        return float(np.sqrt(np.mean(np.concatenate([track.motion.velocity[:, 0] for track in self.tracks]) ** 2)))
 
     def forget(self) -> None:
         """Keep no residual of another model."""
@@ -407,7 +415,7 @@ class WeakForm:
 
     def _equation_error(self, theta: Array, run: _Run, command: Array) -> Array:
         return self.engine.equation_error(
-            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, run.rest_speed,
+            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, self.rest_speed,
             undelayed=True,
         )  # fmt: skip
 
@@ -415,7 +423,7 @@ class WeakForm:
         if not self._remembers:
             return self.engine.drive_along(theta, command, run.velocity[:, 0])
         return self.engine.drive_force(
-            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, run.rest_speed,
+            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, self.rest_speed,
             undelayed=True,
         )[0]  # fmt: skip
 
