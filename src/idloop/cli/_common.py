@@ -176,7 +176,7 @@ def read_records(
         seen.add(bag.resolve())
     found = records.read_records(bags, model)
     if fitted and excited:
-        records.check_commands(found)
+        found = records.check_commands(found)
     return [_with_warnings(records.check_identifiable(record) if fitted else record) for record in found]
 
 

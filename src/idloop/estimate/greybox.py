@@ -25,7 +25,7 @@ from idloop.estimate.spread import problem_covariance
 from idloop.estimate.uncertainty import bounded, findings, ties
 from idloop.estimate.undetermined import common_scale, exactly_tied
 from idloop.estimate.weak_fit import WeakFit, fit_by_force
-from idloop.records.checks import one_level
+from idloop.records.checks import excites
 
 if TYPE_CHECKING:
     from idloop.physics import Engine, Model
@@ -82,7 +82,7 @@ def fit(
     if len(model.free) == 0:
         raise InputError(f"model {model.name!r} has nothing to estimate; write a parameter as {{value: ...}}")
     data = prepare(model, records)
-    if one_level([d.input for d in data]):
+    if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     tell = progress or (lambda share, text: None)
     engine = RememberingEngine(model)

@@ -126,8 +126,7 @@ def read_record(
         record = record.unwrapped(name, span)
     if check:
         record = check_record(record, held=model.input.kind == "held")
-        check_commands([record])
-        (record,) = without_wrong_velocities([record], output_scales(model))
+        (record,) = check_commands(without_wrong_velocities([record], output_scales(model)))
     return record
 
 

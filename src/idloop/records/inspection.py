@@ -17,6 +17,7 @@ from idloop.records.clocks import StampStatistics, compare_clocks, stamp_finding
 from idloop.records.differenced import differenced_columns
 from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
+from idloop.records.from_rest import beginning
 from idloop.records.insight import Evidence, insights, verdict
 from idloop.records.magnitude import unusable_magnitude
 from idloop.records.measured_input import measured_input
@@ -409,6 +410,13 @@ def _evidence(
         sample_rate=max((one.rate for one in stamps[: len(signals)]), default=float("nan")),
         coasting=_coasting(streams[command_topic], name, measured) if name is not None else 0.0,
         runs=1 + max((len(one.resets) for one in stamps), default=0),
+        from_rest=any(
+            beginning(1e-9 * (one.stamp_ns - one.stamp_ns[0]), column, velocity=signal.endswith(".velocity"))[0]
+            == "from rest"
+            for one in (measured[topic] for topic in signals)
+            for signal, column in columns_of(one).items()
+            if signal in motions and signal.endswith((".position", ".velocity"))
+        ),
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
-from idloop.records.motion import analyse_motion
+from idloop.records.motion import analyse_motion, white_noise
 from idloop.records.record import Record
 
 Floats = NDArray[np.float64]
@@ -109,8 +109,8 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     parts = np.array([part @ part.T for part in np.array_split(increments, count, axis=1)])
     sums = np.concatenate([[np.sum(parts, axis=0)], np.sum(parts, axis=0) - parts]) / increments.shape[1]
     passed = float(sums[0, 2, 2]) ** 0.5
-    least = _ABOVE * max(_step(where), _noise(where), _step(speed) * passed)
-    noise = _ABOVE * _noise(speed) * (float(np.median(np.diff(told))) * passed) ** 0.5
+    least = _ABOVE * max(_step(where), white_noise(where), _step(speed) * passed)
+    noise = _ABOVE * white_noise(speed) * (float(np.median(np.diff(told))) * passed) ** 0.5
     plain = _slope(sums[:, :2, :2], least, noise)
     # A bias is none of the slope; at a nearly constant speed, though, only the whole motion shows the slope.
     across = sums[:, :2, 2]
@@ -129,11 +129,6 @@ def _step(value: Floats) -> float:
     """Smallest step between two values that occur; 0 where there is one only."""
     motion = analyse_motion(value)
     return 0.0 if motion is None else motion.resolution
-
-
-def _noise(value: Floats) -> float:
-    """Standard deviation of white noise by third differences, which leave little of a signal; jumps do not count."""
-    return float(1.4826 / np.sqrt(20.0) * np.median(np.abs(np.diff(value, 3))))
 
 
 def _is_hole(time: Floats) -> NDArray[np.bool_]:
