@@ -36,7 +36,8 @@ def test_an_axis_that_moves_already_and_one_that_sets_off_later():
         assert off == pytest.approx(1.05, abs=0.06)
 
 
-def test_what_stands_still_or_is_too_coarse_tells_nothing():
+def test_what_stands_still_turns_round_or_is_too_coarse_tells_nothing():
+    assert beginning(TIME, 1.0 - np.cos(6.0 * TIME), velocity=False)[0] == "unseen"
     for value, velocity in ((0.01 * RANDOM.normal(size=300), False), (np.ones(300), True), (np.round(ANGLE), False)):
         assert beginning(TIME, value, velocity=velocity)[0] == "unseen"
     assert beginning(TIME[:10], SPEED[:10], velocity=True)[0] == "unseen"

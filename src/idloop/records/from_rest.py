@@ -49,10 +49,10 @@ def beginning(time: Floats, value: Floats, *, velocity: bool) -> tuple[Beginning
     off : float
         Stamp at which it sets off [s]; NaN where it is not at rest first.
     """
-    known = np.isfinite(value)
+    motion, known = analyse_motion(value, velocity=velocity), np.isfinite(value)
     when, what = time[known], value[known]
-    motion = analyse_motion(what)
-    if when.size < _FEWEST or motion is None or not motion.moves:
+    # What turns round under a constant command is driven by something else.
+    if when.size < _FEWEST or motion is None or not motion.moves or motion.reversals:
         return "unseen", np.nan
     half, step = when.size // 2, _ABOVE * max(motion.resolution, white_noise(what))
     if velocity:
