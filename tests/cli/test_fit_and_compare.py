@@ -67,9 +67,26 @@ def test_steps_from_rest_at_several_levels_are_an_experiment(steps, capsys):
     assert not any("does not follow" in warning for warning in document["warnings"])
 
 
-def test_steps_of_one_level_alone_are_refused_and_told_the_cure(steps, capsys):
-    assert main.run(words("fit", "dc_motor", steps[0])) == 2
+def test_a_step_of_one_level_that_begins_its_record_is_an_experiment_and_what_it_hides_is_said(steps, capsys):
+    assert main.run(words("fit", "dc_motor", steps[1], "--json")) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)["parameters"]
+    ratio = found["drive.gain"]["value"] / found["motor.viscous_friction"]["value"]
+    assert ratio == pytest.approx(TRUTH["drive.gain"] / TRUTH["motor.viscous_friction"], rel=0.05)
+    assert "dead zone" in err
+
+
+def test_a_constant_command_without_a_step_is_refused_and_told_the_cure(steps, tmp_path, capsys):
+    record = read_record(steps[0], load_model("dc_motor"))
+    moving = write_bag(tmp_path / "moving", replace(record.cut(1.5, None), findings=()))
+    assert main.run(words("fit", "dc_motor", moving)) == 2
     assert "steps to several levels" in capsys.readouterr().err
+    still = np.arange(1, 200) * 0.01
+    time, output = np.append(still, record.time + 2.0), np.pad(record.output, ((199, 0), (0, 0)))
+    command = np.full(time.size, record.input[0])
+    late = replace(record, name="late", time=time, output=output, input_time=time, input=command, findings=())
+    assert main.run(words("fit", "dc_motor", write_bag(tmp_path / "late", late))) == 2
+    assert "sets off only at" in capsys.readouterr().err
 
 
 def test_fit_finds_the_truth_and_says_so_in_one_document(bags, tmp_path, capsys):

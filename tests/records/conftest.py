@@ -89,7 +89,7 @@ def make_bag(tmp_path: Path) -> Callable[..., Path]:
         command_time = time if command_time is None else np.asarray(command_time, dtype=float)
         command = np.sign(np.sin(7 * np.arange(command_time.size))) if command is None else command
         position = np.sin(np.arange(time.size) / 10) if position is None else position
-        velocity = np.cos(np.arange(time.size) / 10) if velocity is None else velocity
+        velocity = 10.0 * np.cos(np.arange(time.size) / 10) if velocity is None else velocity
         # Received one after the other, whatever the stamps say.
         receive = np.arange(time.size) * 0.01 if receive is None and np.any(np.diff(time) < 0) else receive
         if command_receive is None and np.any(np.diff(command_time) < 0):

@@ -195,7 +195,9 @@ def test_a_simulation_faster_than_time_has_one_clock(make_bag, model):
     time = np.arange(20_000) / 1000
     rng = np.random.default_rng(1)
     wall = np.sort(time / 7 + 0.002 * rng.random(time.size))
-    assert not read_record(make_bag(time, receive=wall, command_receive=wall + 1e-4), model).findings
+    velocity = 100.0 * np.cos(np.arange(time.size) / 10)
+    bag = make_bag(time, velocity=velocity, receive=wall, command_receive=wall + 1e-4)
+    assert not read_record(bag, model).findings
 
 
 def test_encoder_wrap(make_bag, model):

@@ -176,13 +176,15 @@ def read_records(
         seen.add(bag.resolve())
     found = records.read_records(bags, model)
     if fitted and excited:
-        records.check_commands(found)
+        found = records.check_commands(found)
     return [_with_warnings(records.check_identifiable(record) if fitted else record) for record in found]
 
 
 def read_one_record(bag: Path, model: Model) -> Record:
     """Read the streams that the model names from a bag that is one run of the clock; of several parts the longest."""
     from idloop import records
+    from idloop.records.align import output_scales
+    from idloop.records.velocity_check import without_wrong_velocities
 
     parts = records.cut_at_gaps(records.read_record(bag, model, check=False))
     longest = max(parts, key=lambda part: part.time.size)
@@ -190,7 +192,8 @@ def read_one_record(bag: Path, model: Model) -> Record:
         text = f"only the longest part is shown, {longest.time[0]:.6g} to {longest.time[-1]:.6g} s"
         finding = records.Finding("cut", text, where=longest.name, level="warning")
         longest = dataclasses.replace(longest, findings=(*parts[0].findings, finding))
-    return _with_warnings(records.check_record(longest, held=model.input.kind == "held"))
+    checked = records.check_record(longest, held=model.input.kind == "held")
+    return _with_warnings(*without_wrong_velocities([checked], output_scales(model)))
 
 
 def _with_warnings(record: Record) -> Record:

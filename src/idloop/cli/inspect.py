@@ -109,7 +109,8 @@ def print_inspection(inspection: Inspection) -> None:
         click.echo(f"{finding.level}: {finding.text}")
     for sentence in inspection.insights:
         click.echo(f"- {sentence}")
-    click.echo(f"Verdict: {_VERDICTS[inspection.verdict]}")
+    without = f", without {' and '.join(inspection.left_out)}" if inspection.left_out else ""
+    click.echo(f"Verdict: {_VERDICTS[inspection.verdict]}{without}")
 
 
 def _milli(seconds: float | None) -> str:

@@ -52,9 +52,10 @@ def follows(setting: Setting, fit: Refit) -> bool:
         True as well where that cannot be computed.
     """
     # Of steps from rest, each a constant command, the mean of its own would be the command itself.
-    means = [np.mean(one.input) for one in setting.data]
+    means = [float(np.mean(one.input)) for one in setting.data]
     if all(np.ptp(one.input) == 0.0 for one in setting.data):
-        means = [np.mean(means)] * len(means)
+        # A step of one level began from none.
+        means = [float(np.mean(means)) if np.ptp(means) > 0.0 else 0.0] * len(means)
     still = tuple(
         replace(one, input=np.full_like(one.input, mean)) for one, mean in zip(setting.data, means, strict=True)
     )

@@ -21,7 +21,7 @@ from idloop.physics import kernel
 from idloop.physics.layout import Layout
 from idloop.physics.model import Model
 from idloop.records import Record
-from idloop.records.checks import one_level
+from idloop.records.checks import excites
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: 
         Records that do not suit the model, or a command that never changes.
     """
     data = prepare(model, records, beside=beside)
-    if one_level([d.input for d in data]):
+    if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be learnt")
     engine = RememberingEngine(model)
     return Setting(

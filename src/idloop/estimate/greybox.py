@@ -25,7 +25,7 @@ from idloop.estimate.spread import problem_covariance
 from idloop.estimate.uncertainty import bounded, findings, ties
 from idloop.estimate.undetermined import common_scale, exactly_tied
 from idloop.estimate.weak_fit import WeakFit, fit_by_force
-from idloop.records.checks import one_level
+from idloop.records.checks import excites
 
 if TYPE_CHECKING:
     from idloop.physics import Engine, Model
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
+# A search begins anew at most so often, and as long as that brings this much of twice the log-likelihood: what one
+# parameter without effect brings on average.
+_MOST_RESTARTS, _WORTH_A_RESTART = 3, 1.0
 # A loss that is larger by less than this is no other fit.
 _NO_WORSE = 1.01
 
@@ -82,7 +85,7 @@ def fit(
     if len(model.free) == 0:
         raise InputError(f"model {model.name!r} has nothing to estimate; write a parameter as {{value: ...}}")
     data = prepare(model, records)
-    if one_level([d.input for d in data]):
+    if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     tell = progress or (lambda share, text: None)
     engine = RememberingEngine(model)
@@ -93,7 +96,8 @@ def fit(
     tell(0.0, "looking at the data")
     start = model.theta
     # The balance is nearly linear in the parameters: a cheap start for every criterion, and often more than that.
-    balance = _balance(engine, data, start, insist=criterion == "force")
+    near = _balance(engine, data, start)
+    balance = near if near is not None and (criterion == "force" or near.resolved) else None
     if criterion == "force" and balance is None:
         raise InputError(
             "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "
@@ -104,7 +108,8 @@ def fit(
         result = _conclude_force(model, data, balance, why, noise)
         return _without_ties(model, records, criterion, tell, result, balance.slopes) or result
     chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as asked")
-    starts = [start] if balance is None else [start, balance.theta]
+    # Where noise rules it, too, a balance is nearer to the machine than starting values may be.
+    starts = [start] if near is None else [start, near.theta]
     tell(0.1, f"{chosen} criterion")
 
     def searched(name: str, reason: str) -> tuple[Solution, FitResult]:
@@ -167,21 +172,36 @@ def _search(
     starts: list[Array],
     tell: Progress,
 ) -> Solution:
-    """Best solution from several starting points; the others are only tried when the first does not settle."""
+    """Best solution from several starting points; the others are only tried when the first does not settle.
+
+    A search by prediction finds parameters and noise model in turns, and may settle where each is best for the other
+    and the two are not: it begins anew where it has ended, until that brings nothing.
+    """
     best: Solution | None = None
-    rule = _criterion(chosen, engine, data, noise)
     exact_slopes = False
+    ranked = _ranked(_criterion(chosen, engine, data, noise), starts)
     if chosen == "simulation":
-        starts, exact_slopes = _nearer(engine, model, data, _ranked(rule, starts))
-    for trial in _ranked(rule, starts):
+        ranked, exact_slopes = _nearer(engine, model, data, ranked)
+
+    def search(trial: Array, report: Progress | None) -> Solution:
         rule = _criterion(chosen, engine, data, noise)
-        found = solve(rule, trial, *model.bounds, report=tell, typical=model.theta, exact_slopes=exact_slopes)
+        return solve(rule, trial, *model.bounds, report=report, typical=model.theta, exact_slopes=exact_slopes)
+
+    for trial in ranked:
+        found = search(trial, tell)
         if best is None or found.problem.objective < best.problem.objective:
             best = found
         if best.converged:
             break
     if best is None:
         raise IdloopError("no starting point could be fitted")
+    for _ in range(_MOST_RESTARTS if chosen == "prediction" else 0):
+        found = search(best.theta, None)
+        gained = best.problem.objective - found.problem.objective
+        if gained > _WORTH_A_RESTART or (found.converged and not best.converged and gained > -_WORTH_A_RESTART):
+            best = found
+        if gained <= _WORTH_A_RESTART:
+            break
     return best
 
 
@@ -201,10 +221,10 @@ def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array])
     return [near.theta, *ranked], slopes_agree(near)
 
 
-def _balance(engine: Engine, data: list[Data], start: Array, *, insist: bool) -> WeakFit | None:
-    """The fit by force balance; None where there is none."""
+def _balance(engine: Engine, data: list[Data], start: Array) -> WeakFit | None:
+    """The fit by force balance, in whatever noise; None where there is none."""
     try:
-        return fit_by_force(engine, data, start, insist=insist)
+        return fit_by_force(engine, data, start, insist=True)
     except (IdloopError, np.linalg.LinAlgError):
         return None
 

@@ -119,6 +119,11 @@ class WeakFit:
         return model_error_rules(self.form, self.theta, self.shift)
 
     @property
+    def resolved(self) -> bool:
+        """Whether the windows are so wide that sensor noise is a small part of what is unexplained."""
+        return bool(np.all(self.noise_share <= MOST_NOISE))
+
+    @property
     def noise_share(self) -> Array:
         """What sensor noise alone makes of the unexplained force, by body, shape (bodies,); at most 1."""
         inertia = np.asarray(self.form.engine.layout(self.theta).axis.inertia, dtype=float)
@@ -500,7 +505,7 @@ def fit_by_force(
         forms.setdefault(width, form)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
         found = with_rest_speed(fit_anew(form, point) if width == NARROWEST else fit_weak(form, point))
-        if np.all(found.noise_share <= MOST_NOISE):
+        if found.resolved:
             return found
         width, point = _wider(width), found.theta
 

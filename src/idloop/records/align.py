@@ -23,6 +23,7 @@ from idloop.records.runs import announced_runs, backwards_message, on_receive_ti
 from idloop.records.said_units import said_units
 from idloop.records.stream import FIELDS, JointStream
 from idloop.records.told import TOLD, told_findings, told_topic
+from idloop.records.velocity_check import without_wrong_velocities
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -100,7 +101,8 @@ def read_record(
     distro : str, optional
         ROS distribution of message types that the bag does not define.
     check : bool
-        Refuse what no fit can use (constant command, output never measured, infinities, too few samples).
+        Refuse what no fit can use (constant command, output never measured, infinities, too few samples), and leave out
+        a velocity that is none of the recorded position.
 
     Returns
     -------
@@ -124,7 +126,7 @@ def read_record(
         record = record.unwrapped(name, span)
     if check:
         record = check_record(record, held=model.input.kind == "held")
-        check_commands([record])
+        (record,) = check_commands(without_wrong_velocities([record], output_scales(model)))
     return record
 
 
@@ -141,7 +143,8 @@ def read_records(
 
     Parameters and errors as in `read_record`, but that a command may be constant: beside others, and to be compared
     with, that tells something. With `split` a bag in which the clock was set back gives one record for each run
-    instead of an error. A record is cut where nothing was measured for long, see `cut_at_gaps`.
+    instead of an error. A record is cut where nothing was measured for long, see `cut_at_gaps`. A velocity that is none
+    of the recorded position is left out of all records that do not show otherwise.
     """
     paths = [bags] if isinstance(bags, Path | str) else list(bags)
     records = []
@@ -151,7 +154,12 @@ def read_records(
             for name, span in (wrap or {}).items():
                 whole = whole.unwrapped(name, span)
             records += [check_record(part, held=model.input.kind == "held") for part in cut_at_gaps(whole)]
-    return records
+    return without_wrong_velocities(records, output_scales(model))
+
+
+def output_scales(model: ModelSignals) -> dict[str, float]:
+    """What each output is divided by to be in its body's unit."""
+    return {f"{one.joint}.{one.field}": float(getattr(one, "scale", 1.0)) for one in model.outputs}
 
 
 def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None, *, split: bool) -> list[Record]:

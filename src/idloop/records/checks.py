@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.differenced import differenced
 from idloop.records.finding import Finding
+from idloop.records.from_rest import beginnings
 from idloop.records.magnitude import unusable_magnitude
 from idloop.records.measured_input import measured_input
 from idloop.records.motion import Motion, analyse_motion
@@ -111,8 +112,8 @@ def check_record(record: Record, *, held: bool = True) -> Record:
     return replace(record, findings=(*record.findings, *found))
 
 
-def check_commands(records: Sequence[Record]) -> None:
-    """Refuse records that all have one and the same constant command.
+def check_commands(records: Sequence[Record]) -> list[Record]:
+    """Refuse records that all have one and the same constant command, and no step from rest that begins one of them.
 
     Beside others one with a constant command tells something: a step that began with the record, a coast-down. So do
     steps from rest at several levels, of which no record shows another command than its own.
@@ -122,24 +123,51 @@ def check_commands(records: Sequence[Record]) -> None:
     records : sequence of Record
         All that a fit is to see.
 
+    Returns
+    -------
+    list of Record
+        The same; where a step of one level is all there is, the first with a finding on what that does not show.
+
     Raises
     ------
     InputError
         There is one command only.
     """
+    records = list(records)
     if not records or not one_level([record.input for record in records]):
-        return
-    first = records[0]
-    raise InputError(
-        f"{first.name}: the command {first.input_name} is constant ({first.input[0]:g} {first.input_unit})"
-        f"{'' if len(records) == 1 else ', and the same in the others'}, nothing can be identified from it; excite the"
-        " axis, e.g. with a multisine or steps to several levels"
+        return records
+    first, same = records[0], "" if len(records) == 1 else ", and the same in the others"
+    what = f"the command {first.input_name} is constant ({first.input[0]:g} {first.input_unit}){same}"
+    if not excites(records):
+        late = [record for record in records if first.input[0] != 0.0 and "late" in beginnings(record)]
+        if late:
+            off = beginnings(late[0])["late"]
+            raise InputError(
+                f"{first.name}: {what}, and yet the axis sets off only at {off:.4g} s in {late[0].name}: when the"
+                " command was given is not recorded; record it, or cut what is before with `rows:` of the mapping"
+            )
+        raise InputError(
+            f"{first.name}: {what}, nothing can be identified from it; excite the axis, e.g. with a multisine or steps"
+            " to several levels, or begin the record with the step, from rest"
+        )
+    text = (
+        f"{what}: a step from rest with which the record begins shows a gain and a time constant at this level only; a"
+        " dead zone, friction and a saturation look like a smaller gain; record steps to several levels"
     )
+    found = Finding("one_level", text, where=first.input_name, level="warning")
+    return [replace(first, findings=(*first.findings, found)), *records[1:]]
 
 
 def one_level(inputs: Sequence[NDArray[np.float64]]) -> bool:
     """Whether all commands together have one value only."""
     return bool(np.ptp(np.concatenate(inputs)) == 0.0)
+
+
+def excites(records: Sequence[Record]) -> bool:
+    """Whether something can be identified: the command changes, or begins with a record of an axis at rest."""
+    if not one_level([record.input for record in records]):
+        return True
+    return records[0].input[0] != 0.0 and any("from rest" in beginnings(record) for record in records)
 
 
 def check_identifiable(record: Record) -> Record:

@@ -215,7 +215,7 @@ def _value_findings(signals: list[Signal]) -> list[Finding]:
         if command and np.nanmax(signal.value) == np.nanmin(signal.value):
             text = (
                 f"{name} is constant ({np.nanmax(signal.value):g} {signal.unit}): nothing can be identified"
-                " from this record by itself"
+                " from this record by itself, unless it begins with the step, from rest"
             )
             found.append(Finding("constant_input", text, where=name, level="warning"))
     if not any(signal.topic == "joint_command" for signal in signals):

@@ -34,6 +34,8 @@ class Evidence:
         Longest time with zero command while the axis moves [s].
     runs : int
         Runs that the clock was set back between.
+    from_rest : bool
+        Whether the axis sets off from rest as the record begins.
     """
 
     command: Excitation | None
@@ -43,6 +45,12 @@ class Evidence:
     sample_rate: float
     coasting: float
     runs: int = 1
+    from_rest: bool = False
+
+    @property
+    def step(self) -> bool:
+        """Whether the record begins with a step of its constant command."""
+        return self.from_rest and self.command is not None and self.command.levels == 1 and self.command.mean != 0.0
 
 
 def verdict(evidence: Evidence) -> str:
@@ -53,7 +61,7 @@ def verdict(evidence: Evidence) -> str:
         return "not_excited"
     if evidence.command is None:
         return "no_command"
-    if evidence.command.levels == 1:
+    if evidence.command.levels == 1 and not evidence.step:
         return "not_excited"
     if dead_positions(evidence.motions):
         return "contradictory"
@@ -102,6 +110,10 @@ def insights(evidence: Evidence) -> list[str]:
 
 
 def _about_command(command: Excitation, evidence: Evidence) -> list[str]:
+    if evidence.step:
+        text = "The command is constant and the axis sets off from rest as the record begins: a step of one level"
+        seen = "shows a gain and a time constant; a dead zone, friction and a saturation look like a smaller gain"
+        return [f"{text}, which {seen}."]
     if command.levels == 1:
         text = "The command is constant: gain, inertia and friction cannot be told apart, nothing can be identified"
         return [f"{text}, but beside records with other commands."]

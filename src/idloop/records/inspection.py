@@ -17,6 +17,7 @@ from idloop.records.clocks import StampStatistics, compare_clocks, stamp_finding
 from idloop.records.differenced import differenced_columns
 from idloop.records.excitation import Excitation, analyse_command
 from idloop.records.finding import Finding
+from idloop.records.from_rest import beginning
 from idloop.records.insight import Evidence, insights, verdict
 from idloop.records.magnitude import unusable_magnitude
 from idloop.records.measured_input import measured_input
@@ -26,6 +27,7 @@ from idloop.records.read import read_streams, readable_topics
 from idloop.records.said_units import imported, said_units
 from idloop.records.stream import FIELDS, JointStream
 from idloop.records.told import TOLD, told_findings, told_topic
+from idloop.records.velocity_check import wrong_velocities
 from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
@@ -99,6 +101,8 @@ class Inspection:
     verdict : str
         ``usable``, ``short``, ``too_short``, ``contradictory``, ``several_runs``, ``not_excited``, ``no_command`` or
         ``unreadable``.
+    left_out : tuple of str
+        Velocities that fits go on without, for they are none of the recorded positions.
     streams : dict of str to JointStream
         The data itself, for plots.
     command_topic : str
@@ -114,6 +118,7 @@ class Inspection:
     insights: tuple[str, ...]
     verdict: str
     command_topic: str
+    left_out: tuple[str, ...] = ()
     imported: dict[str, Any] = field(default_factory=dict)
     streams: dict[str, JointStream] = field(default_factory=dict, repr=False)
 
@@ -123,6 +128,7 @@ class Inspection:
             "schema": "idloop/inspect/1",
             "bag": str(self.path),
             "verdict": self.verdict,
+            "left_out": list(self.left_out),
             "insights": list(self.insights),
             "topics": [topic.to_dict() for topic in self.topics],
             "command_topic": self.command_topic,
@@ -214,8 +220,12 @@ def inspect_bag(
     units = said_units(custom)
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
+    left_out = []
     for stream in (one for one in measured.values() if one.stamp_ns.size):
-        findings += differenced_columns((stream.stamp_ns - stream.stamp_ns[0]) * 1e-9, columns_of(stream))
+        wrong = _wrong_velocities(stream, units)
+        left_out += [one.where for one in wrong]
+        good = {name: column for name, column in columns_of(stream).items() if name not in left_out}
+        findings += [*wrong, *differenced_columns((stream.stamp_ns - stream.stamp_ns[0]) * 1e-9, good)]
     commands = _commands(streams[command_topic]) if command_topic else {}
     findings += _missing(measured, command=False)
     findings += told_findings(asked, command_topic)
@@ -223,7 +233,11 @@ def inspect_bag(
         findings += _missing({command_topic: streams[command_topic]}, command=True)
         findings += _clock_findings(streams, command_topic, measured)
         findings += _measured_input(streams[command_topic], commands, measured)
-    evidence = _evidence(streams, command_topic, commands, measured, signals, units)
+    usable = {
+        topic: {name: motion for name, motion in found.items() if name not in left_out}
+        for topic, found in signals.items()
+    }
+    evidence = _evidence(streams, command_topic, commands, measured, usable, units)
     return Inspection(
         path=path,
         topics=tuple(reports),
@@ -233,6 +247,7 @@ def inspect_bag(
         findings=tuple(findings),
         insights=tuple(insights(evidence)),
         verdict=verdict(evidence),
+        left_out=tuple(left_out),
         command_topic=command_topic,
         imported=imported(custom),
         streams=streams,
@@ -286,6 +301,13 @@ def columns_of(stream: JointStream) -> dict[str, Floats]:
             if not np.isnan(column).all():
                 found[f"{joint}.{name}"] = column
     return found
+
+
+def _wrong_velocities(stream: JointStream, units: Mapping[str, str]) -> list[Finding]:
+    """Say which velocities are none of their joints' positions; of two samples with one stamp the first counts."""
+    stamp, first = np.unique(stream.stamp_ns, return_index=True)
+    columns = {name: column[first] for name, column in columns_of(stream).items()}
+    return wrong_velocities((stamp - stamp[0]) * 1e-9, columns, units)
 
 
 def _motions(stream: JointStream) -> dict[str, Motion]:
@@ -388,6 +410,13 @@ def _evidence(
         sample_rate=max((one.rate for one in stamps[: len(signals)]), default=float("nan")),
         coasting=_coasting(streams[command_topic], name, measured) if name is not None else 0.0,
         runs=1 + max((len(one.resets) for one in stamps), default=0),
+        from_rest=any(
+            beginning(1e-9 * (one.stamp_ns - one.stamp_ns[0]), column, velocity=signal.endswith(".velocity"))[0]
+            == "from rest"
+            for one in (measured[topic] for topic in signals)
+            for signal, column in columns_of(one).items()
+            if signal in motions and signal.endswith((".position", ".velocity"))
+        ),
     )
 
 

@@ -75,6 +75,11 @@ def analyse_motion(value: Floats, *, velocity: bool = False) -> Motion | None:
     )
 
 
+def white_noise(value: Floats) -> float:
+    """Standard deviation of the white noise in a signal (n,): third differences leave little else, jumps do nothing."""
+    return float(1.4826 / np.sqrt(20.0) * np.median(np.abs(np.diff(value, 3))))
+
+
 def sign_changes(velocity: Floats, noise: float) -> int:
     """Count how often a velocity (n,) changes its sign beyond its noise, of which the standard deviation is given."""
     sure = velocity[np.abs(velocity) > max(0.02 * float(np.ptp(velocity)), 3.0 * noise)]

@@ -31,11 +31,14 @@ class DataBook:
         Stamp of the first measurement that was worked on [ns].
     computed : tuple of Finding
         Velocities that the driver computes from the position, as far as records have shown.
+    wrong : tuple of Finding
+        Velocities that are none of the position, likewise.
     """
 
     def __init__(self, outputs: int) -> None:
         self.first: int | None = None
         self.computed: tuple[Finding, ...] = ()
+        self.wrong: tuple[Finding, ...] = ()
         self.commands = SampleStore(1)
         self.outputs = SampleStore(outputs)
         self.references = SampleStore(2)
@@ -59,16 +62,20 @@ class DataBook:
     def split(self, model: Model, start: int, cut: int, stop: int) -> tuple[Record, Record]:
         """Return the samples from `start` and from `cut` [ns] to before `stop`: what is fitted, and what judges.
 
-        A velocity that one of all records has shown to be computed counts as such from then on: the next window may
-        show too little motion for that, and what is fitted to must not change with it.
+        A velocity that one of all records has shown to be computed, or to be none of the position, counts as such from
+        then on: the next window may show too little motion for that, and what is fitted to must not change with it.
         """
+        from idloop.records.align import output_scales
         from idloop.records.differenced import differenced
+        from idloop.records.velocity_check import KIND, without_wrong_velocities
 
+        both = [self.record(model, *span) for span in ((start, cut), (cut, stop))]
+        both = without_wrong_velocities(both, output_scales(model), self.wrong)
+        self.wrong = tuple(finding for record in both for finding in record.findings if finding.kind == KIND)
         records = []
-        for span in ((start, cut), (cut, stop)):
-            record = self.record(model, *span)
+        for record in both:
             self.computed = differenced(replace(record, findings=self.computed))
-            records.append(replace(record, findings=self.computed))
+            records.append(replace(record, findings=(*self.computed, *record.findings)))
         return records[0], records[1]
 
     def record(self, model: Model, start: int, stop: int) -> Record:
