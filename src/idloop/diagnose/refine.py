@@ -21,8 +21,8 @@ from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.lattice import quantised
 from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
+from idloop.diagnose.refit import refit, refit_or_none
+from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.step import FitT, View
 from idloop.diagnose.verdict import MISSING
 from idloop.estimate.dataset import prepare
@@ -30,6 +30,7 @@ from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.estimate.weak_form import WeakForm
+from idloop.physics.effect import INPUT
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -148,17 +149,17 @@ class _Task:
         held_out = None
         if self.validation:
             held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
-        on = ladder if climbed else None
+        on = self._told_apart(setting, ladder) if climbed and ladder is not None else None
         given = self.model if on is None else on.model
         view = PredictionView(setting, given, self.level, self.least, self.effects, held_out, self.seed, self.tell)
-        climb, fit = self._climb(view, kind), refit(setting, start)
+        climb, fit = self._climb(view, kind), refit(setting, start if on is None else on.model)
         if on is not None and self._spoils(on.model, fit.model):
             # A disturbance that is free takes a part of the force for its own: such predictions see no better.
             found = on
         else:
             if on is not None:
                 climb = replace(climb, spoils=self._spoils)
-            found, _ = climb(fit, ladder)
+            found, _ = climb(fit, on or ladder)
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)
@@ -166,6 +167,35 @@ class _Task:
 
     def _climb(self, view: View[FitT], criterion: str) -> Climb[FitT]:
         return Climb(view, self.records, self.validation, criterion, self.level, self.most, self.tell, self.on_step)
+
+    def _told_apart(self, setting: Setting, ladder: Ladder) -> Ladder:
+        """The ladder with what has a memory before the drive replaced where predictions tell it from its look-alikes.
+
+        A window of a balance sees a delay and a lag alike: by what they make of quick changes of the command.
+        """
+        for step in ladder.steps[1:]:
+            active = next(
+                (a for a in ladder.model.effects if step.added is not None and a.name == step.added.name), None
+            )
+            if active is None or active.effect.site != INPUT or not active.effect.lags or step.chosen_by == "user":
+                continue
+            alike = [active.name, *active.effect.looks_like]
+            bare = refit_or_none(setting, ladder.model.without_effect(active.name))
+            if bare is None:
+                continue
+            view = PredictionView(setting, ladder.model, self.level, 0.0, alike, seed=self.seed)
+            weighed = view.weigh(bare)
+            if not weighed.tied or weighed.names[0] == active.name:
+                continue
+            found = candidate_of(weighed, weighed.tied[0], 0, weighed.reported(weighed.tied[0].fit))
+            if found.model is None or self._spoils(ladder.model, found.model):
+                continue
+            rung = replace(
+                step, added=found, set=weighed.names, p_value=found.p_value, model=found.model,
+                train=model_errors(found.model, self.records), validation=model_errors(found.model, self.validation),
+            )  # fmt: skip
+            ladder = replace(ladder, steps=(*(one for one in ladder.steps if one is not step), rung))
+        return ladder
 
     def _spoils(self, before: Model, after: Model) -> bool:
         """Whether a model leaves more of the drive's force unexplained than another one."""
