@@ -523,16 +523,32 @@ def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:
     -------
     WeakFit
     """
-    if not any(active.effect.friction is not None for active in fit.model.effects):
-        return fit
-    while True:
-        largest = max(_LARGEST_REST * fit.form.typical_speed, fit.form.rest_speed)
-        speeds = [min(fit.form.rest_speed * _REST_STEP, largest), fit.form.rest_speed / _REST_STEP]
-        forms = [fit.form.with_rest_speed(speed) for speed in speeds]
-        likeliest = min(forms, key=lambda form: cost_at(form, fit.point))
-        if -cost_at(likeliest, fit.point) < fit.log_likelihood + _WORTH_A_REST:
-            return fit
-        fit = fit_weak(likeliest, fit.point, tolerance=tolerance)
+    while (likelier := likelier_rest_speed(fit.form, fit.point)) is not None:
+        fit = fit_weak(likelier, fit.point, tolerance=tolerance)
+    return fit
+
+
+def likelier_rest_speed(form: WeakForm, point: Array) -> WeakForm | None:
+    """The same windows with a far likelier speed below which bodies count as standing.
+
+    Parameters
+    ----------
+    form : WeakForm
+    point : array, shape (k,) or (k + 1,)
+        As the start of `fit_weak`.
+
+    Returns
+    -------
+    WeakForm or None
+        None where a step up or down is not worth it, or the model has no dry friction.
+    """
+    if not any(active.effect.friction is not None for active in form.engine.model.effects):
+        return None
+    largest = max(_LARGEST_REST * form.typical_speed, form.rest_speed)
+    speeds = [min(form.rest_speed * _REST_STEP, largest), form.rest_speed / _REST_STEP]
+    forms = [form.with_rest_speed(speed) for speed in speeds]
+    likeliest = min(forms, key=lambda one: cost_at(one, point))
+    return likeliest if cost_at(likeliest, point) < cost_at(form, point) - _WORTH_A_REST else None
 
 
 def draft_of(form: WeakForm) -> WeakForm:
