@@ -511,7 +511,7 @@ def fit_by_force(
 
 
 def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:
-    """The fit with the likeliest speed below which bodies count as standing, where it has a dry friction.
+    """The fit with a speed below which bodies count as standing as large as is likely, where it has a dry friction.
 
     Parameters
     ----------
@@ -529,7 +529,7 @@ def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:
 
 
 def likelier_rest_speed(form: WeakForm, point: Array) -> WeakForm | None:
-    """The same windows with a far likelier speed below which bodies count as standing.
+    """The same windows with a larger speed below which bodies count as standing, where that is far likelier.
 
     Parameters
     ----------
@@ -540,15 +540,14 @@ def likelier_rest_speed(form: WeakForm, point: Array) -> WeakForm | None:
     Returns
     -------
     WeakForm or None
-        None where a step up or down is not worth it, or the model has no dry friction.
+        None where it is not, or the model has no dry friction.
     """
     if not any(active.effect.friction is not None for active in form.engine.model.effects):
         return None
-    largest = max(_LARGEST_REST * form.typical_speed, form.rest_speed)
-    speeds = [min(form.rest_speed * _REST_STEP, largest), form.rest_speed / _REST_STEP]
-    forms = [form.with_rest_speed(speed) for speed in speeds]
-    likeliest = min(forms, key=lambda one: cost_at(one, point))
-    return likeliest if cost_at(likeliest, point) < cost_at(form, point) - _WORTH_A_REST else None
+    faster = form.with_rest_speed(min(_REST_STEP * form.rest_speed, _LARGEST_REST * form.typical_speed))
+    if faster.rest_speed <= form.rest_speed:
+        return None
+    return faster if cost_at(faster, point) < cost_at(form, point) - _WORTH_A_REST else None
 
 
 def draft_of(form: WeakForm) -> WeakForm:

@@ -12,12 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimate.dataset import Data, prepare
-from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.dataset import prepare
 from idloop.estimate.force import balance_of, thin
 from idloop.estimate.motion import bridged
-from idloop.estimate.weak_fit import likelier_rest_speed
-from idloop.estimate.weak_form import NARROWEST, weak_form
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -83,8 +80,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     Motion by zero-phase band-limited differentiation, both forces low-passed alike
     (Janot, Gautier and Brunot, EMPS benchmark, 2019). Unlike there, dry friction of a body that
     stands takes whatever it has to up to its static level: only what exceeds that is an error. It
-    stands where its velocity is within three standard deviations of the velocity's own noise, or
-    some times as many where that makes the model far likelier: noise that is coloured is more than it looks.
+    stands where its velocity is within three standard deviations of the velocity's own noise.
 
     Parameters
     ----------
@@ -117,7 +113,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     m = balance.motion
     # The held command's mean around each instant is what moved the axis there.
     command = balance.command(0.0)
-    rest = float(m.rest_speed[0]) * _more_rest(model, data)  # the drive's force is that on the first body
+    rest = float(m.rest_speed[0])  # the drive's force is that on the first body
     applied, required = engine.drive_force(None, m.position, m.velocity, m.acceleration, m.time, command, m.time, rest)
     # The filter leaves a straight line as it is, so the sample numbers tell which instants are kept.
     forces = thin(np.column_stack([applied, required, np.arange(len(m.time))]), m)
@@ -145,17 +141,6 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         noise=_of_noise(model, m.noise) * float(np.sqrt(len(forces))) / size,
         rest_speed=rest,
     )
-
-
-def _more_rest(model: Model, data: Data) -> float:
-    """How many times faster than its white noise lets expect a standing axis seems to move."""
-    found = weak_form(RememberingEngine(model), [data], NARROWEST)
-    if found is None:
-        return 1.0
-    expected = found.rest_speed
-    while (likelier := likelier_rest_speed(found, model.theta)) is not None:
-        found = likelier
-    return found.rest_speed / expected if expected > 0.0 else 1.0
 
 
 def _of_noise(model: Model, noise: Array) -> float:
