@@ -1,8 +1,8 @@
 """Does the live evidence keep its promise? Clean machines looked at many times each, false alarms counted.
 
 Simulated machines that lack nothing are looked at every two seconds, as the live estimator does, and each run counts as
-a false alarm where the evidence for any effect reached its threshold at any look. Machine: one rotary body with position and
-velocity sensor (preset `axis`, 100 Hz) under random steps of the command; its parameters are unknown.
+a false alarm where the evidence for any effect reached its threshold at any look. Machine: one rotary body whose
+position and velocity are measured (preset `axis`, 100 Hz) under random steps of the command.
 
 Cases: `white`, sensor noise alone; `coloured`, sensor noise and a disturbance torque of 2 % of the command with a
 correlation time of 0.1 s; `louder`, the command becomes three times as large in the middle, so that what was fitted

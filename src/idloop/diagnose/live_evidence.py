@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 PARTS = 4
 # Fewer parts do not tell the spread of their sums: nothing is decided before the second look.
 FEWEST_PARTS = 2 * PARTS
+# Log-density of a sample that cannot be: no number of others makes up for it.
+_IMPOSSIBLE = -700.0
 
 
 @dataclass(frozen=True)
@@ -181,18 +183,22 @@ class LiveEvidence:
         parent = asked_fit(self.model, setting, forms)
         step = ForceView(setting, self.level, self.least, self.effects or None, forms=forms).weigh(parent)
         # Beside the earlier samples, which tell what the usual commands are.
-        form = weak_form(parent.form.engine, [*setting.data, *prepare(self.model, [new], beside=earlier)], parent.form.width)
+        form = weak_form(
+            parent.form.engine, [*setting.data, *prepare(self.model, [new], beside=earlier)], parent.form.width
+        )
         if form is None:
             seconds = 4 * parent.form.width * parent.form.sample_time
-            raise IdloopError(f"a stretch of {new.duration:.3g} s is too short to be scored: {seconds:.3g} s are needed")
+            raise IdloopError(
+                f"a stretch of {new.duration:.3g} s is too short to be scored: {seconds:.3g} s are needed"
+            )
         base = _of_the_last(form, step.parent)
         tallies = dict(self.tallies)
         for one in step.weighed:
             if len(one.proposals) == 1:
-                difference = _of_the_last(form, one.fit) - base
-                if np.all(np.isfinite(difference)):
-                    name = one.proposals[0].name
-                    tallies[name] = tallies.get(name, Tally()).scored(difference)
+                # An effect with which the new samples cannot be evaluated has made them impossible.
+                difference = np.nan_to_num(_of_the_last(form, one.fit) - base, nan=_IMPOSSIBLE, neginf=_IMPOSSIBLE)
+                name = one.proposals[0].name
+                tallies[name] = tallies.get(name, Tally()).scored(difference)
         found = replace(
             self,
             tallies=tallies,
@@ -201,17 +207,12 @@ class LiveEvidence:
             looks=self.looks + 1,
             seconds=self.seconds + new.duration,
         )
-        return found._judged(stamp)
+        newly = [name for name, tally in tallies.items() if tally.decided is None and found.decides(tally)]
+        decision = Decision(stamp, found.samples)
+        return replace(found, tallies=tallies | {name: replace(tallies[name], decided=decision) for name in newly})
 
-    def _judged(self, stamp: int) -> LiveEvidence:
-        """With what the newest stretch has decided."""
-        tallies = dict(self.tallies)
-        for name, tally in tallies.items():
-            if tally.decided is None and self._decides(tally):
-                tallies[name] = replace(tally, decided=Decision(stamp, self.samples))
-        return replace(self, tallies=tallies)
-
-    def _decides(self, tally: Tally) -> bool:
+    def decides(self, tally: Tally) -> bool:
+        """Whether an effect shows, and is worth a name."""
         evidence = tally.evidence
         shows = evidence.log >= self.threshold and evidence.told and evidence.improvement >= self.least
         return shows and tally.enough

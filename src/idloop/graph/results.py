@@ -55,7 +55,7 @@ def read_results(bag: Path) -> LiveResult:
         for one in newest.get("parameters", ()):
             stderr = float(one["stderr"]) if one["stderr"] else None
             parameters[one["parameter"]] = {"value": float(one["value"]), "stderr": stderr, "unit": one["unit"]}
-            if "trusted" in one:
+            if one.get("why"):
                 parameters[one["parameter"]] |= {"trusted": one["trusted"] == "true", "why": one["why"]}
         return LiveResult(
             fit=_numbers(values, "fit/"),

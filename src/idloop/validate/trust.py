@@ -1,4 +1,4 @@
-"""When an estimate may be trusted: its uncertainty is small, unseen samples agree, and nothing is known to be missing."""
+"""When an estimate may be trusted: its standard error is small, unseen samples agree, and nothing is missing."""
 
 from __future__ import annotations
 
@@ -124,8 +124,8 @@ def trust(
     worst = max(standing.missed.values())
     return Trust(
         True,
-        f"standard error {_percent(part)}; errors on unseen samples at most {worst:.3g} times the noise; nothing missing "
-        f"on {standing.weighed:.3g} s of new samples",
+        f"standard error {_percent(part)}; errors on unseen samples at most {worst:.3g} times the noise; "
+        f"nothing missing on {standing.weighed:.3g} s of new samples",
     )
 
 

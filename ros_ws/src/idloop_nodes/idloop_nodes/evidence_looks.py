@@ -85,7 +85,7 @@ class EvidenceLooks:
 
     @property
     def _span(self) -> int:
-        return round(self._parameters["evidence_period"] * SECOND)
+        return round(float(self._parameters["evidence_period"]) * SECOND)
 
     @property
     def _wanted(self) -> bool:
@@ -117,7 +117,7 @@ class EvidenceLooks:
 
     @property
     def _memory(self) -> int:
-        return round(self._parameters["diagnose_window"] * SECOND)
+        return round(float(self._parameters["diagnose_window"]) * SECOND)
 
     def begin(self, model: Model) -> None:
         """Weigh effects against another model, from the newest sample on."""
@@ -156,9 +156,17 @@ class EvidenceLooks:
         self._ordered = self._numbers()
         self._worker.submit(
             EvidenceJob(
-                self._ordered, stop, self._model, self._state, earlier, new, self.summary,
-                values["level"], values["minimum_improvement"], values["catalogue"],
-            )  # fmt: skip
+                self._ordered,
+                stop,
+                self._model,
+                self._state,
+                earlier,
+                new,
+                self.summary,
+                values["level"],
+                values["minimum_improvement"],
+                values["catalogue"],
+            )
         )
 
     def take(self, answer: EvidenceAnswer) -> None:

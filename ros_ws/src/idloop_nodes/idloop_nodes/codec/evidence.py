@@ -147,8 +147,7 @@ def evidence_from_statuses(statuses: Sequence[Status]) -> EvidenceSummary:
         raise CdrError("estimator/evidence holds no status")
     try:
         found = read_json(statuses[0].values["document"], "evidence")
-        if found.pop("schema") != SCHEMA:
-            raise ValueError("another schema")
+        del found["schema"]
         # JSON has no infinity: before the first look there is no threshold.
         found["threshold"] = math.inf if found["threshold"] is None else found["threshold"]
         found["candidates"] = tuple(EffectEvidence(**one) for one in found["candidates"])

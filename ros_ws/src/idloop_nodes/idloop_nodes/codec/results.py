@@ -35,10 +35,10 @@ class FitSummary:
         Loss of the fit.
     whiteness : dict of str to float
         By output, the probability that a white residual of the free run on the validation window looks like this.
-    missed : dict of str to float
-        By output, rms error of the free run on the validation window over the sensor's noise.
     error : str
         Why there is no fit, one line; empty when there is one.
+    missed : dict of str to float
+        By output, rms error of the free run on the validation window over the sensor's noise.
     """
 
     model: str
@@ -50,8 +50,8 @@ class FitSummary:
     fit_train: dict[str, float] = field(default_factory=dict)
     loss: float = float("nan")
     whiteness: dict[str, float] = field(default_factory=dict)
-    missed: dict[str, float] = field(default_factory=dict)
     error: str = ""
+    missed: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ def fit_from_statuses(statuses: Sequence[Status]) -> FitSummary:
             fit_train=_numbers(values, "train/"),
             loss=float(values["loss"]),
             whiteness=_numbers(values, "white/"),
-            missed=_numbers(values, "missed/"),
             error=values["error"],
+            missed=_numbers(values, "missed/"),
         )
     except (KeyError, ValueError) as error:
         raise CdrError(f"estimator/fit cannot be read: {error}") from error

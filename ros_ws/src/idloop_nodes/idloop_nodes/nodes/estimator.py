@@ -337,7 +337,9 @@ class EstimatorNode(StreamNode):
         window, validation = self._fits.spans
         longest = max(window, round(self.parameters["diagnose_window"] * SECOND)) + validation
         oldest = last - max(longest, round(self.parameters["fit_period"] * SECOND)) - 2 * SECOND
-        needed = [one for one in (self._diagnosing.oldest, self._evidence.oldest, self._monitoring.oldest) if one is not None]
+        needed = [
+            one for one in (self._diagnosing.oldest, self._evidence.oldest, self._monitoring.oldest) if one is not None
+        ]
         self._book.forget(min([oldest, *needed]))
 
     # services and results
