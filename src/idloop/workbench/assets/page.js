@@ -395,7 +395,7 @@
     $("evidence-panel").hidden = !e;
     if (!e) return;
     say("evidence-line", [e.ended ? `The experiment was ended: ${e.ended}.` : "", `${e.line}.`].filter(Boolean).join(" "));
-    say("evidence-hint", e.threshold ? `Each stretch of new samples is scored by fits to earlier ones. An effect is decided where log E reaches ${e.threshold}; it may be looked at at any time.` : "");
+    say("evidence-hint", e.threshold ? `Each stretch of new samples is scored by fits to earlier ones. An effect is decided where log E reaches ${e.threshold}; it may be looked at at any time. Where several are decided, a diagnosis compares them with one another.` : "");
     $("evidence-numbers").hidden = !e.effects.length;
     render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", {},
       make("th", { scope: "row" }, one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));
