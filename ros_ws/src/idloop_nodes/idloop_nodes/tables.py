@@ -263,7 +263,7 @@ ESTIMATOR: Table = (
     P(
         "evidence_period",
         "float",
-        5.0,
+        10.0,
         "Time between two looks at the evidence for effects that may be missing; each scores the samples since the one "
         "before. 0 never looks.",
         unit="s",
