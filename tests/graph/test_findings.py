@@ -10,23 +10,29 @@ from idloop.errors import IdloopError
 from idloop.graph import Findings, read_findings
 from idloop_nodes.bag_writer import BagWriter
 from idloop_nodes.codec import (
+    EffectEvidence,
+    EvidenceSummary,
     LadderSummary,
     MissingSummary,
     encode_diagnostics,
+    evidence_to_statuses,
     ladder_to_statuses,
     missing_to_statuses,
 )
 from idloop_nodes.wiring import DIAGNOSTICS
 
-TOPICS = ("/estimator/missing_effects", "/estimator/ladder")
+TOPICS = {
+    MissingSummary: ("/estimator/missing_effects", missing_to_statuses),
+    LadderSummary: ("/estimator/ladder", ladder_to_statuses),
+    EvidenceSummary: ("/estimator/evidence", evidence_to_statuses),
+}
 
 
 def write(folder, said):
-    writer = BagWriter(folder, dict.fromkeys(TOPICS, DIAGNOSTICS), "kilted")
+    writer = BagWriter(folder, {topic: DIAGNOSTICS for topic, _ in TOPICS.values()}, "kilted")
     for stamp, one in enumerate(said):
-        missing = isinstance(one, MissingSummary)
-        statuses = missing_to_statuses("e", one) if missing else ladder_to_statuses("e", one)
-        writer.write(TOPICS[not missing], stamp, encode_diagnostics(stamp, statuses))
+        topic, statuses = TOPICS[type(one)]
+        writer.write(topic, stamp, encode_diagnostics(stamp, statuses("e", one)))
     writer.close()
     return folder
 
@@ -52,6 +58,19 @@ def test_everything_that_was_said_is_read_in_order(tmp_path):
     assert found.diagnoses[1]["error"] == "the worker process ended"
     assert found.experiments == (experiment,)
     assert found.ladder == {"ladder": [], "suggested_experiment": None}
+
+
+def test_the_evidence_is_a_series(tmp_path):
+    said = [
+        EvidenceSummary(
+            "m", threshold=7.5, looks=looks, samples=100 * looks, candidates=(EffectEvidence("a@b", 5.0 * looks),)
+        )
+        for looks in (1, 2)
+    ]
+    found = read_findings(write(tmp_path / "bag", said)).evidence
+    assert [one["samples"] for one in found] == [100, 200]
+    assert [one["candidates"][0]["log_e"] for one in found] == [5.0, 10.0]
+    assert found[0]["schema"] == "idloop/live_evidence/1"
 
 
 def test_a_bag_without_findings_has_none(tmp_path):

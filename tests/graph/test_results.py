@@ -43,6 +43,13 @@ def test_the_newest_fit_counts(tmp_path):
     assert not found.error
 
 
+def test_whether_an_estimate_may_be_trusted_is_read_where_it_was_said(tmp_path):
+    inertia = ParameterSummary("motor.inertia", 1.5, 0.01, "kg·m²", trusted=True, why="nothing is missing")
+    said = [fitted(80.0), (PARAMETERS, parameters_to_statuses("e", [inertia]))]
+    found = read_results(write(tmp_path / "bag", said)).parameters["motor.inertia"]
+    assert (found["trusted"], found["why"]) == (True, "nothing is missing")
+
+
 def test_a_bag_without_fits_has_none(tmp_path):
     assert read_results(write(tmp_path / "bag", [("/left/motor/wear", [])])) == LiveResult()
 

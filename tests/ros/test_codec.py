@@ -14,8 +14,10 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from idloop.report.estimates import with_interval
 from idloop_nodes.codec import (
     CdrError,
+    EffectEvidence,
     EffectSummary,
     Estimate,
+    EvidenceSummary,
     FitSummary,
     JointReader,
     JointSample,
@@ -36,6 +38,8 @@ from idloop_nodes.codec import (
     encode_header,
     encode_joint_state,
     encode_time,
+    evidence_from_statuses,
+    evidence_to_statuses,
     fit_from_statuses,
     fit_to_statuses,
     ladder_from_statuses,
@@ -161,6 +165,7 @@ def test_rubbish_never_raises_anything_else(data):
         finite,
         st.dictionaries(names, finite, max_size=3),
         texts,
+        st.dictionaries(names, finite, max_size=3),
     )
 )
 def test_fit_round_trip(summary):
@@ -171,7 +176,12 @@ def test_fit_round_trip(summary):
 optional = st.one_of(st.none(), finite)
 
 
-@given(st.lists(st.builds(ParameterSummary, names, finite, optional, texts, optional, optional, st.booleans())))
+estimated = st.builds(
+    ParameterSummary, names, finite, optional, texts, optional, optional, st.booleans(), st.booleans(), texts
+)
+
+
+@given(st.lists(estimated))
 def test_parameters_round_trip(items):
     _, back = decode_diagnostics(encode_diagnostics(1, parameters_to_statuses("estimator", items)))
     assert parameters_from_statuses(back) == items
@@ -269,6 +279,45 @@ def test_ladder_round_trip(summary):
     assert ladder_from_statuses(through_a_message(ladder_to_statuses("estimator", summary))) == summary
 
 
+counts = st.integers(0, 2**62)
+weighed = st.builds(EffectEvidence, names, finite, st.one_of(st.none(), counts), st.one_of(st.none(), counts))
+
+
+@given(
+    st.builds(
+        EvidenceSummary,
+        names,
+        name_tuples,
+        stamps,
+        finite,
+        st.one_of(finite, st.just(math.inf)),
+        counts,
+        counts,
+        finite,
+        st.lists(weighed, max_size=3).map(tuple),
+        name_tuples,
+        st.lists(estimated, max_size=2).map(tuple),
+        texts,
+        texts,
+    )
+)
+def test_evidence_round_trip(summary):
+    assert evidence_from_statuses(through_a_message(evidence_to_statuses("estimator", summary))) == summary
+
+
+def test_the_evidence_is_for_people():
+    slip, gap = EffectEvidence("slip@motor", 9.31, 5 * 10**9, 500), EffectEvidence("dead_zone@input", 2.0)
+    summary = EvidenceSummary("m", threshold=7.9, looks=2, samples=1000, seconds=10.0, candidates=(slip, gap))
+    head, *effects = evidence_to_statuses("estimator", summary)
+    assert head.message == "decided: slip@motor, after 10 s of new samples"
+    assert [one.name for one in effects] == ["estimator: slip@motor", "estimator: dead_zone@input"]
+    assert [one.level for one in (head, *effects)] == [Level.WARN, Level.WARN, Level.OK]
+    assert effects[0].values["decided_samples"] == "500"
+    assert effects[1].values["decided"] == "false"
+    undecided = EvidenceSummary("m", threshold=7.9, looks=2, seconds=10.0, candidates=(gap,))
+    assert undecided.line == "nothing decided; most for dead_zone@input, log E 2.0 of 7.9, after 10 s of new samples"
+
+
 DEAD_ZONE = EffectSummary(
     "dead_zone",
     "input",
@@ -317,7 +366,7 @@ def test_the_ladder_is_for_people():
     assert items[2].message == "+ dead_zone@input: FIT motor.position 99.50 %"
 
 
-@pytest.mark.parametrize("read", [missing_from_statuses, ladder_from_statuses])
+@pytest.mark.parametrize("read", [missing_from_statuses, ladder_from_statuses, evidence_from_statuses])
 def test_foreign_findings_are_refused(read):
     for items in ([], [Status("x")], [Status("x", values={"level": "a"})]):
         with pytest.raises(CdrError):

@@ -15,6 +15,7 @@ from idloop_nodes.codec import (
     decode_diagnostics,
     decode_joint_state,
     encode_joint_state,
+    evidence_from_statuses,
     ladder_from_statuses,
     missing_from_statuses,
 )
@@ -41,7 +42,7 @@ class EstimatorBench:
             | {"catalogue": "[dead_zone, coulomb_friction, input_offset]"}
             | parameters,
         )
-        for name in ("missing_effects", "ladder", "prediction", "fit"):
+        for name in ("missing_effects", "evidence", "ladder", "prediction", "fit"):
             self.bench.listen(f"estimator/{name}")
         self.commands, self.states = self.bench.talk("joint_command"), self.bench.talk("joint_states")
         self.bench.matched(self.commands, self.states)
@@ -198,6 +199,36 @@ def test_what_the_user_takes_back_is_not_added_again(bench):
     assert missing.set == ("dead_zone@input",)
     one.bench.until(lambda: not one.bench.node._diagnosing.desk.busy)
     assert one.effects() == []
+
+
+def test_the_evidence_rises_with_the_samples_and_ends_the_experiment_if_asked(bench):
+    from std_srvs.srv import Trigger
+
+    one = EstimatorBench(bench, evidence_period=3.0, auto_diagnose=False, mode="lockstep", end_when_decided=True)
+    stopped = []
+
+    def stop(service):
+        def answer(request, response):
+            stopped.append(service)
+            response.success = True
+            return response
+
+        one.bench.other.create_service(Trigger, service, answer)
+
+    services = ["/controller/emergency_stop", "/excitation/stop"]
+    for service in services:
+        stop(service)
+    one.drive(22.5)
+    one.bench.until(lambda: len(stopped) == 2 and not one.bench.node._evidence.busy)
+    assert sorted(stopped) == services
+    looks = [evidence_from_statuses(decode_diagnostics(data)[1]) for data in one.bench.got["estimator/evidence"]]
+    found = [effect for summary in looks for effect in summary.candidates if effect.name == "dead_zone@input"]
+    assert len(found) >= 2
+    assert np.all(np.diff([effect.log_e for effect in found]) > 0.0)
+    assert found[-1].log_e > looks[-1].threshold
+    assert found[-1].decided_stamp == looks[-1].stamp
+    assert found[-1].decided_samples == looks[-1].samples == 300 * looks[-1].looks
+    assert [bool(summary.ended) for summary in looks] == [False] * (len(looks) - 1) + [True]
 
 
 def test_an_excitation_that_is_not_there_is_said(bench, monkeypatch):

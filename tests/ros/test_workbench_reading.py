@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 
@@ -12,8 +13,16 @@ from idloop.diagnose.ladder import SCHEMA
 from idloop.errors import InputError
 from idloop.physics import load_model
 from idloop.workbench.source import Activity
-from idloop_nodes.codec import EffectSummary, LadderSummary, Level, Status
-from idloop_nodes.workbench_reading import activity_of, automatic_of, candidate_of, ladder_of
+from idloop_nodes.codec import (
+    EffectEvidence,
+    EffectSummary,
+    EvidenceSummary,
+    LadderSummary,
+    Level,
+    ParameterSummary,
+    Status,
+)
+from idloop_nodes.workbench_reading import MOST_LOOKS, activity_of, automatic_of, candidate_of, evidence_of, ladder_of
 
 
 def told(message, **values):
@@ -59,3 +68,44 @@ def test_a_message_makes_no_effect_run_that_is_not_trusted(tmp_path):
     with pytest.raises(InputError, match="which are not trusted"):
         ladder_of(LadderSummary("run", document=document), tmp_path)
     assert not (tmp_path / "run").exists()
+
+
+def looked(looks, *candidates, **more):
+    """What is said after so many looks at five seconds and 500 samples each."""
+    return EvidenceSummary(
+        "m", looks=looks, samples=500 * looks, seconds=5.0 * looks, threshold=7.9, candidates=candidates, **more
+    )
+
+
+def test_the_page_keeps_how_the_evidence_has_grown():
+    gain = ParameterSummary("drive.gain", 8.0, 0.01, "N·m/V", trusted=True, why="nothing is missing")
+    slip, late = EffectEvidence("slip@motor", 3.0), EffectEvidence("cogging@motor", -1.0)
+    decided = EffectEvidence("slip@motor", 9.0, 16 * 10**9, 1000)
+    course = evidence_of(looked(1, slip), None)
+    course = evidence_of(looked(2, decided, late, parameters=(gain,)), course)
+    again = evidence_of(looked(2, decided, late, parameters=(gain,), ended="decided: slip@motor"), course)
+    assert again.seconds == course.seconds == (5.0, 10.0)
+    assert again.lines["slip@motor"] == (3.0, 9.0)
+    assert math.isnan(again.lines["cogging@motor"][0])
+    assert again.lines["cogging@motor"][1] == -1.0
+    mark = again.decided["slip@motor"]
+    assert (mark.seconds, mark.samples, mark.log_e) == (10.0, 1000, 9.0)
+    assert again.ended == "decided: slip@motor"
+    assert (again.estimates[0].name, again.estimates[0].trusted) == ("drive.gain", True)
+
+
+def test_another_model_begins_a_new_course_and_a_long_one_forgets_its_beginning():
+    course = evidence_of(looked(3, EffectEvidence("slip@motor", 3.0)), None)
+    other = evidence_of(looked(4, effects=("slip@motor",)), course)
+    assert (other.seconds, other.lines) == ((20.0,), {})
+    assert evidence_of(looked(1), course).seconds == (5.0,), "a new run"
+    for looks in range(4, MOST_LOOKS + 10):
+        course = evidence_of(looked(looks, EffectEvidence("slip@motor", float(looks))), course)
+    assert len(course.seconds) == len(course.lines["slip@motor"]) == MOST_LOOKS
+    assert course.lines["slip@motor"][-1] == MOST_LOOKS + 9
+
+
+def test_a_page_that_comes_later_marks_at_the_threshold_what_it_has_not_seen():
+    course = evidence_of(looked(6, EffectEvidence("slip@motor", 30.0, 16 * 10**9, 1000)), None)
+    mark = course.decided["slip@motor"]
+    assert (mark.seconds, mark.log_e) == (10.0, 7.9)

@@ -12,8 +12,9 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 from fake import DEAD_ZONE, FRICTION, MISSING, FakeSource
 
 from idloop.diagnose import Ladder
+from idloop.report.figures.evidence import Decided
 from idloop.workbench.server import Place, Site
-from idloop.workbench.source import RELEASING, STOPPED, Activity, Health
+from idloop.workbench.source import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate
 from idloop.workbench.source import STALE as SILENT
 
 PEAK = "peak => strips.values('measured').includes(peak)"
@@ -92,6 +93,32 @@ def test_figures_follow_new_findings_and_the_page_keeps_no_old_ones(site, source
         visitor.until(drawn, error)
         before = before or visitor.page.evaluate(models)
         assert visitor.page.evaluate(models) == before
+
+
+def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    assert page.is_hidden("#evidence-panel")
+    estimate = TrustedEstimate("drive.gain", "8.26 ± 0.02 N·m/V", False, "not decided yet")
+    first = Evidence("nothing decided", (), (5.0,), {FRICTION.name: (3.25,)}, 7.9, {}, (estimate,))
+    source.board.change(evidence=first)
+    drawn = "value => [...Bokeh.documents[0].all_models].some((one) => one.data?.y?.includes?.(value))"
+    visitor.until(drawn, 3.25)
+    decided = {FRICTION.name: Decided(10.0, 1000, 21.5)}
+    values = {FRICTION.name: (3.25, 21.5), DEAD_ZONE.name: (float("nan"), 1.5)}
+    last = replace(
+        first, line="decided: coulomb_friction@motor", seconds=(5.0, 10.0), lines=values, decided=decided,
+        estimates=(replace(estimate, trusted=True, why="nothing is missing"),), ended="decided: coulomb_friction@motor",
+    )  # fmt: skip
+    source.board.change(evidence=last)
+    visitor.until(drawn, 1.5)
+    page.wait_for_selector("#trust-rows b:text('yes')")
+    assert "Coulomb friction @ motor" in page.inner_text("#evidence-line")
+    assert "was ended" in page.inner_text("#evidence-line")
+    assert page.text_content("#evidence-effects tr:first-child").endswith("10 s, 1000 samples")
+    assert page.get_attribute("#trust-rows th", "scope") == "row"
+    labels = "() => [...Bokeh.documents[0].all_models].map((one) => one.axis_label).filter(Boolean)"
+    assert {"new samples [s]", "log E [-]"} <= set(page.evaluate(labels))
 
 
 def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(site, source, visit):

@@ -11,9 +11,10 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from idloop.diagnose import Candidate, Ladder, Step
 from idloop.physics import load_model
+from idloop.report.figures.evidence import Decided
 from idloop.workbench import state
 from idloop.workbench.signals import Signals
-from idloop.workbench.source import Missing, Snapshot
+from idloop.workbench.source import Evidence, Missing, Snapshot, TrustedEstimate
 
 
 def error(mean=0.0, rms=1.0, **variables):
@@ -138,3 +139,24 @@ def test_an_experiment_says_what_it_sends_in():
     told = state._suggested({"signal": steps, "adds_to": "command", "unit": "V"})
     assert told["signal"] == "Multilevel on the command, 2 s, amplitude 4 V, hold min 0.1821 s, levels 0"
     assert state._suggested({"text": "it moves"})["signal"] == ""
+
+
+def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
+    found = state._evidence(
+        Evidence(
+            "decided: dead_zone@input", (), (5.0, 10.0),
+            {"cogging@motor": (float("nan"), -2.04), "dead_zone@input": (6.0, 18.37)}, 7.9,
+            {"dead_zone@input": Decided(10.0, 1000, 18.37)},
+            (TrustedEstimate("drive.gain", "8.0 N·m/V", False, "missing from the model: dead_zone@input"),),
+            "decided: dead_zone@input",
+        )
+    )  # fmt: skip
+    assert [(one["log_e"], one["decided"]) for one in found["effects"]] == [
+        ("18.4", "10 s, 1000 samples"),
+        ("−2.0", ""),
+    ]
+    assert found["threshold"] == "7.9"
+    assert "dead zone @ input" in found["ended"]
+    (estimate,) = found["estimates"]
+    assert not estimate["trusted"]
+    assert "dead zone @ input" in estimate["why"]

@@ -89,16 +89,7 @@ class Scores:
         difference = self.log_density - other.log_density
         sums = np.array([float(np.sum(difference[block])) for block in self.blocks])
         lengths = np.array([len(block) for block in self.blocks], dtype=float)
-        mean = float(np.sum(sums)) / max(float(np.sum(lengths)), 1.0)
-        alone = float(np.var(difference)) * len(difference)
-        together = float(np.sum((sums - mean * lengths) ** 2))
-        return Evidence(
-            float(np.sum(sums)),
-            max(together / max(alone, 1e-300), 1.0),
-            float(np.sqrt(together)),
-            len(difference),
-            self.start - other.start,
-        )
+        return evidence_of(sums, lengths, float(np.sum(difference**2)), self.start - other.start)
 
 
 @dataclass(frozen=True)
@@ -147,6 +138,32 @@ class Evidence:
     def p_value(self, candidates: int) -> float:
         """Probability that the best of so many candidates has such evidence where nothing is missing, at most 1."""
         return float(min(1.0, candidates * np.exp(-min(max(self.log, 0.0), 700.0))))
+
+
+def evidence_of(sums: Array, lengths: Array, squares: float, start: float = 0.0) -> Evidence:
+    """Evidence by what is known of stretches.
+
+    Parameters
+    ----------
+    sums : array, shape (stretches,)
+        Of the differences of the log-densities over each stretch.
+    lengths : array, shape (stretches,)
+        Samples in each.
+    squares : float
+        Sum of the squared differences of all samples.
+    start : float
+        As of `Evidence`.
+
+    Returns
+    -------
+    Evidence
+    """
+    total, samples = float(np.sum(sums)), float(np.sum(lengths))
+    mean = total / max(samples, 1.0)
+    alone = squares - mean * total
+    together = float(np.sum((sums - mean * lengths) ** 2))
+    design_effect = max(together / max(alone, 1e-300), 1.0)
+    return Evidence(total, design_effect, float(np.sqrt(together)), int(samples), start)
 
 
 def scores_of(fit: WeakFit) -> Scores:

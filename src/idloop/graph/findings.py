@@ -24,11 +24,14 @@ class Findings:
         Experiments that were suggested, as `idloop suggest` writes them.
     ladder : dict or None
         The newest ladder, schema idloop/refine/1.
+    evidence : tuple of dict
+        Every look at the evidence, schema idloop/live_evidence/1.
     """
 
     diagnoses: tuple[dict[str, Any], ...] = ()
     experiments: tuple[dict[str, Any], ...] = ()
     ladder: dict[str, Any] | None = None
+    evidence: tuple[dict[str, Any], ...] = ()
 
 
 def read_findings(bag: Path) -> Findings:
@@ -41,10 +44,13 @@ def read_findings(bag: Path) -> Findings:
     """
     diagnoses: list[dict[str, Any]] = []
     experiments: list[dict[str, Any]] = []
+    evidence: list[dict[str, Any]] = []
     ladder: dict[str, Any] | None = None
     try:
-        for name, (values, *_) in read_diagnostics(bag, ("missing_effects", "ladder")):
-            if name == "missing_effects":
+        for name, (values, *_) in read_diagnostics(bag, ("missing_effects", "ladder", "evidence")):
+            if name == "evidence":
+                evidence.append(read_json(values["document"], "evidence"))
+            elif name == "missing_effects":
                 diagnoses.append(_diagnosis(values))
             elif values["document"]:
                 ladder = read_json(values["document"], "ladder")
@@ -53,7 +59,7 @@ def read_findings(bag: Path) -> Findings:
                     experiments.append(suggested)
     except (KeyError, ValueError, InputError) as error:
         raise unreadable(bag, error) from error
-    return Findings(tuple(diagnoses), tuple(experiments), ladder)
+    return Findings(tuple(diagnoses), tuple(experiments), ladder, tuple(evidence))
 
 
 def _diagnosis(values: dict[str, str]) -> dict[str, Any]:

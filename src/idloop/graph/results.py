@@ -20,7 +20,7 @@ class LiveResult:
     fit_train : dict
         FIT per output in percent, on the samples that it used.
     parameters : dict
-        By name: value, stderr (or None), unit.
+        By name: value, stderr (or None), unit; where the estimator said so, whether it may be ``trusted`` and ``why``.
     fits : int
         How many fits there were.
     error : str
@@ -55,6 +55,8 @@ def read_results(bag: Path) -> LiveResult:
         for one in newest.get("parameters", ()):
             stderr = float(one["stderr"]) if one["stderr"] else None
             parameters[one["parameter"]] = {"value": float(one["value"]), "stderr": stderr, "unit": one["unit"]}
+            if one.get("why"):
+                parameters[one["parameter"]] |= {"trusted": one["trusted"] == "true", "why": one["why"]}
         return LiveResult(
             fit=_numbers(values, "fit/"),
             fit_train=_numbers(values, "train/"),

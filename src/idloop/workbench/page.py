@@ -15,6 +15,7 @@ from bokeh.models.widgets import Div
 
 from idloop.documents import read_json
 from idloop.errors import InputError
+from idloop.report.figures.evidence import evidence_figure
 from idloop.report.figures.ladder import ladder_figures
 from idloop.report.figures.next_experiment import experiment_figures
 from idloop.report.figures.theme import LIGHT, THEMES
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 PERIOD = 250  # milliseconds between two looks at what is new
 SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
+FIGURES = ("where", "evidence", "next", "ladder")
 TEMPLATE = Path(__file__).with_name("assets") / "page.html"
 
 
@@ -120,7 +122,7 @@ class Page:
         self._seen: dict[str, Any] = {}
         self.choice = ColumnDataSource(name="look", data={"json": [json.dumps(self.look)]})
         self.choice.on_change("data", self._chosen)
-        self.roots = {name: column(name=name, sizing_mode="stretch_width") for name in ("where", "ladder", "next")}
+        self.roots = {name: column(name=name, sizing_mode="stretch_width") for name in FIGURES}
         self._canvases = {name: Canvas(root) for name, root in self.roots.items()}
         for root in (*self.roots.values(), self.choice):
             doc.add_root(root)
@@ -169,6 +171,8 @@ class Page:
             self._canvases["where"].draw(self._where(snapshot))
         if self._is_new("ladder", snapshot.ladder, self.look["theme"]):
             self._canvases["ladder"].draw(self._ladder(snapshot))
+        if self._is_new("evidence", snapshot.evidence, self.look["theme"]):
+            self._canvases["evidence"].draw(self._evidence(snapshot))
         if self._is_new("next", snapshot.suggestion, self.look["theme"]):
             found = snapshot.suggestion
             self._canvases["next"].draw([] if found is None else experiment_figures(found, self._theme))
@@ -193,6 +197,12 @@ class Page:
             why = one.left_out.get(variable, "")
             return [self._words(f"No picture over {TITLES[variable]}: {why or 'too little data'}.")]
         return [plot]
+
+    def _evidence(self, snapshot: Snapshot) -> list[Any]:
+        found = snapshot.evidence
+        if found is None or not found.lines:
+            return []
+        return [evidence_figure(found.seconds, found.lines, found.threshold, found.decided, self._theme)]
 
     def _ladder(self, snapshot: Snapshot) -> list[Any]:
         ladder = snapshot.ladder

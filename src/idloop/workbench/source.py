@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from idloop.diagnose import Candidate, Ladder, UnknownStructure
     from idloop.diagnose.characteristic import Characteristic
     from idloop.diagnose.suggest import Suggestion
+    from idloop.report.figures.evidence import Decided
     from idloop.workbench.assessment import Assessment
     from idloop.workbench.signals import Signals
 
@@ -106,6 +107,48 @@ class Missing:
 
 
 @dataclass(frozen=True)
+class TrustedEstimate:
+    """One estimate of a live graph, with its 95 % interval, whether it may be trusted, and why."""
+
+    name: str
+    text: str
+    trusted: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """How the evidence for missing effects has grown on a live graph.
+
+    Attributes
+    ----------
+    line : str
+        The newest look for a person.
+    effects : tuple of str
+        Of the model that they were weighed against.
+    seconds : tuple of float
+        New samples that had been scored at each look [s].
+    lines : mapping of str to tuple of float
+        Log-evidence at each look by effect; NaN before an effect was weighed.
+    threshold : float
+        Log-evidence that decides.
+    decided : mapping of str to Decided
+    estimates : tuple of TrustedEstimate
+    ended : str
+        Why the experiment has been ended; empty where it has not.
+    """
+
+    line: str = ""
+    effects: tuple[str, ...] = ()
+    seconds: tuple[float, ...] = ()
+    lines: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    threshold: float = float("inf")
+    decided: Mapping[str, Decided] = field(default_factory=dict)
+    estimates: tuple[TrustedEstimate, ...] = ()
+    ended: str = ""
+
+
+@dataclass(frozen=True)
 class Activity:
     """What is being worked out; `share` is None while nobody knows how far it is."""
 
@@ -136,6 +179,7 @@ class Snapshot:
         Of the present model.
     fit : Fit or None
     missing : Missing or None
+    evidence : Evidence or None
     looks : int
         Diagnoses that have come in so far.
     ladder : Ladder or None
@@ -170,6 +214,7 @@ class Snapshot:
     effects: tuple[str, ...] = ()
     fit: Fit | None = None
     missing: Missing | None = None
+    evidence: Evidence | None = None
     looks: int = 0
     ladder: Ladder | None = None
     suggested: Mapping[str, Any] | None = None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from idloop.validate.where import ErrorMap
     from idloop.workbench.assessment import Assessment
     from idloop.workbench.signals import Signals
-    from idloop.workbench.source import Missing, Snapshot
+    from idloop.workbench.source import Evidence, Missing, Snapshot
 
 MOST_STRETCHES = 5
 TROUBLE = (
@@ -62,6 +62,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "followed": signals.followed,
         "fit": _fit(snapshot),
         "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder),
+        "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "judged_on": _judged_on(snapshot),
@@ -166,6 +167,25 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
         ],
         "findings": list(found.findings),
         "unknown": "" if found.unknown is None else f"{_capital(found.unknown.text)}.",
+    }
+
+
+def _evidence(found: Evidence) -> dict[str, Any]:
+    newest = {name: values[-1] for name, values in found.lines.items() if values}
+    decided = {name: f"{one.seconds:.4g} s, {one.samples} samples" for name, one in found.decided.items()}
+    effects = [
+        {"words": words(name), "log_e": f"{newest[name]:.1f}".replace("-", "−"), "decided": decided.get(name, "")}
+        for name in sorted(newest, key=lambda name: -newest[name])
+    ]
+    return {
+        "line": _capital(in_words(found.line)),
+        "threshold": f"{found.threshold:.1f}" if math.isfinite(found.threshold) else "",
+        "effects": effects,
+        "ended": in_words(found.ended),
+        "estimates": [
+            {"name": one.name, "text": one.text, "trusted": one.trusted, "why": _capital(in_words(one.why))}
+            for one in found.estimates
+        ],
     }
 
 

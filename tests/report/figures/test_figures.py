@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bokeh.models.annotations import BoxAnnotation, Label, Span
+from bokeh.models.annotations import BoxAnnotation, Label, Legend, Span
 
 from idloop.report.effect_names import in_words, words
 from idloop.report.figures.candidates import (
@@ -19,6 +19,7 @@ from idloop.report.figures.candidates import (
     diagnosis_rows,
     ladder_rows,
 )
+from idloop.report.figures.evidence import MOST, Decided, evidence_figure
 from idloop.report.figures.force import force_figures
 from idloop.report.figures.ladder import error_lines, force_lines, ladder_figures, step_names
 from idloop.report.figures.overlay import overlay
@@ -198,6 +199,26 @@ def test_residual_tests_are_drawn_with_their_bands(judged):
     assert labels(own) == ("lag [samples]", "autocorrelation [-]")
     np.testing.assert_allclose(columns(own)["y"], test.autocorrelation)
     np.testing.assert_allclose(columns(cross)["high"], test.cross_correlation_band)
+
+
+def test_the_evidence_has_a_line_for_each_effect_its_threshold_and_marks_what_is_decided():
+    lines = {"slip@motor": (1.0, 2.0), "dead_zone@input": (4.0, 12.0)} | {
+        f"cogging@load{index}": (-1.0, -float(index)) for index in range(MOST)
+    }
+    plot = evidence_figure((5.0, 10.0), lines, 7.9, {"dead_zone@input": Decided(10.0, 1000, 12.0)}, DARK)
+    assert labels(plot) == ("new samples [s]", "log E [-]")
+    (span,) = plot.select(Span)
+    assert (span.location, span.dimension) == (7.9, "width")
+    marks = [one.data_source.data for one in plot.renderers if one.name == "decided"]
+    assert [(one["x"], one["y"], one["samples"]) for one in marks] == [([10.0], [12.0], [1000])]
+    drawn = [one for one in plot.renderers if one.name == "looks"]
+    assert len(drawn) == MOST, "those with most evidence"
+    assert list(drawn[0].data_source.data["y"]) == [1.0, 2.0]
+    assert plot.y_range.start < -1.0
+    assert plot.y_range.end > 12.0
+    (legend,) = plot.select(Legend)
+    assert len(legend.items) == MOST + 1
+    assert "7.9" in legend.items[-1].label.value
 
 
 def test_every_figure_of_the_page_has_labelled_axes_and_the_colours_of_its_theme(contents):

@@ -131,6 +131,11 @@ class Diagnosing:
         if self._watch.look(summary.whiteness, summary.fit):
             self._diagnose("the residual is not white")
 
+    def look_at_evidence(self, reason: str) -> None:
+        """Diagnose where the evidence has decided and no diagnosis of the present model is known."""
+        if self._parameters["auto_diagnose"] and self.desk.missing is None and not self.desk.busy:
+            self._diagnose(reason)
+
     def follow(self, progress: Progress) -> None:
         """Diagnose again when an experiment has brought new data."""
         self._client.poll()

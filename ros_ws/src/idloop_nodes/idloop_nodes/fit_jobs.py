@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -55,6 +56,7 @@ class FitJob:
             fit_train=dict(seen.fit),
             loss=result.loss,
             whiteness=whiteness(unseen),
+            missed=missed(unseen),
         )
         return FitAnswer(self.number, summary, summarise(result.model))
 
@@ -85,6 +87,18 @@ def whiteness(comparison: Comparison) -> dict[str, float]:
         known = residual[np.isfinite(residual)]
         if len(known) > 4 * LAGS:
             found[name] = ljung_box(known, LAGS)[1]
+    return found
+
+
+def missed(comparison: Comparison) -> dict[str, float]:
+    """Return for each output the rms error of the free run over the noise of its sensor: as stated, else as seen."""
+    from idloop.estimate.noise import noise_std
+
+    found = {}
+    for output, measured in zip(comparison.model.outputs, comparison.measured.T, strict=True):
+        noise, error = output.noise or noise_std(measured), comparison.rmse[output.name]
+        if noise > 0.0 and math.isfinite(error):
+            found[output.name] = float(error / noise)
     return found
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,6 +16,7 @@ from idloop_nodes.codec import (
     StepSummary,
     UnknownSummary,
 )
+from idloop_nodes.codec.numbers import as_json
 
 if TYPE_CHECKING:
     from idloop.diagnose import Candidate, Diagnosis, Ladder, Step, UnknownStructure
@@ -103,21 +103,6 @@ def summarise_measures(measures: Mapping[str, Any]) -> Measures:
     """Return the errors by output; the single records are left to the file."""
     by_output = {name: dict(measures.get(name) or {}) for name in ("nrmse", "fit", "rmse")}
     return Measures(**by_output, force=_finite(measures.get("force")))
-
-
-def as_json(document: Any) -> str:
-    """Return a document as JSON; what is no finite number becomes null."""
-    return json.dumps(_plain(document), ensure_ascii=False, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # an array, or one of its numbers
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _finite(value: float | None) -> float | None:

@@ -260,8 +260,48 @@ ESTIMATOR: Table = (
         maximum=0.99,
     ),
     P("catalogue", "strs", (), "Effects that are looked for: name or name@site; none: the whole catalogue."),
+    P(
+        "evidence_period",
+        "float",
+        10.0,
+        "Time between two looks at the evidence for effects that may be missing; each scores the samples since the one "
+        "before. 0 never looks.",
+        unit="s",
+        minimum=0.0,
+    ),
+    P(
+        "end_when_decided",
+        "bool",
+        False,
+        "End the experiment (stop the excitation, emergency stop of bridge and controller) as soon as an effect is "
+        "decided, or every estimate may be trusted; with auto_add or auto_experiment only when every estimate may be.",
+    ),
+    P(
+        "trusted_stderr",
+        "float",
+        0.05,
+        "Largest standard error of an estimate that may be trusted, as part of its value.",
+        minimum=1e-6,
+        maximum=1.0,
+    ),
+    P(
+        "trusted_error",
+        "float",
+        2.0,
+        "Largest rms error of the free run on unseen samples with which estimates may be trusted, in units of the "
+        "sensor's noise.",
+        minimum=1.0,
+    ),
     P("seed", "int", 0, "Seed of the bootstrap; equal seeds give equal answers.", minimum=0, maximum=2**53),
     P("excitation_node", "str", "excitation", "Node that runs the suggested experiment.", read_only=True),
+    P("controller_node", "str", "controller", "Node that is told to stop when the experiment ends.", read_only=True),
+    P(
+        "bridge_node",
+        "str",
+        "",
+        "Bridge to a robot's motor, which is told to stop first; empty for none.",
+        read_only=True,
+    ),
     P(
         "monitor",
         "strs",

@@ -28,6 +28,10 @@ TOPICS: dict[str, tuple[str, str]] = {
     "estimator/parameters": (DIAGNOSTICS, "its parameters with standard errors (latched)"),
     "estimator/coefficients": (DIAGNOSTICS, "of the recursive black-box model, with standard errors (latched)"),
     "estimator/missing_effects": (DIAGNOSTICS, "newest diagnosis: verdict, and one status for each effect (latched)"),
+    "estimator/evidence": (
+        DIAGNOSTICS,
+        "newest look at the evidence for every effect, and which estimates may be trusted (latched)",
+    ),
     "estimator/ladder": (DIAGNOSTICS, "effects added so far, with the error at each step (latched)"),
     "estimator/wear": (DIAGNOSTICS, "what has grown since the machine was healthy, if watched (latched)"),
     "progress": (HEADER, "how far each node has come: flow control and start barrier"),
@@ -70,6 +74,7 @@ NODES: dict[str, Wiring] = {
             "estimator/fit",
             "estimator/parameters",
             "estimator/missing_effects",
+            "estimator/evidence",
             "estimator/ladder",
             "/diagnostics",
         ),

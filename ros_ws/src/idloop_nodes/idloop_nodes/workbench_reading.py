@@ -13,11 +13,13 @@ from idloop.diagnose import Candidate, Ladder, UnknownStructure
 from idloop.documents import read_json
 from idloop.physics.model_file import from_text
 from idloop.report.effect_names import words
-from idloop.workbench.source import AUTOMATIC, Activity, Fit, Health, Missing
-from idloop_nodes.codec import EffectSummary, FitSummary, LadderSummary, MissingSummary, Status
+from idloop.report.figures.evidence import Decided
+from idloop.workbench.source import AUTOMATIC, Activity, Evidence, Fit, Health, Missing, TrustedEstimate
+from idloop_nodes.codec import EffectSummary, EvidenceSummary, FitSummary, LadderSummary, MissingSummary, Status
 from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, EFFECTS, SUGGEST, UNDO, MotionLimits
 
 NANO = 1e-9
+MOST_LOOKS = 600  # that the page draws: more points than a figure has pixels for
 _PROGRESS = re.compile(r"\b(\d+) %,? ?(.*)")
 _EFFECT = re.compile(r"\w+@[\w.]+")
 # What an order is in words.
@@ -81,6 +83,38 @@ def candidate_of(one: EffectSummary, folder: Path | None) -> Candidate:
         model=from_text(one.fitted_model, folder) if one.fitted_model else None,
         replaces=one.replaces or None,
     )
+
+
+def evidence_of(summary: EvidenceSummary, before: Evidence | None) -> Evidence:
+    """Return how the evidence has grown, with the newest look behind those that the page has seen."""
+    seconds: tuple[float, ...] = ()
+    lines: dict[str, tuple[float, ...]] = {}
+    if before is not None and before.effects == summary.effects and before.seconds[-1:] <= (summary.seconds,):
+        seconds, lines = before.seconds, dict(before.lines)
+    # A stretch that could not be scored, or an end that is said, is no new point.
+    if summary.looks and seconds[-1:] != (summary.seconds,):
+        unknown = (math.nan,) * len(seconds)
+        now = {one.name: one.log_e for one in summary.candidates}
+        lines = {
+            name: (*lines.get(name, unknown), now.get(name, math.nan))[-MOST_LOOKS:]
+            for name in dict.fromkeys((*lines, *now))
+        }
+        seconds = (*seconds, summary.seconds)[-MOST_LOOKS:]
+    decided = {
+        one.name: _decided(one.decided_samples, summary, seconds, lines[one.name])
+        for one in summary.candidates
+        if one.decided_samples is not None and one.name in lines
+    }
+    estimates = tuple(TrustedEstimate(one.name, one.line, one.trusted, one.why) for one in summary.parameters)
+    return Evidence(summary.line, summary.effects, seconds, lines, summary.threshold, decided, estimates, summary.ended)
+
+
+def _decided(samples: int, summary: EvidenceSummary, seconds: Sequence[float], values: Sequence[float]) -> Decided:
+    """Where an effect was decided; at the threshold where the page has come later."""
+    at = summary.seconds * samples / max(summary.samples, 1)
+    nearest = min(range(len(seconds)), key=lambda index: abs(seconds[index] - at))
+    seen = abs(seconds[nearest] - at) <= 0.5 * summary.seconds / max(summary.looks, 1)
+    return Decided(at, samples, values[nearest] if seen else summary.threshold)
 
 
 def ladder_of(summary: LadderSummary, folder: Path | None) -> Ladder | None:

@@ -390,6 +390,21 @@
         make("small", {}, one.number ? [one.by === "user" ? "your choice" : one.p].filter(Boolean).join("") : `FIT ${Object.keys(one.fit).join(" · ")}${one.force == null ? "" : " · error of the force"}`)))));
   }
 
+  function showEvidence(s) {
+    const e = s.evidence;
+    $("evidence-panel").hidden = !e;
+    if (!e) return;
+    say("evidence-line", [e.ended ? `The experiment was ended: ${e.ended}.` : "", `${e.line}.`].filter(Boolean).join(" "));
+    say("evidence-hint", e.threshold ? `Each stretch of new samples is scored by fits to earlier ones. An effect is decided where log E reaches ${e.threshold}; it may be looked at at any time. Where several are decided, a diagnosis compares them with one another.` : "");
+    $("evidence-numbers").hidden = !e.effects.length;
+    render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", {},
+      make("th", { scope: "row" }, one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));
+    $("trust").hidden = !e.estimates.length;
+    render("trust-rows", e.estimates, () => e.estimates.map((one) => make("tr", {},
+      make("th", { scope: "row" }, one.name), make("td", {}, one.text),
+      make("td", {}, make("b", {}, one.trusted ? "yes" : "not yet"), make("small", {}, one.why)))));
+  }
+
   function showExperiment(s) {
     const m = s.missing;
     const tied = m && m.separable;
@@ -443,6 +458,7 @@
     taken();
     showActivity(s);
     showMissing(s);
+    showEvidence(s);
     showLadder(s);
     showExperiment(s);
     showAutomatic(s);

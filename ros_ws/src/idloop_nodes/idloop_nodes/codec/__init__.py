@@ -14,6 +14,12 @@ from idloop_nodes.codec.effects import (
     missing_from_statuses,
     missing_to_statuses,
 )
+from idloop_nodes.codec.evidence import (
+    EffectEvidence,
+    EvidenceSummary,
+    evidence_from_statuses,
+    evidence_to_statuses,
+)
 from idloop_nodes.codec.floats import decode_float, decode_floats, encode_float, encode_floats
 from idloop_nodes.codec.joints import (
     JointReader,
@@ -47,8 +53,10 @@ from idloop_nodes.codec.wear import WatchSummary, WearSummary, wear_from_statuse
 
 __all__ = [
     "CdrError",
+    "EffectEvidence",
     "EffectSummary",
     "Estimate",
+    "EvidenceSummary",
     "FitSummary",
     "JointReader",
     "JointSample",
@@ -76,6 +84,8 @@ __all__ = [
     "encode_header",
     "encode_joint_state",
     "encode_time",
+    "evidence_from_statuses",
+    "evidence_to_statuses",
     "fit_from_statuses",
     "fit_to_statuses",
     "ladder_from_statuses",

@@ -1,8 +1,11 @@
-"""Numbers that may be absent, as key values, and what is uncertain for a person."""
+"""Numbers that may be absent, as key values and in JSON, and what is uncertain for a person."""
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Mapping
+from typing import Any
 
 # As in every printout and on every page: what stands after ± is the half-width of the 95 % interval.
 _NORMAL_95 = 1.959963984540054
@@ -21,3 +24,18 @@ def number_or_none(text: str) -> float | None:
 def plus_minus(stderr: float | None, digits: int = 2) -> str:
     """Return the half-width of the 95 % interval as " ± 0.0022"; empty where it is not known."""
     return "" if stderr is None or not math.isfinite(stderr) else f" ± {_NORMAL_95 * stderr:.{digits}g}"
+
+
+def as_json(document: Any) -> str:
+    """Return a document as JSON; what is no finite number becomes null."""
+    return json.dumps(_plain(document), ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # an array, or one of its numbers
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

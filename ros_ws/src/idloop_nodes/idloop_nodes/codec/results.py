@@ -37,6 +37,8 @@ class FitSummary:
         By output, the probability that a white residual of the free run on the validation window looks like this.
     error : str
         Why there is no fit, one line; empty when there is one.
+    missed : dict of str to float
+        By output, rms error of the free run on the validation window over the sensor's noise.
     """
 
     model: str
@@ -49,11 +51,12 @@ class FitSummary:
     loss: float = float("nan")
     whiteness: dict[str, float] = field(default_factory=dict)
     error: str = ""
+    missed: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class ParameterSummary:
-    """One parameter of a fitted model: value, standard error, unit, bounds."""
+    """One parameter of a fitted model: value, standard error, unit, bounds; whether it may be trusted, and why."""
 
     name: str
     value: float
@@ -62,11 +65,21 @@ class ParameterSummary:
     minimum: float | None = None
     maximum: float | None = None
     free: bool = True
+    trusted: bool = False
+    why: str = ""
 
     @property
     def at_bound(self) -> bool:
         """Whether an estimated value lies on one of its bounds."""
         return self.free and self.value in (self.minimum, self.maximum)
+
+    @property
+    def line(self) -> str:
+        """Value and 95 % interval for a person."""
+        note = "" if self.free else " (known)"
+        if self.at_bound:
+            note = " (at its bound)"
+        return f"{self.value:.5g}{plus_minus(self.stderr)} {self.unit}".strip() + note
 
 
 def fit_to_statuses(node: str, summary: FitSummary) -> list[Status]:
@@ -82,6 +95,7 @@ def fit_to_statuses(node: str, summary: FitSummary) -> list[Status]:
     }
     values |= {f"fit/{name}": repr(float(value)) for name, value in summary.fit.items()}
     values |= {f"train/{name}": repr(float(value)) for name, value in summary.fit_train.items()}
+    values |= {f"missed/{name}": repr(float(value)) for name, value in summary.missed.items()}
     values |= {f"white/{name}": repr(float(value)) for name, value in summary.whiteness.items()}
     if summary.error:
         return [Status(f"{node}: fit", summary.error, Level.WARN, values, summary.model)]
@@ -114,6 +128,7 @@ def fit_from_statuses(statuses: Sequence[Status]) -> FitSummary:
             loss=float(values["loss"]),
             whiteness=_numbers(values, "white/"),
             error=values["error"],
+            missed=_numbers(values, "missed/"),
         )
     except (KeyError, ValueError) as error:
         raise CdrError(f"estimator/fit cannot be read: {error}") from error
@@ -123,10 +138,6 @@ def parameters_to_statuses(node: str, parameters: Sequence[ParameterSummary]) ->
     """Return the statuses of ``estimator/parameters``, one for each parameter."""
     statuses = []
     for one in parameters:
-        error = plus_minus(one.stderr)
-        note = "" if one.free else " (known)"
-        if one.at_bound:
-            note = " (at its bound)"
         values = {
             "parameter": one.name,
             "value": repr(float(one.value)),
@@ -135,10 +146,11 @@ def parameters_to_statuses(node: str, parameters: Sequence[ParameterSummary]) ->
             "min": text_or_empty(one.minimum),
             "max": text_or_empty(one.maximum),
             "free": "true" if one.free else "false",
+            "trusted": "true" if one.trusted else "false",
+            "why": one.why,
         }
-        text = f"{one.value:.5g}{error} {one.unit}".strip() + note
         level = Level.WARN if one.at_bound else Level.OK
-        statuses.append(Status(f"{node}: {one.name}", text, level, values, one.name))
+        statuses.append(Status(f"{node}: {one.name}", one.line, level, values, one.name))
     return statuses
 
 
@@ -160,6 +172,8 @@ def parameters_from_statuses(statuses: Sequence[Status]) -> list[ParameterSummar
                 minimum=number_or_none(status.values["min"]),
                 maximum=number_or_none(status.values["max"]),
                 free=status.values["free"] == "true",
+                trusted=status.values.get("trusted") == "true",
+                why=status.values.get("why", ""),
             )
             for status in statuses
         ]

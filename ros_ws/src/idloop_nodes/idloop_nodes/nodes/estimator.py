@@ -21,12 +21,14 @@ from idloop_nodes.codec import (
     Status,
     encode_diagnostics,
     fit_to_statuses,
-    parameters_to_statuses,
 )
 from idloop_nodes.command_wait import CommandWait
 from idloop_nodes.data_book import SECOND, DataBook
 from idloop_nodes.diagnosing import Diagnosing
 from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO, DiagnosisAnswer
+from idloop_nodes.evidence_jobs import EvidenceAnswer
+from idloop_nodes.evidence_looks import EvidenceLooks
+from idloop_nodes.experiment_end import ExperimentEnd
 from idloop_nodes.fit_jobs import FitAnswer
 from idloop_nodes.fit_schedule import FitSchedule
 from idloop_nodes.held_stream import HeldStream
@@ -40,11 +42,14 @@ from idloop_nodes.rates import RateCounter
 from idloop_nodes.recursive_model import RecursiveModel
 from idloop_nodes.tables import ESTIMATOR
 from idloop_nodes.wiring import told
+from idloop_nodes.workbench_calls import Calls
 from idloop_nodes.worker import Worker
 
 BLOCK = 500  # samples worked off in one go, so that services stay answered
 BURST, PATIENT_BURST = 0.003, 0.04  # seconds; in lock-step nobody is in a hurry
 FORGET_PERIOD = SECOND // 2  # between two looks at what is too old to be kept [ns]
+# Parameters with which the evidence is weighed: another value begins anew.
+WEIGHED_BY = {"evidence_period", "end_when_decided", "level", "minimum_improvement", "catalogue"}
 ORDERS = {"diagnose": DIAGNOSE, "add_best_effect": ADD_BEST, "undo": UNDO, "run_suggested_experiment": SUGGEST}
 
 
@@ -88,7 +93,6 @@ class EstimatorNode(StreamNode):
             self.publisher("estimator/coefficients"),
         )
         self._publish_fit = self.publisher("estimator/fit")
-        self._publish_parameters = self.publisher("estimator/parameters")
         self._worker = Worker(queue_all=self._lockstep)
         self._jobs = itertools.count(1)
         self._submitted = 0
@@ -102,6 +106,22 @@ class EstimatorNode(StreamNode):
             self._model,
             self.publisher("estimator/missing_effects"),
             self.publisher("estimator/ladder"),
+        )
+        guards = [one for one in (values["bridge_node"], values["controller_node"]) if one]
+        warn = self.get_logger().warning
+        self._evidence = EvidenceLooks(
+            self.get_name(),
+            lambda text: self.get_logger().info(text),
+            values,
+            self._book,
+            self._worker,
+            self._number,
+            self._model,
+            lambda: self._diagnosing.desk.missing,
+            self._diagnosing.look_at_evidence,
+            ExperimentEnd(Calls(self), guards, values["excitation_node"], warn),
+            self.publisher("estimator/evidence"),
+            self.publisher("estimator/parameters"),
         )
         self._monitoring = Monitoring(
             self.get_name(),
@@ -148,6 +168,8 @@ class EstimatorNode(StreamNode):
 
     def _apply(self, names: set[str]) -> None:
         if self._adopting or not names & {"model", "effects"}:
+            if names & WEIGHED_BY:
+                self._evidence.begin(self._model)
             return
         self._model = self._load(self.parameters.values)
         self._prediction.begin(self._model)
@@ -156,6 +178,7 @@ class EstimatorNode(StreamNode):
             self._diagnosing.last = self._last
             self._monitoring.begin(self._model)
         self._diagnosing.another_model(self._model)
+        self._evidence.begin(self._model)
         self._fits.fit_now(self._model, self._last)
         if self._last is not None:
             self._diagnosing.desk.set_effects(self.parameters["effects"])
@@ -165,6 +188,7 @@ class EstimatorNode(StreamNode):
         self._model = model
         self._prediction.go_on(model)
         self._diagnosing.another_model(model)
+        self._evidence.begin(model)
         own = load_model(self.parameters["model"]).effect_names
         effects = [name for name in model.effect_names if name not in own]
         self._adopting = True
@@ -220,6 +244,7 @@ class EstimatorNode(StreamNode):
         for answer in self._worker.answers():
             self._take_answer(answer)
         self._diagnosing.follow(self.progress)
+        self._evidence.poll()
         self._predict()
         self._report()
 
@@ -251,6 +276,7 @@ class EstimatorNode(StreamNode):
         self._book.clear()
         self._fits.restart()
         self._diagnosing.restart()
+        self._evidence.restart()
         self._monitoring.restart()
         self._last = None
         self._prediction.begin(self._model)
@@ -259,8 +285,9 @@ class EstimatorNode(StreamNode):
     @property
     def _holding(self) -> bool:
         """Lock-step: whether simulated time waits for a result, so that equal runs give equal results."""
-        deciding = self.parameters["auto_diagnose"] and self._worker.busy
-        return self._lockstep and (deciding or self._diagnosing.desk.busy)
+        values = self.parameters
+        deciding = (values["auto_diagnose"] or values["end_when_decided"]) and self._worker.busy
+        return self._lockstep and (deciding or self._diagnosing.desk.busy or self._evidence.ending)
 
     def _predict(self) -> None:
         while self._pending and not self._holding:
@@ -278,7 +305,7 @@ class EstimatorNode(StreamNode):
         newest = self._pending[-1][0]
         limit = self._command_wait.known_until(self._held.newest, newest, self.progress.end, time.monotonic())
         count = sum(stamp <= limit for stamp, _ in block)
-        for last in (self._fits.due, self._diagnosing.due):
+        for last in (self._fits.due, self._diagnosing.due, self._evidence.due):
             if last is not None:
                 count = min(count, 1 + sum(stamp < last - self._period_ns * 3 // 2 for stamp, _ in block))
         return count
@@ -295,6 +322,7 @@ class EstimatorNode(StreamNode):
             if healthy and follower.failure:
                 self.get_logger().error(follower.failure)
         self._fits.follow(self._model, self._last)
+        self._evidence.follow(self._last)
         self._monitoring.follow(self._last)
         self._diagnosing.follow(self.progress)
         for one in self._book.computed[self._warned :]:
@@ -309,7 +337,9 @@ class EstimatorNode(StreamNode):
         window, validation = self._fits.spans
         longest = max(window, round(self.parameters["diagnose_window"] * SECOND)) + validation
         oldest = last - max(longest, round(self.parameters["fit_period"] * SECOND)) - 2 * SECOND
-        needed = [one for one in (self._diagnosing.oldest, self._monitoring.oldest) if one is not None]
+        needed = [
+            one for one in (self._diagnosing.oldest, self._evidence.oldest, self._monitoring.oldest) if one is not None
+        ]
         self._book.forget(min([oldest, *needed]))
 
     # services and results
@@ -331,9 +361,12 @@ class EstimatorNode(StreamNode):
 
         return answer
 
-    def _take_answer(self, answer: FitAnswer | DiagnosisAnswer | MonitorAnswer) -> None:
+    def _take_answer(self, answer: FitAnswer | DiagnosisAnswer | EvidenceAnswer | MonitorAnswer) -> None:
         if isinstance(answer, MonitorAnswer):
             self._monitoring.take(answer)
+            return
+        if isinstance(answer, EvidenceAnswer):
+            self._evidence.take(answer)
             return
         if isinstance(answer, DiagnosisAnswer):
             self._diagnosing.take(answer, self._adopt)
@@ -345,10 +378,9 @@ class EstimatorNode(StreamNode):
         if not answer.parameters:
             self.get_logger().warning(f"no fit: {answer.summary.error}")
             return
-        parameters = parameters_to_statuses(name, answer.parameters)
-        self._publish_parameters(encode_diagnostics(stamp, parameters))
+        self._evidence.take_fit(answer.summary, answer.parameters, stamp)
         self.get_logger().info(
-            f"{statuses[0].message}: " + ", ".join(f"{p.hardware_id} = {p.message}" for p in parameters)
+            f"{statuses[0].message}: " + ", ".join(f"{one.name} = {one.line}" for one in answer.parameters)
         )
         self._diagnosing.look(answer.summary)
 
@@ -367,7 +399,8 @@ class EstimatorNode(StreamNode):
             return
         if not self._monitoring.busy:
             self._monitoring.finish(last)
-        if not self._worker.busy and not self._diagnosing.desk.busy and not self._monitoring.busy:
+        working = (self._diagnosing.desk, self._evidence, self._monitoring, self._worker)
+        if not any(one.busy for one in working):
             self._done = True
             self._recursion.tell(last)
             self.tell_progress(last, DONE)
@@ -400,6 +433,7 @@ class EstimatorNode(StreamNode):
             Status("fits", text, level, fits),
             *self._recursion.health(),
             *self._monitoring.health(),
+            *self._evidence.health(),
             self._diagnosing.health(),
         ]
 

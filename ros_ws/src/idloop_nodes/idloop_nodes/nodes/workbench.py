@@ -19,6 +19,7 @@ from idloop_nodes.codec import (
     Level,
     Status,
     decode_diagnostics,
+    evidence_from_statuses,
     fit_from_statuses,
     ladder_from_statuses,
     missing_from_statuses,
@@ -35,6 +36,7 @@ from idloop_nodes.workbench_calls import Calls
 from idloop_nodes.workbench_reading import (
     activity_of,
     automatic_of,
+    evidence_of,
     fit_of,
     health_of,
     ladder_of,
@@ -107,6 +109,7 @@ class WorkbenchNode(StreamNode):
             "estimator/fit": self._take_fit,
             "estimator/parameters": self._take_parameters,
             "estimator/missing_effects": self._take_missing,
+            "estimator/evidence": self._take_evidence,
             "estimator/ladder": self._take_ladder,
             "/diagnostics": self._take_health,
         }
@@ -232,8 +235,11 @@ class WorkbenchNode(StreamNode):
     def _take_parameters(self, statuses: list[Status]) -> None:
         found = {one.name: one.value for one in parameters_from_statuses(statuses)}
         known = {one.name for one in self.source.model.parameters}
-        self.source.model = self.source.model.with_values({n: v for n, v in found.items() if n in known})
-        self.source.want("assess")
+        model = self.source.model.with_values({n: v for n, v in found.items() if n in known})
+        # What is said anew of the same estimates, such as whether they may be trusted, is no reason to look again.
+        if model.values != self.source.model.values or self._board.snapshot.assessment is None:
+            self.source.model = model
+            self.source.want("assess")
 
     def _go_on_with(self, effects: tuple[str, ...]) -> None:
         """Take the structure of the model that was fitted; its values come with its parameters."""
@@ -251,6 +257,10 @@ class WorkbenchNode(StreamNode):
             activity=None,
         )
         self.source.want("pictures")
+
+    def _take_evidence(self, statuses: list[Status]) -> None:
+        summary = evidence_from_statuses(statuses)
+        self._board.change(evidence=evidence_of(summary, self._board.snapshot.evidence))
 
     def _take_ladder(self, statuses: list[Status]) -> None:
         summary = ladder_from_statuses(statuses)
