@@ -42,6 +42,18 @@ def test_gain_pulls_the_prediction_to_the_machine() -> None:
     assert np.abs(corrected[-100:]).max() < 1e-4 * np.abs(free[-100:]).max()
 
 
+def test_a_predictor_that_runs_away_stops_there() -> None:
+    engine = Engine(load_model("torsion"))
+    measured = engine.simulate(None, TIME, COMMAND, TIME) + 1e-3
+    wrong = np.zeros((9, 4))
+    wrong[4, 0] = -1e4  # pushes the driven body away from what is measured
+    innovation = engine.predict(None, TIME, COMMAND, TIME, measured, wrong)
+    gone = ~np.isfinite(innovation[:, 0])
+    assert not gone[0]
+    assert np.all(innovation[np.argmax(gone) :] == np.inf)
+    assert np.nanmax(np.abs(innovation[~gone])) < 1e12
+
+
 def test_the_force_balance_closes_on_the_models_own_motion() -> None:
     model = load_model("axis").with_effect("imbalance", "axis", amplitude=0.05, phase=0.2)
     model = model.with_effect("stribeck_friction", "axis", coulomb=0.05, static=0.08, velocity=0.5)

@@ -35,6 +35,8 @@ POSITION, VELOCITY = 0, 1
 
 # A tolerance on stamps, well below the nanosecond in which they are given [s].
 SAME_TIME = 2e-10
+# No body of an axis is as fast [m/s or rad/s].
+RUN_AWAY = 1e9
 EVENTS_PER_STEP = 64
 # Steps that differ by less than this part share their matrices.
 SAME_STEP = 1e-6
@@ -1122,6 +1124,10 @@ def predict(
             for i in range(2 * n):
                 state[FIRST + i] += gain[first + i, j] * error
             state[DISTURBANCE] += gain[first + 2 * n, j] * error
+        # A predictor that has run away comes back from nowhere, and each of its steps takes long.
+        if not abs(state[FIRST + n]) < RUN_AWAY:
+            innovation[k:] = np.inf
+            return
 
 
 @entry
