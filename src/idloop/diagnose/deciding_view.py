@@ -103,7 +103,7 @@ def _denies(start: Model, found: Model, setting: Setting, level: float) -> bool:
     if plain is None or _push(plain.model) < _push(start) / LEFT_BEHIND:
         return False
     after = refit_or_none(setting, found)
-    return after is None or after.log_likelihood - plain.log_likelihood < math.log(1.0 / level)
+    return after is not None and after.log_likelihood - plain.log_likelihood < math.log(1.0 / level)
 
 
 def _push(model: Model) -> float:

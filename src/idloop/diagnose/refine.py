@@ -152,14 +152,14 @@ class _Task:
         on = self._told_apart(setting, ladder) if climbed and ladder is not None else None
         given = self.model if on is None else on.model
         view = PredictionView(setting, given, self.level, self.least, self.effects, held_out, self.seed, self.tell)
-        climb, fit = self._climb(view, kind), refit(setting, start if on is None else on.model)
-        if on is not None and self._spoils(on.model, fit.model):
-            # A disturbance that is free takes a part of the force for its own: such predictions see no better.
-            found = on
+        climb = self._climb(view, kind)
+        if on is None:
+            found, _ = climb(refit(setting, start), ladder)
         else:
-            if on is not None:
-                climb = replace(climb, spoils=self._spoils)
-            found, _ = climb(fit, on or ladder)
+            fit = refit_or_none(setting, on.model)
+            # A disturbance that is free may take a part of the force for its own: such predictions see no better.
+            agree = fit is not None and not self._spoils(on.model, fit.model)
+            found = replace(climb, spoils=self._spoils)(fit, on)[0] if fit is not None and agree else on
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)

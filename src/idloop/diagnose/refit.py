@@ -346,7 +346,8 @@ def _by_way_of_the_plain_machine(
     if not names:
         return fit
     plain_model = model
-    for name in names:
+    # The last of several waves goes first: what is behind one that goes moves up.
+    for name in reversed(names):
         plain_model = plain_model.without_effect(name.rpartition(".")[0])
     try:
         plain = _search(setting, plain_model, None, None, None, rounds, False, orders, limits)

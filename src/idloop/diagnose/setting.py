@@ -53,11 +53,16 @@ class FrugalEngine(RememberingEngine):
         Of the records [s].
     speed : float
         Largest speed in the records.
+
+    Attributes
+    ----------
+    most : float
+        Fastest rate of the chain [rad/s].
     """
 
     def __init__(self, model: Model, sample_time: float, speed: float) -> None:
         super().__init__(model)
-        self._most = max(_STEPS_PER_SAMPLE / sample_time, _STEPS_PER_SECOND)
+        self.most = max(_STEPS_PER_SAMPLE / sample_time, _STEPS_PER_SECOND)
         self._most_own = max(_OWN_STEPS / sample_time, _STEPS_PER_SECOND)
         self._unseen = _UNSEEN * np.pi / sample_time
         self._speed = speed
@@ -76,12 +81,17 @@ class FrugalEngine(RememberingEngine):
         own_rate = float(layout.axis.constants[kernel.BEYOND])
         # Each by itself: beside a chain at its limit there must still be room for an effect, and what is
         # not much quicker than the chain is no dearer than it.
-        chain_rate = float(layout.axis.constants[kernel.RATE]) - own_rate
-        if chain_rate + along > self._most or own_rate + along > max(self._most_own, _OWN_BY_CHAIN * chain_rate):
+        chain = chain_rate(layout)
+        if chain + along > self.most or own_rate + along > max(self._most_own, _OWN_BY_CHAIN * chain):
             raise IdloopError("these values make the model faster than the samples can show")
         own = layout.axis.constants[kernel.RATE]
         layout.axis.constants[kernel.RATE] = max(own / _COARSE, min(own, self._unseen))
         return layout
+
+
+def chain_rate(layout: Layout) -> float:
+    """Fastest rate of a chain of bodies without its effects [rad/s]."""
+    return float(layout.axis.constants[kernel.RATE]) - float(layout.axis.constants[kernel.BEYOND])
 
 
 @dataclass(frozen=True)
@@ -139,15 +149,12 @@ class Setting:
         return InnovationCriterion(engine, list(self.data), self.noise, self.force)
 
     def shows(self, model: Model) -> bool:
-        """Whether a model is none of an axis far faster than the samples.
+        """Whether a model's inertia, friction and springs are none of an axis far faster than the samples.
 
         A feedback from a disturbed motion to the command looks like one in a balance of forces: without inertia.
         """
-        try:
-            self._engine(model).layout()
-        except IdloopError:
-            return False
-        return True
+        engine = self._engine(model)
+        return chain_rate(RememberingEngine(model).layout()) <= engine.most
 
     def _engine(self, model: Model) -> FrugalEngine:
         return FrugalEngine(model, min(d.sample_time for d in self.data), self.speed)
