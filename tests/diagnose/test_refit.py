@@ -115,3 +115,15 @@ def test_an_effect_that_begins_where_it_does_nothing_is_still_fitted(start: Mode
     guess = start.with_effect("saturation", "input", limit=4.5)
     setting = prepare_setting(guess, [disturbed(machine, np.zeros(1200), 3)], "prediction")
     assert refit(setting, guess).model.values["saturation@input.limit"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_several_waves_are_refitted_from_the_plain_machine(start: Model) -> None:
+    waves = [(0.2, 3, 0.4), (0.1, 7, -1.0), (0.05, 11, 2.0)]
+    hidden, near = load_model("axis"), start
+    for amplitude, harmonic, phase in waves:
+        hidden = hidden.with_effect("cogging", "axis", amplitude=amplitude, harmonic=harmonic, phase=phase)
+        near = near.with_effect("cogging", "axis", amplitude=1.3 * amplitude, harmonic=harmonic, phase=phase)
+    record = disturbed(hidden, np.zeros(1000), 0)
+    fit = refit(prepare_setting(near, [record], "prediction"), near)
+    for (amplitude, _, _), name in zip(waves, fit.model.effect_names, strict=True):
+        assert abs(fit.model.values[f"{name}.amplitude"]) == pytest.approx(amplitude, rel=0.05)
