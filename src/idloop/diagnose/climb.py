@@ -66,7 +66,7 @@ class Climb(Generic[FitT]):
             Of its last model.
         """
         given, spoilt = ladder, False
-        stays, seen = set[str](), set[str]()
+        stays, seen, looked = set[str](), set[str](), False
         step: Step[FitT] | None = None
         while True:
             count = 0 if ladder is None else len(ladder.added)
@@ -76,6 +76,12 @@ class Climb(Generic[FitT]):
             if ladder is None:
                 ladder = Ladder((self._rise(None, step.reported(fit)),))
             ladder = replace(ladder, criterion=self.criterion, level=self.level)
+            if given is not None and self.spoils is not None and not looked:
+                # What another view has found may be needless in this one.
+                looked, before = True, ladder
+                ladder, fit = self._without_needless(ladder, fit, step, stays, ladder.steps[1:])
+                if ladder is not before:
+                    continue
             if not step.tied or count + len(step.tied[0].proposals) > self.most:
                 break
             rungs, further = self._taken(step)
@@ -88,7 +94,7 @@ class Climb(Generic[FitT]):
             # What was taken out and has come back stays, or a ladder could turn in a circle.
             names = set(step.tied[0].names)
             stays, seen = stays | (names & seen), seen | names
-            ladder, fit = self._without_needless(ladder, fit, step, stays)
+            ladder, fit = self._without_needless(ladder, fit, step, stays, ladder.steps[1:-1])
             if self.on_step is not None:
                 self.on_step(ladder)
         self.tell(1.0, "done")
@@ -124,26 +130,34 @@ class Climb(Generic[FitT]):
         )
 
     def _without_needless(
-        self, ladder: Ladder, fit: FitT, step: Step[FitT], stays: Collection[str]
+        self, ladder: Ladder, fit: FitT, step: Step[FitT], stays: Collection[str], steps: Sequence[LadderStep]
     ) -> tuple[Ladder, FitT]:
-        """Take effects out again that a later one has made superfluous."""
-        for earlier in ladder.steps[1:-1]:
-            name = None if earlier.added is None else earlier.added.name
-            if name is None or earlier.chosen_by == "user" or name in stays or name not in fit.model.effect_names:
+        """Take effects of some steps out again that others have made superfluous."""
+        for earlier in steps:
+            gone = earlier.added
+            if gone is None or earlier.chosen_by == "user" or gone.name in stays or not self._alone(fit.model, gone):
                 continue
-            without = self.view.without(fit, name)
+            without = self.view.without(fit, gone.name)
             if without is None:
                 continue
             model = step.reported(without)
             if self.spoils is not None and self.spoils(ladder.model, model):
                 continue
-            fit, last = without, ladder.steps[-1]
+            fit = without
+            *others, last = (one for one in ladder.steps if one is not earlier)
             added = None
             if last.added is not None:
                 added = replace(last.added, model=model, parameters=effect_parameters(model, last.added.name))
-            renewed = replace(self._rise(added, model), set=last.set, p_value=last.p_value)
-            ladder = replace(ladder, steps=(*(s for s in ladder.steps[:-1] if s is not earlier), renewed))
+            ladder = replace(
+                ladder, steps=(*others, replace(self._rise(added, model), set=last.set, p_value=last.p_value))
+            )
         return ladder, fit
+
+    @staticmethod
+    def _alone(model: Model, added: Candidate) -> bool:
+        """Whether a model has an effect of a step, and no other of its kind there that would take its number."""
+        alike = [a for a in model.effects if (a.effect.name, a.at) == (added.effect, added.at)]
+        return len(alike) == 1 and alike[0].name == added.name
 
     def _concluded(self, ladder: Ladder, step: Step[FitT]) -> Ladder:
         verdict, findings = step.verdict() if not step.tied else (MISSING, ())

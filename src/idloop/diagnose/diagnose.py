@@ -10,6 +10,7 @@ import numpy as np
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.deciding_view import NOTHING, asked_fit, contradicted, deciding_fit
+from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView
@@ -77,7 +78,7 @@ def diagnose(
         model = together.fixed(model)
     diagnosis = None
     if criterion in ("auto", FORCE):
-        diagnosis = _by_force(model, records, criterion, level, minimum_improvement, effects, tell)
+        diagnosis = _by_force(model, records, criterion, level, minimum_improvement, effects, seed, tell)
     if diagnosis is None:
         diagnosis = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell)
     reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
@@ -96,6 +97,7 @@ def _by_force(
     level: float,
     least: float,
     effects: Sequence[str] | None,
+    seed: int,
     tell: Progress,
 ) -> Diagnosis | None:
     """By the force balance; None where another view is to decide."""
@@ -111,8 +113,15 @@ def _by_force(
         return None
     if not asked and step.tied and contradicted(model, step.tied[0].fit.model, setting, level):
         return None
+    found = diagnosis_of(step)
+    if not asked and found.best is not None and found.pair is None and found.best.model is not None:
+        told = delay_or_lag(found.best.model, found.best.name, setting, level, seed)
+        if told is not None:
+            best, names = told
+            others = tuple(one for one in found.candidates if one.name != best.name)
+            found = replace(found, candidates=(best, *others), set=names)
     tell(1.0, "done")
-    return diagnosis_of(step)
+    return found
 
 
 def _by_errors(

@@ -12,6 +12,7 @@ from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, PREDICTION, check
 from idloop.diagnose.climb import Climb
 from idloop.diagnose.common_noise import with_common_whitening
 from idloop.diagnose.deciding_view import NOTHING, asked_fit, contradicted, deciding_fit
+from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.follows import unmoved
@@ -30,7 +31,6 @@ from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.estimate.weak_form import WeakForm
-from idloop.physics.effect import INPUT
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -169,30 +169,18 @@ class _Task:
         return Climb(view, self.records, self.validation, criterion, self.level, self.most, self.tell, self.on_step)
 
     def _told_apart(self, setting: Setting, ladder: Ladder) -> Ladder:
-        """The ladder with what has a memory before the drive replaced where predictions tell it from its look-alikes.
-
-        A window of a balance sees a delay and a lag alike: by what they make of quick changes of the command.
-        """
+        """The ladder with a delay or lag of the drive as predictions tell it."""
         for step in ladder.steps[1:]:
-            active = next(
-                (a for a in ladder.model.effects if step.added is not None and a.name == step.added.name), None
-            )
-            if active is None or active.effect.site != INPUT or not active.effect.lags or step.chosen_by == "user":
+            if step.added is None or step.chosen_by == "user":
                 continue
-            alike = [active.name, *active.effect.looks_like]
-            bare = refit_or_none(setting, ladder.model.without_effect(active.name))
-            if bare is None:
+            told = delay_or_lag(ladder.model, step.added.name, setting, self.level, self.seed)
+            if told is None or told[0].model is None or self._spoils(ladder.model, told[0].model):
                 continue
-            view = PredictionView(setting, ladder.model, self.level, 0.0, alike, seed=self.seed)
-            weighed = view.weigh(bare)
-            if not weighed.tied or weighed.names[0] == active.name:
-                continue
-            found = candidate_of(weighed, weighed.tied[0], 0, weighed.reported(weighed.tied[0].fit))
-            if found.model is None or self._spoils(ladder.model, found.model):
-                continue
+            found, names = told
             rung = replace(
-                step, added=found, set=weighed.names, p_value=found.p_value, model=found.model,
-                train=model_errors(found.model, self.records), validation=model_errors(found.model, self.validation),
+                step, added=found, set=names, p_value=found.p_value, model=told[0].model,
+                train=model_errors(told[0].model, self.records),
+                validation=model_errors(told[0].model, self.validation),
             )  # fmt: skip
             ladder = replace(ladder, steps=(*(one for one in ladder.steps if one is not step), rung))
         return ladder

@@ -1,0 +1,53 @@
+"""Which effect with a memory it is that a force balance has found before the drive.
+
+A window of a balance sees a delay and a lag alike: by what they make of quick changes of the command. One-step
+predictions tell them apart.
+"""
+
+from __future__ import annotations
+
+from idloop.diagnose.candidate import Candidate
+from idloop.diagnose.diagnosis import candidate_of
+from idloop.diagnose.prediction_view import PredictionView
+from idloop.diagnose.refit import refit_or_none
+from idloop.diagnose.setting import Setting
+from idloop.physics.effect import INPUT
+from idloop.physics.model import Model
+
+
+def delay_or_lag(
+    model: Model, name: str, setting: Setting, level: float, seed: int
+) -> tuple[Candidate, tuple[str, ...]] | None:
+    """What predictions name in the place of an effect of a model.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted by its force balance.
+    name : str
+        Of its effect.
+    setting : Setting
+        Of predictions.
+    level : float
+        Probability of naming an effect where nothing is missing.
+    seed : int
+
+    Returns
+    -------
+    candidate : Candidate
+    names : tuple of str
+        Effects that predictions do not tell from it, itself first.
+
+    None where the effect has no memory or does not act on the command, and where predictions name the same or nothing.
+    """
+    active = next((active for active in model.effects if active.name == name), None)
+    if active is None or active.effect.site != INPUT or not active.effect.lags:
+        return None
+    bare = refit_or_none(setting, model.without_effect(name))
+    if bare is None:
+        return None
+    step = PredictionView(setting, model, level, 0.0, [name, *active.effect.looks_like], seed=seed).weigh(bare)
+    if not step.tied or step.names[0] == name:
+        return None
+    best = step.tied[0]
+    return candidate_of(step, best, 0, step.reported(best.fit)), step.names
