@@ -1,0 +1,16 @@
+"""What has a memory before the drive: the balance of forces finds it, predictions say what it is."""
+
+import pytest
+
+from idloop.diagnose import diagnose
+
+
+@pytest.mark.parametrize("effect", ["actuator_lag", "input_delay"])
+def test_a_lag_is_no_delay_and_a_delay_no_lag(effect: str) -> None:
+    from cases import all_cases
+    from experiment import experiment
+
+    data = experiment(next(case for case in all_cases() if case.id == f"single/{effect}/axis/input/dominant"))
+    by_force = diagnose(data.start, data.training, criterion="force")
+    assert by_force.set == ("input_delay@input",)
+    assert diagnose(data.start, data.training).set == (f"{effect}@input",)
