@@ -25,7 +25,7 @@ from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.step import FitT, View
-from idloop.diagnose.verdict import MISSING
+from idloop.diagnose.verdict import ADEQUATE, MISSING
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
@@ -108,8 +108,35 @@ def refine(
     if found is None:
         found = task.by_errors(start, ladder, kind if wanted == criterion else wanted, False)
     told = ([] if together is None else [together]) + effect_scales(found.model, records)
-    texts = ["" if unmoved(found.findings) else turned(start, found.model), *(one.text for one in told)]
+    texts = [
+        "" if unmoved(found.findings) else turned(start, found.model),
+        *(one.text for one in told),
+        views_apart(found),
+    ]
     return replace(found, findings=(*found.findings, *(text for text in texts if text)))
+
+
+def views_apart(ladder: Ladder) -> str:
+    """What to say of a model that is adequate in one view and far off in free run; empty where it is not.
+
+    Parameters
+    ----------
+    ladder : Ladder
+
+    Returns
+    -------
+    str
+    """
+    last = ladder.steps[-1]
+    missed: Mapping[str, float] = (last.validation or last.train).get("nrmse", {})
+    far = {name: share for name, share in missed.items() if not share < 1.0}
+    if ladder.verdict != ADEQUATE or not far:
+        return ""
+    worst = max(far, key=lambda name: far[name])
+    return (
+        f"adequate by {ladder.criterion}, yet the free run of {worst} misses by {100.0 * far[worst]:.3g} % of the "
+        "signal: what is left of the force adds up over a record, so take this model for forces and short predictions"
+    )
 
 
 @dataclass(frozen=True)
