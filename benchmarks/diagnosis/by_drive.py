@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from nuisances import SUPPLY_HZ, Nuisances
 from numba import njit
 from numpy.typing import NDArray
-from nuisances import SUPPLY_HZ, Nuisances
 from plain import Plain, PlainEffect
 
 Array = NDArray[np.float64]
@@ -30,8 +30,8 @@ CHANGING, PLACE, PHASE, WARMING, WARM_UP, C_SPEED, WAVE = range(11, 18)
 WAVES = 6  # amplitude, harmonic and phase of up to so many forces over the position
 # The coupling:
 STIFFNESS, DAMPING, GAP = range(3)
-# The state: position, velocity and bristle of either body, the current.
-STATE = 7
+# The state: position, velocity and bristle of either body, the current, how fast either bristle bends.
+CURRENT, BENDING, STATE = 6, 7, 9
 
 
 @njit(cache=True)
@@ -53,14 +53,14 @@ def _bristle_limit(row: Array, v: float) -> float:
 
 
 @njit(cache=True)
-def _on_body(row: Array, x: float, v: float, z: float, t: float) -> float:
+def _on_body(row: Array, x: float, v: float, z: float, bending: float, t: float) -> float:
     """Everything that acts on a body from its own motion."""
     f = row[TORQUE] - row[VISCOUS] * v - row[CABLE] * (x - row[REST])
     for w in range(WAVES):
         if row[WAVE + 3 * w] != 0.0:
             f -= row[WAVE + 3 * w] * math.sin(row[WAVE + 3 * w + 1] * x + row[WAVE + 3 * w + 2])
     if row[UP] > 0.0:
-        f -= row[STIFF] * z + row[DAMP] * (v - abs(v) * z / _bristle_limit(row, v))
+        f -= row[STIFF] * z + row[DAMP] * bending
     if row[CHANGING] > 0.0:
         warm = 1.0 - math.exp(-t / row[WARM_UP])
         share = math.sin(row[PLACE] * x + row[PHASE]) - row[WARMING] * warm
@@ -83,7 +83,7 @@ def _advance(drive: Array, bodies: Array, coupling: Array, ticks: Array, command
     """Run from one tick to the next."""
     n = bodies.shape[0]
     begin, span = ticks[sample], ticks[sample + 1] - ticks[sample]
-    steps = int(math.ceil(span / longest))
+    steps = math.ceil(span / longest)
     h = span / steps
     force = np.zeros(n)
     for step in range(steps):
@@ -93,16 +93,16 @@ def _advance(drive: Array, bodies: Array, coupling: Array, ticks: Array, command
             latest -= 1
         wanted = _reached(drive, commands[latest] if latest >= 0 else 0.0)
         if drive[LAG] > 0.0:
-            state[6] = wanted + (state[6] - wanted) * math.exp(-h / drive[LAG])
+            state[CURRENT] = wanted + (state[CURRENT] - wanted) * math.exp(-h / drive[LAG])
         else:
-            state[6] = wanted
+            state[CURRENT] = wanted
         for i in range(n):
             state[i] += 0.5 * h * state[2 + i]
         strength = 1.0 + drive[SUPPLY] * math.sin(2.0 * math.pi * SUPPLY_HZ * t)
         strength += drive[WITH_CURRENT] * math.sin(drive[CURRENT_HARMONIC] * state[0] + drive[CURRENT_PHASE])
         for i in range(n):
-            force[i] = _on_body(bodies[i], state[i], state[2 + i], state[4 + i], t)
-        force[0] += drive[GAIN] * strength * state[6] + disturbance
+            force[i] = _on_body(bodies[i], state[i], state[2 + i], state[4 + i], state[BENDING + i], t)
+        force[0] += drive[GAIN] * strength * state[CURRENT] + disturbance
         if n > 1:
             carried = _carried(coupling, state[0] - state[1], state[2] - state[3])
             force[0] -= carried
@@ -113,7 +113,9 @@ def _advance(drive: Array, bodies: Array, coupling: Array, ticks: Array, command
             if bodies[i, UP] > 0.0 and mean != 0.0:
                 limit = _bristle_limit(bodies[i], mean)
                 end = limit if mean > 0.0 else -limit
-                state[4 + i] = end + (state[4 + i] - end) * math.exp(-abs(mean) * h / limit)
+                bent = end + (state[4 + i] - end) * math.exp(-abs(mean) * h / limit)
+                state[BENDING + i] = (bent - state[4 + i]) / h
+                state[4 + i] = bent
             state[2 + i] = v
             state[i] += 0.5 * h * v
 
@@ -134,8 +136,8 @@ class DriveMachine:
 
     Attributes
     ----------
-    states : ndarray (n + 1, 7)
-        The true motion at the ticks: positions, velocities and bristles of both bodies, current.
+    states : ndarray (n + 1, 9)
+        The true motion at the ticks: positions, velocities and bristles of both bodies, current, speed of the bristles.
     """
 
     def __init__(self, plain: Plain, nuisances: Nuisances | None, ticks: Array, rate: float) -> None:

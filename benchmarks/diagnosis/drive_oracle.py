@@ -1,4 +1,4 @@
-"""Is a dominant effect of a realistic machine worth something, beside all that no model has?
+"""Is a dominant effect of a realistic machine worth anything? An answer without the diagnosis.
 
 The diagnosis and idloop's physics have no part in it. From the true state at many instants, models without the small
 things run freely for a short while under the recorded command: one with all the dominant effects, and one without
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
 import numpy as np
 from by_drive import DAMPING, GAP, STIFFNESS, DriveMachine, run_from, tables
 from case import Case
@@ -47,7 +48,8 @@ def motions(case: Case, suite: int) -> list[Motion]:
     for i, drive in enumerate(case.training):
         what = f"training{i}"
         record, built, taken = simulated(case, truth, *sent(case, drive, suite, what), suite, what)
-        assert isinstance(built, DriveMachine)
+        if not isinstance(built, DriveMachine):
+            raise TypeError(f"{case.id}: is no realistic case")
         length = max(round(REACH * MACHINES[case.machine].tempo * case.rate), FEWEST)
         count = len(record.input)
         starts = np.unique(np.linspace(0.02 * count, count - length - 1, RUNS).astype(int))
@@ -100,7 +102,7 @@ class Runs:
                     if floor > 0.0:
                         missed = (shown[body] - state[body]) - (end[body] - begin[body])
                         found.append(missed / floor)
-        return np.nan_to_num(np.array(found), nan=1e9, posinf=1e9, neginf=-1e9)
+        return np.asarray(np.nan_to_num(np.array(found), nan=1e9, posinf=1e9, neginf=-1e9))
 
     def _begun(self, begin: Array, rows: tuple[Array, Array, Array]) -> Array:
         """The true state; a coupling without its gap is twisted by the torque that it carried."""
@@ -117,9 +119,7 @@ class Runs:
         """Root mean square error at the best, rounding included."""
         from scipy.optimize import least_squares
 
-        best = least_squares(
-            self.errors, np.ones(len(self.start)), bounds=(0.05, 20.0), diff_step=1e-3, max_nfev=8
-        )
+        best = least_squares(self.errors, np.ones(len(self.start)), bounds=(0.05, 20.0), diff_step=1e-3, max_nfev=8)
         return float(np.sqrt(np.mean(best.fun**2) + 1.0))
 
 
@@ -135,7 +135,7 @@ def worth(case: Case, suite: int = 1) -> dict[str, float]:
     model, runs = true_model(case), motions(case, suite)
     full = plain(model)
     if case.nuisances is None:
-        raise ValueError(f"{case.id}: is no realistic case")
+        raise TypeError(f"{case.id}: is no realistic case")
     with_all = Runs(full, full, case.nuisances, runs).fitted()
     found = {}
     for name in case.truth:

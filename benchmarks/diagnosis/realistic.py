@@ -1,5 +1,7 @@
-"""Machines made as real ones are: a drive of `drives.DRIVES` with none, one or two dominant effects, in sizes as drives
-have them, and all the small things of `nuisances`, each below the dominant effects.
+"""Machines made as real ones are.
+
+A drive of `drives.DRIVES` with none, one or two dominant effects, in sizes as drives have them, and all the small
+things of `nuisances`, each below the dominant effects.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from sizes import Sizes, sizes
 SINGLE_CASES, DOUBLE_CASES, CLEAN_CASES = 8, 4, 28
 # A small thing is at most this share of the smallest dominant effect; with none, of a tenth of the drive's force.
 SMALL, USUAL = 0.5, 0.1
-MOST_SAMPLES, SHORTEST, LONGEST = 20000, 5.0, 30.0
+# Samples of all training recordings together by number of bodies; seconds of each.
+MOST_SAMPLES, SHORTEST, LONGEST = {1: 12000, 2: 8000}, 5.0, 30.0
 LEVELS = (1.0, 0.5, 0.75, 0.3)
 
 _BLIND = ("two_level", "one_way", "crawl", "small")
@@ -194,9 +197,9 @@ def _case(effects: tuple[str, ...], index: int) -> Case:
     # a slide has an end
     loop = "closed" if build.unit == "m" or random.random() < 0.6 else "open"
     rate = float(random.choice(kind.rates))
-    bags = int(random.integers(1, 5))
-    longest = min(MOST_SAMPLES / (rate * bags), LONGEST)
-    duration = float(round(random.uniform(SHORTEST, max(longest, SHORTEST))))
+    seconds = MOST_SAMPLES[len(build.bodies)] / rate
+    bags = min(int(random.integers(1, 5)), int(seconds / SHORTEST))
+    duration = float(int(random.uniform(SHORTEST, min(seconds / bags, LONGEST))))
     training = _drives(effects, loop, bags, random)
     unseen = [drive for drive in _KINDS[loop] if drive not in {own.kind for own in training}]
     size = sizes(machine, loop, training[0])
@@ -230,7 +233,7 @@ def _drives(effects: tuple[str, ...], loop: str, bags: int, random: np.random.Ge
     """One recording for each effect that shows it, then any; at least one kind is left for the unseen record."""
     first = [str(random.choice(_SHOWN_BY[effect][loop])) for effect in effects]
     more = [str(random.choice(_KINDS[loop])) for _ in range(bags)]
-    kinds = (first + more)[: max(bags, 1)]
+    kinds = (first + more)[:bags]
     while len(set(kinds)) == len(_KINDS[loop]):
         kinds[-1] = kinds[0]
     return tuple(Drive(kind, level) for kind, level in zip(kinds, LEVELS, strict=False))

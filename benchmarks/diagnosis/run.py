@@ -229,9 +229,7 @@ def main() -> int:
     parser.add_argument(
         "--only", action="append", default=[], metavar="PATTERN", help="ids such as 'single/dead_zone/*'"
     )
-    parser.add_argument(
-        "--category", action="append", default=[], choices=CATEGORIES
-    )
+    parser.add_argument("--category", action="append", default=[], choices=CATEGORIES)
     parser.add_argument("--level", type=float, default=0.01, help="family-wise error rate (default 0.01)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the whole suite (default 1)")
     parser.add_argument("--jobs", type=int, default=2, help="worker processes (default 2)")
