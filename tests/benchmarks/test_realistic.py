@@ -18,6 +18,7 @@ from plain import plain
 from realistic import RULES, realistic
 from score import Rung, score
 from simulators import run
+from sizes import sizes
 
 
 @pytest.fixture(scope="module")
@@ -217,9 +218,11 @@ def test_richer_friction_holds_the_plainer_one(cases):
     assert judge(falling, [f"presliding_friction@{at}"]).found == (True,)
 
 
-def test_the_true_motion_stays_in_bounds(cases):
+def test_every_machine_moves_and_none_runs_away(cases):
     for case in cases[:25]:
-        *_, taken = moved = simulated(case, true_model(case), *sent(case, case.training[0], 1, "t"), 1, "t")
-        speed = moved[1].states[:, 2]
-        assert np.all(np.isfinite(speed))
-        assert 0.0 < np.std(speed) * taken[-1]
+        _, built, _ = simulated(case, true_model(case), *sent(case, case.training[0], 1, "t"), 1, "t")
+        place = built.states[:, 0]
+        usual = sizes(case.machine, case.loop, case.training[0]).stroke
+        assert 30.0 * case.nuisances.counts[0] < np.std(place)
+        # what a constant force adds in open loop grows with the time
+        assert np.std(place) < 10.0 * case.duration * usual, case.id
