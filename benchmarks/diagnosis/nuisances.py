@@ -113,7 +113,9 @@ class Nuisances:
                 found |= {f"velocity_filter@{site}", f"sensor_delay@{site}"}
         found |= {f"{effect}@input" for effect in ("input_delay", "actuator_lag", "saturation")}
         if self.torque_ripple:
-            found.add(f"cogging@{bodies[0]}")
+            # as many waves as there are, beside one that is hidden
+            numbers = ("", *(f"#{number}" for number in range(2, len(self.torque_ripple) + 2)))
+            found |= {f"cogging{number}@{bodies[0]}" for number in numbers}
         return frozenset(found)
 
 

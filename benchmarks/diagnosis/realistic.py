@@ -230,12 +230,10 @@ def _case(effects: tuple[str, ...], index: int) -> Case:
 
 
 def _drives(effects: tuple[str, ...], loop: str, bags: int, random: np.random.Generator) -> tuple[Drive, ...]:
-    """One recording for each effect that shows it, then any; at least one kind is left for the unseen record."""
+    """For each effect a recording that shows it, then any."""
     first = [str(random.choice(_SHOWN_BY[effect][loop])) for effect in effects]
     more = [str(random.choice(_KINDS[loop])) for _ in range(bags)]
     kinds = (first + more)[:bags]
-    while len(set(kinds)) == len(_KINDS[loop]):
-        kinds[-1] = kinds[0]
     return tuple(Drive(kind, level) for kind, level in zip(kinds, LEVELS, strict=False))
 
 

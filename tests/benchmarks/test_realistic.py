@@ -200,7 +200,7 @@ def judge(case, *sets):
 def test_small_things_may_be_named_and_nothing_else(cases):
     case = next(c for c in cases if not c.hidden and c.machine == "gimbal")
     for name in ("presliding_friction@axis", "sensor_quantisation@position[axis]", "velocity_filter@velocity[axis]",
-                 "actuator_lag@input", "input_delay@input", "cogging@axis"):  # fmt: skip
+                 "actuator_lag@input", "input_delay@input", "cogging@axis", "cogging#2@axis"):  # fmt: skip
         assert judge(case, [name]).false == (), name
     for name in ("load_torque@axis", "dead_zone@input", "gravity@axis", "quadratic_drag@axis", "compliance@axis"):
         assert judge(case, [name]).false == (name,)
