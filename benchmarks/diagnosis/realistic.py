@@ -92,7 +92,11 @@ def _cogging(s: Site) -> tuple[str, dict[str, float]]:
     fastest = 2.0 * math.pi * 0.1 * s.rate / s.size.speed
     if s.model.units.position == "m":
         pitch = float(s.random.choice([0.024, 0.03, 0.06]))
-        return s.first, {"amplitude": amplitude, "harmonic": min(2.0 * math.pi / pitch, fastest), "phase": phase}
+        return s.first, {
+            "amplitude": amplitude,
+            "harmonic": float(round(min(2.0 * math.pi / pitch, fastest))),
+            "phase": phase,
+        }
     harmonic = float(s.random.integers(3, max(min(int(fastest), 24), 3) + 1))
     return s.first, {"amplitude": amplitude, "harmonic": harmonic, "phase": phase}
 
