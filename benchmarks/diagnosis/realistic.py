@@ -76,6 +76,14 @@ class Site:
             return 1.0 / self.kind.tempo
         return BUILDS[self.kind.preset].bandwidth
 
+    @property
+    def resonance(self) -> float:
+        """Of the coupling in a loop [rad/s]; 0 where there is none."""
+        build = BUILDS[self.kind.preset]
+        if self.loop == "open" or len(build.bodies) == 1:
+            return 0.0
+        return math.sqrt(build.stiffness * sum(1.0 / body[1] for body in build.bodies))
+
 
 # To site and values.
 Rule = Callable[[Site], tuple[str, dict[str, float]]]
@@ -107,8 +115,8 @@ def _backlash(s: Site) -> tuple[str, dict[str, float]]:
 
 
 def _delay(s: Site) -> tuple[str, dict[str, float]]:
-    # as much of a sample time as buses take, but the loop has to stay stable
-    late = min(float(s.random.uniform(1.0, 4.0)) / s.rate, 0.3 / s.bandwidth)
+    # as much of a sample time as buses take, but the loop has to stay stable, at the coupling's resonance too
+    late = min(float(s.random.uniform(1.0, 4.0)) / s.rate, 0.3 / max(s.bandwidth, s.resonance))
     return "input", {"delay": late}
 
 
