@@ -6,6 +6,10 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from nuisances import Nuisances
+
+CATEGORIES = ("clean", "single", "double", "triple", "untestable", "realistic")
+
 
 @dataclass(frozen=True)
 class Hidden:
@@ -90,11 +94,11 @@ class Case:
     id : str
         Unique and lasting: the seed of everything random in the case comes from it.
     category : str
-        ``clean``, ``single``, ``double``, ``triple`` or ``untestable``.
+        One of `CATEGORIES`.
     machine : str
         A key of `machines.MACHINES`.
     simulator : str
-        ``idloop``, ``mujoco`` or ``equations``.
+        ``idloop``, ``mujoco`` or ``equations``; ``drive`` for a ``realistic`` case.
     hidden : tuple of Hidden
         What the diagnosis is to find.
     training : tuple of Drive
@@ -111,6 +115,8 @@ class Case:
         Resolution by output site; part of the machine, neither hidden nor told.
     trap : str
         Why an ``untestable`` case cannot show its effect.
+    nuisances : Nuisances or None
+        What a ``realistic`` machine has beside what it hides.
     """
 
     id: str
@@ -128,6 +134,7 @@ class Case:
     strength: str = ""
     quantisation: Mapping[str, float] = field(default_factory=dict)
     trap: str = ""
+    nuisances: Nuisances | None = None
 
     @property
     def truth(self) -> tuple[str, ...]:

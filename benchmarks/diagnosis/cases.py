@@ -17,6 +17,7 @@ import numpy as np
 from case import Case, Disturbance, Drive, Noise
 from machines import MACHINES
 from plan import DOUBLES, SINGLES, TRIPLES
+from realistic import realistic
 from strengths import STRENGTHS, hidden
 from traps import TRAPS
 
@@ -235,7 +236,7 @@ def all_cases() -> tuple[Case, ...]:
     ValueError
         Two cases have one id.
     """
-    found = [*clean(), *singles(), *several("double"), *several("triple"), *untestable()]
+    found = [*clean(), *singles(), *several("double"), *several("triple"), *untestable(), *realistic()]
     ids = [case.id for case in found]
     if len(set(ids)) < len(ids):
         raise ValueError("two cases have one id")

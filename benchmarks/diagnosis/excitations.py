@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from machines import MachineKind
+from machine_kind import MachineKind
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]

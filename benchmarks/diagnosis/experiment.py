@@ -6,13 +6,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from by_drive import DriveMachine
 from case import Case, Drive
 from disturbances import disturbance, measurement_noise
+from drives import BEFORE_ROUNDING, READING
 from excitations import EXCITATIONS
 from laws import law
 from machines import MACHINES, base_model
+from nuisances import stamps, ticks
 from numpy.typing import NDArray
-from simulators import machine, run
+from plain import plain
+from simulators import Machine, machine, run
 from sizes import sizes
 
 from idloop.papers.hidden_effects import told_nothing
@@ -65,14 +69,24 @@ def start_model(case: Case, suite: int) -> Any:
 
 def record(case: Case, drive: Drive, suite: int, what: str) -> Any:
     """Simulate one recording."""
+    return record_of(case, true_model(case), *sent(case, drive, suite, what), suite, what)
+
+
+def sent(case: Case, drive: Drive, suite: int, what: str) -> tuple[Array, Array | None]:
+    """Samples of the command or the reference, and their velocity where it is known."""
     kind = MACHINES[case.machine]
-    truth = true_model(case)
-    signal, speed = EXCITATIONS[drive.kind](kind, drive.level, case.rate, case.duration, case.seed(suite, what))
-    return record_of(case, truth, signal, speed, suite, what)
+    return EXCITATIONS[drive.kind](kind, drive.level, case.rate, case.duration, case.seed(suite, what))
 
 
 def record_of(case: Case, truth: Any, signal: Array, speed: Array | None, suite: int, what: str) -> Any:
     """Simulate a recording of given samples of the command (open loop) or the reference (closed loop)."""
+    return simulated(case, truth, signal, speed, suite, what)[0]
+
+
+def simulated(
+    case: Case, truth: Any, signal: Array, speed: Array | None, suite: int, what: str
+) -> tuple[Any, Machine, Array]:
+    """As `record_of`, with the machine that was run and the times at which its samples were taken."""
     from idloop.records import record_from_model
 
     count = len(signal)
@@ -82,14 +96,21 @@ def record_of(case: Case, truth: Any, signal: Array, speed: Array | None, suite:
     )
     std = np.array([o.noise for o in truth.outputs], dtype=float)
     noise = measurement_noise(case.noise.kind, std, count, case.seed(suite, f"{what}/noise"))
-    built = machine(case.simulator, truth, 1.0 / case.rate, count)
+    taken = time = np.asarray(np.arange(count) / case.rate)
+    if case.nuisances is None:
+        built = machine(case.simulator, truth, 1.0 / case.rate, count)
+    else:
+        taken = ticks(case.nuisances, case.rate, count, case.seed(suite, f"{what}/ticks"))
+        time = stamps(case.nuisances, taken[:-1], case.rate, case.seed(suite, f"{what}/stamps"))
+        built = DriveMachine(plain(truth), case.nuisances, taken, case.rate)
+        # what lies before the rounding, which is the encoder's own
+        noise *= BEFORE_ROUNDING / READING
     behind = law(case.simulator, truth.controller, truth.output_names)
     command, output = run(built, signal, speed, noise, torque, behind)
-    time = np.asarray(np.arange(count) / case.rate)
     reference = None
     if case.loop == "closed":
         reference = np.column_stack([signal, np.full(count, np.nan) if speed is None else speed])
-    return record_from_model(f"{case.id} {what}", truth, time, command, output, reference)
+    return record_from_model(f"{case.id} {what}", truth, time, command, output, reference), built, taken
 
 
 def experiment(case: Case, suite: int = 1) -> Experiment:

@@ -40,6 +40,32 @@ class Pid:
         return command
 
 
+class Cascade:
+    """Position P around velocity PI on one encoder; the integral is stopped while the command is limited."""
+
+    def __init__(self, spec: Mapping[str, Any], column: int) -> None:
+        self._column = column
+        self._kp, self._kv, self._ki = float(spec["kp"]), float(spec["kv"]), float(spec.get("ki", 0.0))
+        self._ahead = float(spec.get("velocity_feedforward", 0.0))
+        self._period, self._filter = float(spec["sample_time"]), float(spec.get("velocity_filter", 0.0))
+        self._limit = float(spec.get("limit") or math.inf)
+        self._integral = self._speed = 0.0
+        self._previous: float | None = None
+
+    def __call__(self, reference: float, rate: float, output: Array) -> float:
+        """One sample."""
+        place = float(output[self._column])
+        if self._previous is not None:
+            self._speed = (self._filter * self._speed + place - self._previous) / (self._filter + self._period)
+        self._previous = place
+        error = self._kp * (reference - place) + self._ahead * rate - self._speed
+        wanted = self._kv * error + self._integral
+        command = min(max(wanted, -self._limit), self._limit)
+        if command == wanted or error * wanted < 0.0:
+            self._integral += self._ki * self._period * error
+        return command
+
+
 def law(simulator: str, spec: Mapping[str, Any] | None, output_names: tuple[str, ...]) -> Law | None:
     """The controller of a closed loop, or None.
 
@@ -56,7 +82,7 @@ def law(simulator: str, spec: Mapping[str, Any] | None, output_names: tuple[str,
         return None
     column = output_names.index(str(spec["output"]))
     if simulator != "idloop":
-        return Pid(spec, column)
+        return Cascade(spec, column) if spec["type"] == "cascade" else Pid(spec, column)
     from idloop.control import build_controller
 
     controller = build_controller(dict(spec))

@@ -1,55 +1,14 @@
-"""The machines of the suite: presets as they stand, and how each is usually run."""
+"""The machines of the suite: presets as they stand and drives of one's own, and how each is usually run."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import json
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
-
-@dataclass(frozen=True)
-class MachineKind:
-    """A preset and how it is run.
-
-    Attributes
-    ----------
-    preset : str
-        Its linear part is the start model; it is the truth but for the hidden effects.
-    outputs : tuple of str
-        Sites of the sensors that are kept; all when empty.
-    free : tuple of str
-        Parameters to be estimated; those of the preset when empty.
-    rates : tuple of float
-        Sample rates to choose from [Hz].
-    command : float
-        Usual peak of the command in open loop.
-    tempo : float
-        Time in which the machine follows a command [s]; lengths of steps go with it.
-    band : tuple of float
-        Band of broad excitation [Hz].
-    reference, speed, acceleration : float
-        Usual reference in closed loop: peak, and limits of smooth moves.
-    controller : mapping
-        Controller of the closed loop; its sample time is that of the case.
-    delay : float
-        Samples by which the command may come late before the closed loop swings up.
-    """
-
-    preset: str
-    rates: tuple[float, ...]
-    command: float
-    tempo: float
-    band: tuple[float, float]
-    reference: float
-    speed: float
-    acceleration: float
-    controller: Mapping[str, Any]
-    delay: float = math.inf
-    outputs: tuple[str, ...] = ()
-    free: tuple[str, ...] = ()
-
+from drives import DRIVES
+from machine_kind import MachineKind
 
 MACHINES: dict[str, MachineKind] = {
     "axis": MachineKind(
@@ -119,6 +78,7 @@ MACHINES: dict[str, MachineKind] = {
 }
 MACHINES["axis_position"] = replace(MACHINES["axis"], outputs=("position[axis]",))
 MACHINES["dc_position"] = replace(MACHINES["dc_motor"], outputs=("position[motor]",))
+MACHINES |= DRIVES
 
 
 @cache
@@ -134,13 +94,21 @@ def base_model(kind: str, rate: float, loop: str) -> Any:
     loop : str
         ``open`` or ``closed``.
     """
-    from idloop.physics import load_model
-
     machine = MACHINES[kind]
-    model = load_model(machine.preset)
+    model = _model_of(machine)
     if machine.outputs:
         model = replace(model, outputs=tuple(o for o in model.outputs if o.site in machine.outputs))
     if machine.free:
         model = model.with_free(machine.free)
     controller = {**machine.controller, "sample_time": 1.0 / rate} if loop == "closed" else None
     return replace(model, controller=controller)
+
+
+def _model_of(machine: MachineKind) -> Any:
+    from idloop.physics import load_model
+    from idloop.physics.model_file import build_model
+    from idloop.physics.schema import read_model_file
+
+    if machine.document is None:
+        return load_model(machine.preset)
+    return build_model(read_model_file(json.dumps(machine.document), machine.preset), machine.preset)

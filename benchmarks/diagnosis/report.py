@@ -3,8 +3,10 @@
     python benchmarks/diagnosis/report.py results.jsonl
     python benchmarks/diagnosis/report.py results.jsonl --failures     # what was found instead, case by case
 
+The tables by effect and by view cover all cases of a category, testable or not.
 The answers are judged again here from what the run wrote down, so a rule about twins that changes needs no new
-run. A hidden effect counts as testable by `oracle` alone: the diagnosis has no part in it.
+run. A hidden effect counts as testable by `oracle` alone (realistic ones by `drive_oracle`): the diagnosis has no part
+in it.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from case import Case
+from case import CATEGORIES, Case
+from drive_oracle import WORTH
 from experiment import start_model
 from intervals import clopper_pearson
 from oracle import HOPELESS, TESTABLE
@@ -50,7 +53,27 @@ class Answer:
     @property
     def testable(self) -> bool:
         """All hidden effects are testable."""
+        if self.case.nuisances is not None:
+            return all(share >= WORTH for share in self.row["worth"].values())
         return all(gain >= TESTABLE for gain in self.gains)
+
+    @property
+    def right(self) -> bool:
+        """Everything hidden was found, or said not to show, and nothing false was named."""
+        if self.case.category == "untestable":
+            return self.trap_answered
+        return all(self.score.found) and not self.score.false
+
+    @property
+    def view(self) -> str:
+        """The view of the data that decided: ``force``, ``prediction``, ..."""
+        return str(self.row["criterion"])
+
+    @property
+    def unexplained(self) -> str:
+        """Force that the first and the last model leave unexplained on the unseen record."""
+        errors = self.row.get("force_error", (None, None))
+        return " -> ".join("-" if error is None else f"{100.0 * error:.1f} %" for error in errors)
 
     @property
     def hopeless(self) -> bool:
@@ -151,7 +174,7 @@ def strength_of_gain(answer: Answer) -> str:
 
 def criteria(every: Sequence[Answer], level: float) -> None:
     """The numbers that the suite is for."""
-    by = {name: [a for a in every if a.case.category == name] for name in ("clean", "single", "double", "triple")}
+    by = {name: [a for a in every if a.case.category == name] for name in CATEGORIES}
     judged = [a for a in every if "gains" in a.row or a.case.category == "clean"]
     single = [a for a in by["single"] if a in judged and a.testable]
     print(f"level {100 * level:g} %, {len(every)} cases")
@@ -175,6 +198,16 @@ def criteria(every: Sequence[Answer], level: float) -> None:
             "a false effect on top of all right ones",
             f"{100 * level:g} %",
             [bool(a.score.false) for a in every if a.case.hidden and all(a.score.found)],
+        ),
+        (
+            "realistic: every effect worth its name found",
+            "95 %",
+            [all(a.score.found) for a in by["realistic"] if a.case.hidden and a.testable],
+        ),
+        (
+            "realistic: a false effect",
+            f"{100 * level:g} %",
+            [bool(a.score.false) for a in by["realistic"]],
         ),
         (
             f"validation error at most {RATIO:g} of the true structure's",
@@ -204,6 +237,46 @@ def criteria(every: Sequence[Answer], level: float) -> None:
     ]
     for text, wanted, hits in lines:
         print(f"  {text:56} wanted {wanted:>5}  {share(hits)}")
+
+
+def by_effect_and_view(every: Sequence[Answer]) -> None:
+    """For every category: all found and nothing false, by each hidden effect and by the view that decided.
+
+    A case with two effects counts at each of them. Testable or not: a quick run knows no testability.
+    """
+    for category in CATEGORIES:
+        own = [a for a in every if a.case.category == category]
+        if not own:
+            continue
+        effects = sorted({hidden.effect for a in own for hidden in a.case.hidden}) or ["none"]
+        if any(not a.case.hidden for a in own) and "none" not in effects:
+            effects.append("none")
+        print(f"\n{category}: {'':{max(42 - len(category), 0)}} {'right':41} {'that effect found':41} a false effect")
+        for name in effects:
+            chosen = [a for a in own if name in _effects(a)]
+            _line(name, chosen, name)
+        for view in sorted({a.view for a in own}):
+            _line(f"view {view}", [a for a in own if a.view == view], None)
+            for name in effects:
+                chosen = [a for a in own if a.view == view and name in _effects(a)]
+                if chosen:
+                    _line(f"  {name}", chosen, name)
+
+
+def _effects(answer: Answer) -> list[str]:
+    return [hidden.effect for hidden in answer.case.hidden] or ["none"]
+
+
+def _line(title: str, chosen: Sequence[Answer], effect: str | None) -> None:
+    """Shares of some answers: right, one effect found (all of them without one), anything false."""
+    found = [
+        hit
+        for a in chosen
+        for hidden, hit in zip(a.case.hidden, a.score.found, strict=True)
+        if effect is None or hidden.effect == effect
+    ]
+    false = [bool(a.score.false) for a in chosen]
+    print(f"  {title:42.42} {share(a.right for a in chosen):41} {share(found):41} {share(false)}")
 
 
 def details(every: Sequence[Answer]) -> None:
@@ -245,6 +318,13 @@ def details(every: Sequence[Answer]) -> None:
         print(f"\nprocessor seconds of a ladder: median {seconds[len(seconds) // 2]:.1f}, most {seconds[-1]:.1f}")
 
 
+def _worth(answer: Answer) -> str:
+    """What the hidden effects could have been worth, by the oracle of the case."""
+    if answer.case.nuisances is not None:
+        return f"worth {answer.row['worth']}"
+    return f"gains {[round(g, 1) for g in answer.gains]} ratio {answer.ratio and round(answer.ratio, 3)}"
+
+
 def failures(every: Sequence[Answer]) -> None:
     """What went wrong, grouped by kind."""
     kinds: dict[str, list[Answer]] = {}
@@ -266,8 +346,8 @@ def failures(every: Sequence[Answer]) -> None:
         for a in several:
             print(
                 f"  {a.case.id}  [{a.case.simulator} {a.case.loop} {a.case.training[0].kind} {a.condition}"
-                f" {100 * a.case.disturbance.share:g} %] verdict {a.row['verdict']}"
-                f" gains {[round(g, 1) for g in a.gains]} ratio {a.ratio and round(a.ratio, 3)}"
+                f" {100 * a.case.disturbance.share:g} %] view {a.view} verdict {a.row['verdict']}"
+                f" {_worth(a)} force unexplained {a.unexplained}"
             )
             for item in a.row["added"]:
                 gain = item["gain"]
@@ -290,6 +370,7 @@ def main() -> int:
             failures(chosen)
             continue
         criteria(chosen, level)
+        by_effect_and_view(chosen)
         if arguments.details:
             details(chosen)
     for row in failed:

@@ -28,7 +28,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from case import Case
+from case import CATEGORIES, Case
 
 _BATCH = 80
 
@@ -155,8 +155,14 @@ def _diagnosed(case: Case, settings: Settings) -> dict[str, Any]:
         "exact": result.exact,
         "false": list(result.false),
         "suggested": ladder.suggested_experiment is not None,
+        # of the start and of the last model, on the unseen record
+        "force_error": [ladder.steps[i].validation.get("force") for i in (0, -1)],
     }
-    if settings.judge:
+    if case.nuisances is not None:
+        from drive_oracle import worth
+
+        row["worth"] = worth(case, settings.suite)
+    elif settings.judge:
         row |= judged(case, data, ladder.model)
     if settings.resolve and case.category == "untestable":
         from resolve import resolved
@@ -223,9 +229,7 @@ def main() -> int:
     parser.add_argument(
         "--only", action="append", default=[], metavar="PATTERN", help="ids such as 'single/dead_zone/*'"
     )
-    parser.add_argument(
-        "--category", action="append", default=[], choices=("clean", "single", "double", "triple", "untestable")
-    )
+    parser.add_argument("--category", action="append", default=[], choices=CATEGORIES)
     parser.add_argument("--level", type=float, default=0.01, help="family-wise error rate (default 0.01)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the whole suite (default 1)")
     parser.add_argument("--jobs", type=int, default=2, help="worker processes (default 2)")

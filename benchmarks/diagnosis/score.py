@@ -47,7 +47,8 @@ class Score:
     exact : bool
         Every set that holds a hidden effect holds nothing else, twins apart.
     false : tuple of str
-        Added effects whose set holds nothing that is there; one that a later one replaced is forgiven.
+        Added effects whose set holds nothing that is there; one that a later one replaced is forgiven. What a
+        realistic machine has beside what it hides is there.
     """
 
     found: tuple[bool, ...]
@@ -69,6 +70,9 @@ def score(case: Case, model: Any, added: Sequence[Rung]) -> Score:
     wanted = frozenset().union(*truth) if truth else frozenset()
     # rounding that is part of the machine is there, though nobody asked for it
     there = wanted | frozenset(f"sensor_quantisation@{site}" for site in case.quantisation)
+    if case.nuisances is not None:
+        sites = tuple(output.site for output in model.outputs)
+        there |= all_pieces(case, model, case.nuisances.names(model.bodies, sites))
     covered: frozenset[str] = frozenset()
     exact, false = True, []
     replaced = {rung.replaces for rung in added if rung.replaces}

@@ -11,6 +11,9 @@ from typing import Any
 
 from case import Case
 
+# Each holds those before it.
+_DRY = ("coulomb_friction", "stribeck_friction", "presliding_friction")
+
 
 def pieces(case: Case, model: Any, name: str) -> frozenset[str]:
     """Elementary pieces of an effect in this case.
@@ -39,6 +42,9 @@ def pieces(case: Case, model: Any, name: str) -> frozenset[str]:
     if effect == "sensor_offset" and at.startswith("position") and _no_place_counts(case, model):
         # no force depends on the position and no other sensor shows it: the origin is a convention
         return frozenset()
+    if case.nuisances is not None and effect in _DRY:
+        # all dry friction falls a little with the speed and builds up over a reach: the richer effect holds the plainer
+        return frozenset(f"{each}@{at}" for each in _DRY[: _DRY.index(effect) + 1])
     if effect == "viscous_friction" and f"{at}.viscous_friction" in model.free:
         # the start model has this drag and estimates it
         return frozenset()

@@ -1,0 +1,59 @@
+"""The tables of a run count every case, by effect and by the view that decided."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from cases import all_cases
+
+from report import answers, by_effect_and_view
+
+
+@pytest.fixture
+def results(tmp_path):
+    """One realistic case that was found, one where something else was named instead, and a clean one."""
+    every = all_cases()
+    found, missed = [c for c in every if len(c.hidden) == 1 and c.hidden[0].effect == "dead_zone" and c.nuisances][:2]
+    clean = next(c for c in every if c.category == "clean")
+    path = tmp_path / "results.jsonl"
+    with path.open("w", encoding="utf-8") as file:
+        for case, names, view in ((found, ["dead_zone@input"], "force"), (missed, ["gravity@x"], "prediction"),
+                                  (clean, [], "prediction")):  # fmt: skip
+            row = {"id": case.id, "level": 0.01, "seed": 1, "criterion": view, "seconds": 1.0, "verdict": "adequate",
+                   "untestable": [], "worth": dict.fromkeys(case.truth, 0.5)}  # fmt: skip
+            row["added"] = [{"name": n, "set": [n], "replaces": None, "p_value": 0.0, "gain": 9.0} for n in names]
+            file.write(json.dumps(row) + "\n")
+    return path
+
+
+def rows_of(table, category):
+    """Lines of one category by their title: the counts of each column."""
+    part = next(block for block in table.split("\n\n") if block.strip().startswith(f"{category}:"))
+    found = {}
+    for line in part.strip().splitlines()[1:]:
+        # an effect stands once for all views and then under each
+        found.setdefault(line[:44].strip(), [word for word in line[44:].split() if "/" in word])
+    return found
+
+
+def test_every_category_is_told_by_effect_and_by_view(results, capsys):
+    every, failed = answers(results)
+    assert not failed
+    by_effect_and_view(every)
+    table = capsys.readouterr().out
+    realistic, clean = rows_of(table, "realistic"), rows_of(table, "clean")
+    assert set(realistic) == {"dead_zone", "view force", "view prediction"}
+    assert realistic["dead_zone"][0] == "1/2"
+    assert realistic["view force"][0] == "1/1"
+    assert realistic["view prediction"][0] == "0/1"
+    assert clean["none"][0] == "1/1"
+
+
+def test_a_realistic_case_is_testable_by_what_its_effects_are_worth(results):
+    every, _ = answers(results)
+    assert all(a.testable for a in every if a.case.nuisances)
+    text = results.read_text(encoding="utf-8").replace("0.5}", "0.05}")
+    results.write_text(text, encoding="utf-8")
+    every, _ = answers(results)
+    assert not any(a.testable for a in every if a.case.nuisances)
