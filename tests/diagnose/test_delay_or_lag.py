@@ -7,10 +7,10 @@ from idloop.diagnose import diagnose
 
 @pytest.mark.parametrize("effect", ["actuator_lag", "input_delay"])
 def test_a_lag_is_no_delay_and_a_delay_no_lag(effect: str) -> None:
-    from cases import all_cases
+    from cases import singles
     from experiment import experiment
 
-    data = experiment(next(case for case in all_cases() if case.id == f"single/{effect}/axis/input/dominant"))
+    data = experiment(next(case for case in singles() if case.id == f"single/{effect}/axis/input/dominant"))
     by_force = diagnose(data.start, data.training, criterion="force")
     assert by_force.set == ("input_delay@input",)
     assert diagnose(data.start, data.training).set == (f"{effect}@input",)
