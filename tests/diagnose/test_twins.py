@@ -146,3 +146,9 @@ def test_what_was_significant_and_not_added_is_told_once(ladder):
     stopped = replace(ladder, verdict="missing", candidates=(surely,))
     assert [one.name for one in also_significant(stopped)] == ["saturation@input"]
     assert unshown(stopped) == {}
+
+
+def test_effects_that_nobody_knows_are_none_of_the_others() -> None:
+    assert find_twins(load_model("axis"), ("effect_0@axis", "load_torque@axis", "effect_1@input")) == find_twins(
+        load_model("axis"), ("load_torque@axis",)
+    )

@@ -198,7 +198,9 @@ class _Forms:
         return {piece for part in parts for piece in self._resolved(part, names - {name}, (*above, name))} or {name}
 
     def _parts(self, name: str, names: set[str]) -> tuple[str, ...]:
-        """The effects that one is the equation of among others; empty where it is none."""
+        """The effects that one is the equation of among others; empty where it is none, or nobody knows it."""
+        if effect_and_site(name)[0] not in self._known:
+            return ()
         effect, (_, at) = self._effect(name), effect_and_site(name)
         places = [self._place(effect, at, part, names) for part in effect.same_as]
         if None in places:

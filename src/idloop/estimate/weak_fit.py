@@ -52,7 +52,7 @@ _TELLS = 0.5
 _ENTROPY = 0.5 * log(2.0 * pi * e)
 # Coloured noise makes a standing axis seem to move: the speed below which it counts as standing is searched for in
 # steps of this factor, up to a part of the typical speed, as long as one is worth so much log-likelihood.
-_REST_STEP, _LARGEST_REST, _WORTH_A_REST = 3.0, 0.1, 5.0
+_REST_STEP, _LARGEST_REST, _WORTH_A_REST = 3.0, 0.03, 5.0
 # A search begins on so many windows: they tell where the optimum is, and all of them where exactly.
 # Where there are few times as many, it begins on all.
 _DRAFT, _WORTH_A_DRAFT = 2000, 4
