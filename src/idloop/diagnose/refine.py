@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -132,10 +133,11 @@ def views_apart(ladder: Ladder) -> str:
     far = {name: share for name, share in missed.items() if not share < 1.0}
     if ladder.verdict != ADEQUATE or not far:
         return ""
-    worst = max(far, key=lambda name: far[name])
+    worst = max(far, key=lambda name: far[name] if math.isfinite(far[name]) else math.inf)
+    error = f"is off by {100.0 * far[worst]:.3g} % of the signal" if math.isfinite(far[worst]) else "runs away"
     return (
-        f"adequate by {ladder.criterion}, yet the free run of {worst} misses by {100.0 * far[worst]:.3g} % of the "
-        "signal: what is left of the force adds up over a record, so take this model for forces and short predictions"
+        f"adequate by {ladder.criterion}, yet the free run of {worst} {error}: small errors of the force add up over a "
+        "record, so use this model for forces and short predictions"
     )
 
 
