@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import threading
 import time
 
 import pytest
@@ -222,6 +224,45 @@ def test_the_last_word_needs_no_lock(bench):
     with one.bench.node._lock:
         one.bench.node._last_word()
         assert one.gate._output == 0.0
+
+
+class TimedLock:
+    """A lock that knows since when it has been held."""
+
+    def __init__(self):
+        self.lock, self.held_since = threading.Lock(), 0
+
+    def acquire(self, **patience):
+        got = self.lock.acquire(**patience)
+        self.held_since = time.monotonic_ns()
+        return got
+
+    def release(self):
+        self.lock.release()
+
+    def __enter__(self):
+        return self.acquire()
+
+    def __exit__(self, *error):
+        self.release()
+
+
+def test_time_never_runs_backwards_between_the_threads_of_the_gate(bench, monkeypatch):
+    """Two threads ask the gate: who waited for the other must not come with the time before the wait."""
+    one = BridgeBench(bench)
+    lock, early = TimedLock(), {"command": [], "measure": [], "tick": []}
+    monkeypatch.setattr(one.bench.node, "_lock", lock)
+    for name, seen in early.items():
+        asked = getattr(one.gate, name)
+
+        def timed(now_ns, *values, asked=asked, seen=seen):
+            seen.append(now_ns < lock.held_since)
+            return asked(now_ns, *values)
+
+        monkeypatch.setattr(one.gate, name, timed)
+    assert one.command(1.5) == 1.5
+    one.bench.until(lambda: all(early.values()))
+    assert not any(itertools.chain(*early.values()))
 
 
 def test_a_bridge_that_cannot_send_shows_the_guardian_no_beat(bench, monkeypatch):

@@ -104,7 +104,7 @@ class BridgeNode(ManagedNode):
     # streams
 
     def _on_measurement(self, data: bytes) -> None:
-        now, wall = time.monotonic_ns(), time.time_ns()
+        wall = time.time_ns()
         try:
             read = self._robot.read(data)
         except CdrError:
@@ -117,29 +117,29 @@ class BridgeNode(ManagedNode):
         position, velocity = robot.measured(values, "position"), robot.measured(values, "velocity")
         with self._lock:
             self._robot_clock.hear(stamp, wall)
-            self._send(self._gate.measure(now, stamp, position, velocity))
+            self._send(self._gate.measure(time.monotonic_ns(), stamp, position, velocity))
             self._measured.count += 1
         if self._decimator.passes(stamp or wall):
             self._publish_states(robot.pack(stamp or wall, values))
 
     def _on_command(self, data: bytes) -> None:
-        now = time.monotonic_ns()
         try:
             stamp, (value,) = self._command_reader.read(data)
         except CdrError:
             self._unreadable += 1
             return
         with self._lock:
-            self._send(self._gate.command(now, stamp, value))
+            # Read under the lock, here and everywhere: for the gate, time does not run backwards between two threads.
+            self._send(self._gate.command(time.monotonic_ns(), stamp, value))
             self._commanded.count += 1
 
     def _watch(self) -> None:
         self._urgent = become_urgent(PRIORITY)
         guardian = self._guardian
         while not self._stop.wait(TICK):
-            now = time.monotonic_ns()
-            unguarded = "" if guardian is None else guardian.listen(now)
+            unguarded = "" if guardian is None else guardian.listen(time.monotonic_ns())
             with self._lock:
+                now = time.monotonic_ns()
                 self._gate.forbid("guardian", unguarded)
                 self._send(self._gate.tick(now))
                 farewell = self._gate.farewell(now)
