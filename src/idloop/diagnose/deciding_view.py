@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
-from idloop.diagnose.anchor import LEFT_BEHIND
-from idloop.diagnose.refit import refit_or_none
+from idloop.diagnose.refit import Refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import InputError
 from idloop.estimate.engine import RememberingEngine
@@ -21,25 +21,66 @@ _FAR_LESS = 0.5
 _BEGINNINGS = 4000
 
 
-def deciding_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> WeakFit | None:
-    """The model fitted by its force balance, where that may decide what it lacks.
+class Views:
+    """The force balance of a model beside predictions of the next sample: which of them decides what it lacks.
 
     Parameters
     ----------
     model : Model
     setting : Setting
+        Of predictions.
     forms : dict of int to WeakForm
         Windows of the records by width; what is made anew is added.
 
-    Returns
-    -------
-    WeakFit or None
-        None where some body is not measured, where sensor noise is what it would show, where the command is turned, and
-        where what it shows is a feedback.
+    Attributes
+    ----------
+    balance : WeakFit or None
+        The model fitted by its force balance; None where some body is not measured, where sensor noise is what it would
+        show, where the command is turned, and where what it shows is a feedback.
     """
-    fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms)
-    serves = fit is not None and fit.model_error_rules and setting.shows(fit.model) and not _against_the_command(fit)
-    return fit if serves else None
+
+    def __init__(self, model: Model, setting: Setting, forms: dict[int, WeakForm]) -> None:
+        self.model, self.setting = model, setting
+        fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms)
+        serves = fit is not None and fit.reliable and setting.shows(fit.model) and not _against_the_command(fit)
+        self.balance = fit if serves else None
+
+    @cached_property
+    def predicted(self) -> Refit | None:
+        """The model fitted to prediction errors; None where it cannot be."""
+        return refit_or_none(self.setting, self.model)
+
+    @cached_property
+    def blind(self) -> bool:
+        """Whether predictions take for a disturbance what the balance shows to be a force."""
+        if self.balance is None:
+            return False
+        return self.predicted is None or self.balance.hides_from(self.predicted.model)
+
+    @property
+    def deciding(self) -> WeakFit | None:
+        """The balance where it decides: where its model error stands out, or predictions are blind."""
+        fit = self.balance
+        return fit if fit is not None and (fit.model_error_rules or self.blind) else None
+
+    def contradict(self, found: Model, level: float) -> bool:
+        """Whether predictions of the next sample are no better for what the balance has found.
+
+        Where a disturbance moves an axis and a loop answers it, the balance shows that loop and not the axis.
+        Predictions have the disturbance for what it is; those that are blind contradict nothing.
+
+        Parameters
+        ----------
+        found : Model
+            After the balance has added to it.
+        level : float
+            Probability of naming an effect where nothing is missing.
+        """
+        part = _beginnings(self.setting, self.model)
+        # How long records begin mostly says enough; where it does not, all of them are asked.
+        if part is not None and not _denies(refit_or_none(part, self.model), found, part, level):
+            return False
+        return _denies(self.predicted, found, self.setting, level) and not self.blind
 
 
 def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> WeakFit:
@@ -48,7 +89,7 @@ def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> Wea
     Parameters
     ----------
     model, setting, forms
-        As of `deciding_fit`.
+        As of `Views`.
 
     Raises
     ------
@@ -64,27 +105,6 @@ def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> Wea
     return fit
 
 
-def contradicted(start: Model, found: Model, setting: Setting, level: float) -> bool:
-    """Whether predictions of the next sample are no better for what a force balance has found.
-
-    Where a disturbance moves an axis and a loop answers it, the balance shows that loop and not the axis. Predictions
-    have the disturbance for what it is; but they may take a missing friction for one, too, and an axis that the drive
-    hardly moves. What they say of that is no contradiction.
-
-    Parameters
-    ----------
-    start, found : Model
-        Before and after the balance has added to it.
-    setting : Setting
-        Of predictions.
-    level : float
-        Probability of naming an effect where nothing is missing.
-    """
-    part = _beginnings(setting, start)
-    # How long records begin mostly says enough; where it does not, all of them are asked.
-    return (part is None or _denies(start, found, part, level)) and _denies(start, found, setting, level)
-
-
 def _beginnings(setting: Setting, start: Model) -> Setting | None:
     """How the records begin, as a setting of its own; None where they are short, or begin without a motion."""
     samples = sum(len(record.time) for record in setting.records)
@@ -98,18 +118,11 @@ def _beginnings(setting: Setting, start: Model) -> Setting | None:
         return None
 
 
-def _denies(start: Model, found: Model, setting: Setting, level: float) -> bool:
-    plain = refit_or_none(setting, start)
-    if plain is None or _push(plain.model) < _push(start) / LEFT_BEHIND:
+def _denies(plain: Refit | None, found: Model, setting: Setting, level: float) -> bool:
+    if plain is None:
         return False
     after = refit_or_none(setting, found)
     return after is not None and after.log_likelihood - plain.log_likelihood < math.log(1.0 / level)
-
-
-def _push(model: Model) -> float:
-    """Acceleration of the driven body for a command, less its friction [position/s² per input]."""
-    values = model.values
-    return abs(values["drive.gain"]) / max(values[f"{model.bodies[0]}.inertia"], 1e-300)
 
 
 def _against_the_command(fit: WeakFit) -> bool:

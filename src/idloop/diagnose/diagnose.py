@@ -9,7 +9,7 @@ import numpy as np
 
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, asked_fit, contradicted, deciding_fit
+from idloop.diagnose.deciding_view import NOTHING, Views, asked_fit
 from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
@@ -101,18 +101,20 @@ def _by_force(
     tell: Progress,
 ) -> Diagnosis | None:
     """By the force balance; None where another view is to decide."""
-    setting, asked = prepare_setting(model, records, "prediction"), criterion == FORCE
+    setting, asked = with_common_whitening(prepare_setting(model, records, "prediction")), criterion == FORCE
     forms: dict[int, WeakForm] = {}
-    fit = asked_fit(model, setting, forms) if asked else deciding_fit(model, setting, forms)
+    views = None if asked else Views(model, setting, forms)
+    fit = asked_fit(model, setting, forms) if views is None else views.deciding
     if fit is None:
         return None
     tell(0.3, "weighing effects")
     step = ForceView(setting, level, least, effects, forms=forms).weigh(fit)
     shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
-    if not asked and (shown is None or shown.relative >= NOTHING):
-        return None
-    if not asked and step.tied and contradicted(model, step.tied[0].fit.model, setting, level):
-        return None
+    if views is not None:
+        if (shown is None and not views.blind) or (shown or fit).relative >= NOTHING:
+            return None
+        if step.tied and views.contradict(step.tied[0].fit.model, level):
+            return None
     found = diagnosis_of(step)
     if not asked and found.best is not None and found.pair is None and found.best.model is not None:
         told = delay_or_lag(found.best.model, found.best.name, setting, level, seed)

@@ -53,6 +53,8 @@ _STARTS, _IN_PAIRS = 2, 4
 _TOGETHER = 0.5
 # A fit from several starts goes on from the best after so many iterations.
 _FIRST_ROUNDS = 3
+# Inertia beside an effect is at least this part of that without it, when a start is chosen.
+_LEAST_INERTIA = 1e-3
 # Part of a trace that must not be the free parameters' own.
 _OWN_PART = 3e-3
 # Effects are weighed in so many windows at most: what makes their errors smaller by 1 % is worth 500 units of
@@ -262,10 +264,16 @@ class _Screen:
         self._size = np.sqrt(np.mean(parent.residual**2, axis=0))
         self.errors = (parent.residual / self._size).ravel()
         slopes = slopes.reshape(-1, slopes.shape[-1])
-        slopes = slopes[:, np.any(slopes != 0.0, axis=0)]
-        left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
-        self.basis = left[:, weight > 1e-6 * np.max(weight, initial=0.0)]
+        norms = np.linalg.norm(slopes, axis=0)
+        left, weight, right = np.linalg.svd(slopes / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
+        known = weight > 1e-6 * np.max(weight, initial=0.0)
+        self.basis = left[:, known]
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
+        self._inertia = np.zeros(len(self.basis))
+        name = f"{model.bodies[0]}.inertia"
+        if name in model.free:
+            place = model.free.index(name)
+            self._inertia = self.basis @ (right[known, place] / weight[known]) / (norms[place] * model.values[name])
         found = {body: harmonics(parent, index) for index, body in enumerate(model.bodies)}
         self._harmonics = {body: several for body, (several, _) in found.items()}
         self.waves = sum(tried for _, tried in found.values())
@@ -287,15 +295,28 @@ class _Screen:
             size, *_ = np.linalg.lstsq(own, -self.errors, rcond=1e-6)
             if len(trials) == 1 and proposal.one_sided:
                 size = np.maximum(size, 0.0)
-            left = self.errors + own @ size
-            promise = 0.5 * float(self.errors @ self.errors - left @ left)
+            promise = self._promise(own @ size)
             if np.isfinite(promise):
-                found.append((promise, trials, size))
-        found.sort(key=lambda one: -one[0])
-        if not found or found[0][0] < _LEAST_PROMISE:
+                # What has no strength of its own, such as a limit, begins as it was tried.
+                whole = len(trials) == 1 and proposal.weaker(trials[0], 0.5) == trials[0]
+                found.append((self._promise_of_all(raw[:, 0], own[:, 0]) if whole else promise, promise, trials, size))
+        most = max((promise for _, promise, *_ in found), default=0.0)
+        if most < _LEAST_PROMISE:
             return _Promising(proposal, 0.0, worth, part, [])
-        starts = [start for _, trials, size in found[:_STARTS] for start in _starts(proposal, trials, size)]
-        return _Promising(proposal, found[0][0], worth, part, starts)
+        found.sort(key=lambda one: -one[0])
+        starts = [start for *_, trials, size in found[:_STARTS] for start in _starts(proposal, trials, size)]
+        return _Promising(proposal, most, worth, part, starts)
+
+    def _promise(self, change: Array) -> float:
+        """Log-likelihood that a change of the errors is worth."""
+        left = self.errors + change
+        return 0.5 * float(self.errors @ self.errors - left @ left)
+
+    def _promise_of_all(self, raw: Array, own: Array) -> float:
+        """The same for all that an effect does: what switches the command off leaves the whole acceleration."""
+        inertia = max(1.0 - float(self._inertia @ raw), _LEAST_INERTIA)
+        left = (self.errors + own) / inertia
+        return 0.5 * float(self.errors @ self.errors - left @ left)
 
     def _trace(self, proposal: Proposal, trial: Trial) -> Array | None:
         model = proposal.model(trial)
@@ -336,7 +357,8 @@ def _starts(proposal: Proposal, trials: Sequence[Trial], size: Array) -> list[Tr
         reach = float(np.linalg.norm(size))
         return [proposal.inside({**proposal.weaker(trials[0], reach), "phase": float(np.arctan2(size[1], size[0]))})]
     share = float(np.clip(size[0], -50.0, 50.0))
-    return [trials[0], proposal.inside(proposal.weaker(trials[0], share))]
+    scaled = proposal.inside(proposal.weaker(trials[0], share))
+    return [trials[0]] if scaled == trials[0] else [trials[0], scaled]
 
 
 def fit_in(

@@ -12,7 +12,7 @@ from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, PREDICTION, check_numbers, first_kind
 from idloop.diagnose.climb import Climb
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, asked_fit, contradicted, deciding_fit
+from idloop.diagnose.deciding_view import NOTHING, Views, asked_fit
 from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
@@ -158,19 +158,22 @@ class _Task:
 
     def by_force(self, start: Model, ladder: Ladder | None, *, asked: bool) -> Ladder | None:
         """Climb by the force balance where it serves; as it was where that shows nothing."""
-        setting = prepare_setting(start, self.records, "prediction", self.validation)
+        setting = with_common_whitening(prepare_setting(start, self.records, "prediction", self.validation))
         forms: dict[int, WeakForm] = {}
-        fit = asked_fit(start, setting, forms) if asked else deciding_fit(start, setting, forms)
+        views = None if asked else Views(start, setting, forms)
+        fit = asked_fit(start, setting, forms) if views is None else views.deciding
         if fit is None:
             return None
         held_out = prepare(start, self.validation, beside=self.records) if self.validation else []
         view = ForceView(setting, self.level, self.least, self.effects, held_out, forms)
         found, last = self._climb(view, FORCE)(fit, ladder)
-        if asked:
+        if views is None:
             return found
-        if last.relative >= NOTHING or len(found.steps) == (1 if ladder is None else len(ladder.steps)):
+        if last.relative >= NOTHING:
             return ladder
-        return ladder if contradicted(start, found.model, setting, self.level) else found
+        if len(found.steps) == (1 if ladder is None else len(ladder.steps)):
+            return found if views.blind else ladder
+        return ladder if views.contradict(found.model, self.level) else found
 
     def by_errors(self, start: Model, ladder: Ladder | None, kind: str, climbed: bool) -> Ladder:
         """Climb by one criterion; on from what the force balance has found, whose error must not become larger."""

@@ -103,10 +103,15 @@ def fit(
             "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "
             "use prediction"
         )
-    if balance is not None and (criterion == "force" or (criterion == "auto" and balance.model_error_rules)):
-        why = "as asked" if criterion == "force" else _why_force(balance)
+
+    def by_force(balance: WeakFit, why: str) -> FitResult:
         result = _conclude_force(model, data, balance, why, noise)
         return _without_ties(model, records, criterion, tell, result, balance.slopes) or result
+
+    if balance is not None and criterion == "force":
+        return by_force(balance, "as asked")
+    if balance is not None and criterion == "auto" and balance.model_error_rules:
+        return by_force(balance, _why_force(balance))
     chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as asked")
     # Where noise rules it, too, a balance is nearer to the machine than starting values may be.
     starts = [start] if near is None else [start, near.theta]
@@ -126,6 +131,8 @@ def fit(
         tell(0.1, "simulation criterion")
         chosen, reason = "simulation", str(error).partition(";")[0]
         best, result = searched(chosen, f"the prediction criterion cannot serve: {reason}")
+    if balance is not None and criterion == "auto" and balance.hides_from(result.model):
+        return by_force(balance, f"{chosen} errors take for a disturbance what the force balance shows to be a force")
     alone = _without_ties(model, records, criterion, tell, result, best.jacobian)
     if alone is not None:
         return alone

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data
+from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.levenberg import box_step, difference_jacobian
 from idloop.estimate.solve import typical_size
 from idloop.estimate.student import log_density, scale_of
@@ -34,9 +35,13 @@ MOST_NOISE = 0.3
 _WIDER = 1.4
 # Model error rules where a balance leaves ten times what sensor noise makes, and at least this part of the drive's
 # force; elsewhere finer views tell more.
-_RULED, _LEAST_UNEXPLAINED = 0.1, 0.01
+_RULED, LEAST_UNEXPLAINED = 0.1, 0.01
 # Sensors of one body whose velocities are further apart than this part of them show something of their own.
-_DISAGREE = 0.05
+_DISAGREE = 0.02
+# Least part of the acceleration, as power, that must not be noise: inertia comes out too small by as much.
+_RELIABLE = 0.9
+# A fit to prediction errors that leaves so many times the force that a disturbance may be has forces in that.
+_HIDDEN = 1.5
 # Fewer windows in all do not tell a model from another.
 FEWEST_ROWS = 100
 # The search ends where a step promises less log-likelihood than this; one that only ranks models, where it is a
@@ -116,12 +121,36 @@ class WeakFit:
     @cached_property
     def model_error_rules(self) -> bool:
         """Whether it is the model, and not sensor noise, that limits the balance."""
-        return model_error_rules(self.form, self.theta, self.shift)
+        return self.reliable and model_error_rules(self.form, self.theta, self.shift)
+
+    def hides_from(self, predicted: Model) -> bool:
+        """Whether predictions have taken a force for a disturbance which this balance accounts for.
+
+        Parameters
+        ----------
+        predicted : Model
+            The same model, fitted to prediction errors.
+        """
+        if not self.reliable or not LEAST_UNEXPLAINED <= self.relative < 1.0:
+            return False
+        # A disturbance that moves the axis leaves more of the force than the least squares of it do: they count what it
+        # accelerates as inertia.
+        disturbed = self.relative / np.sqrt(1.0 - self.relative**2)
+        try:
+            left = relative_error(self.form.with_engine(RememberingEngine(predicted)), predicted.theta, self.shift)
+        except IdloopError:
+            return True
+        return not left <= _HIDDEN * disturbed
 
     @property
     def resolved(self) -> bool:
         """Whether the windows are so wide that sensor noise is a small part of what is unexplained."""
         return bool(np.all(self.noise_share <= MOST_NOISE))
+
+    @property
+    def reliable(self) -> bool:
+        """Whether the motion shows in these windows: sensors agree, and the acceleration is not mostly their noise."""
+        return self.form.disagreement <= _DISAGREE and self.form.reliability >= _RELIABLE and self.resolved
 
     @property
     def noise_share(self) -> Array:
@@ -235,14 +264,12 @@ def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
     -------
     bool
     """
-    if form.disagreement > _DISAGREE:
-        return False  # what a sensor does is no force
     inertia = np.asarray(form.engine.layout(theta).axis.inertia, dtype=float)
     wide: WeakForm | None = form
     while wide is not None and wide.width <= form.widest:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
         if np.all(inertia * wide.noise <= _RULED * left):
-            return relative_error(wide, theta, shift) >= _LEAST_UNEXPLAINED
+            return relative_error(wide, theta, shift) >= LEAST_UNEXPLAINED
         wide = weak_form(form.engine, form.data, _wider(wide.width))
     return False
 
@@ -265,18 +292,56 @@ def _split(form: WeakForm, point: Array) -> tuple[Array, float]:
     return (point[:-1], float(point[-1])) if form.free_timing else (point, 0.0)
 
 
-def _told(form: WeakForm, point: Array, residual: Array) -> tuple[Array, Array]:
-    """Log of the force per input in every window, and the part of its command that the window tells of.
+@dataclass(frozen=True)
+class _Counted:
+    """What every window counts as: each has three shares that sum to 1.
+
+    Attributes
+    ----------
+    strength : array, shape (rows,)
+        Log of the force per input.
+    told : array, shape (rows,)
+        Share that is the density of the recorded command, which the motion tells.
+    driven : array, shape (rows,)
+        Share that is the density of the motion that a command makes which the drive does not pass on: in a dead zone,
+        beyond a limit.
+    """
+
+    strength: Array
+    told: Array
+    driven: Array
+
+    @property
+    def idle(self) -> Array:
+        """Share of a command of which nothing is told, at standstill: it has the density of any command."""
+        return np.asarray(1.0 - self.told - self.driven)
+
+    @property
+    def errors(self) -> Array:
+        """Share that the unexplained force has in its scale."""
+        return np.asarray(self.told + self.driven)
+
+
+def _counted(form: WeakForm, point: Array, residual: Array) -> _Counted:
+    """What every window counts as.
 
     What shapes the command is measured by what the drive does of it over all windows: on a command of two levels an
     uneven gain is an offset. A friction that takes a part of what the drive gives is measured window by window.
     """
     theta, shift = _split(form, point)
     slope = form.slope(theta, shift, residual)
-    overall, each = form.drives(theta, shift)
+    least = _TELLS * _gain(form, theta)
+    overall, each = form.drives(theta, shift, least)
     passed = np.where(each > 0.0, slope / np.maximum(each, 1e-300), 1.0)
-    told = np.minimum(slope / (_TELLS * _gain(form, theta)), 1.0)
-    return np.log(overall * np.maximum(passed, 1e-300)), told
+    driven = (1.0 - np.minimum(each / least, 1.0)) * (1.0 - form.standing)
+    told = np.minimum(np.minimum(slope / least, 1.0), 1.0 - driven)
+    return _Counted(np.log(overall * np.maximum(passed, 1e-300)), told, driven)
+
+
+def _motion_strength(form: WeakForm, theta: Array) -> float:
+    """Log of how dense a motion is per input where its acceleration is one per force, by the inertia that data show."""
+    inertia = float(form.engine.layout(theta).axis.inertia[0])
+    return log(max(inertia, 1e-300)) - log(form.inertia_per_input)
 
 
 def _gain(form: WeakForm, theta: Array) -> float:
@@ -286,28 +351,29 @@ def _gain(form: WeakForm, theta: Array) -> float:
 def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
     theta, shift = _split(form, point)
     residual = form.residual(theta, shift)
-    strength, told = _told(form, point, residual)
+    counted = _counted(form, point, residual)
     size = float(scale[0])
     density, best = log_density(residual[:, 0], size), log_density(np.zeros(1), size)
-    total = density + told * strength + (1.0 - told) * (form.untold - best)
-    total = total - np.log1p(_likely_untold(form, point, size, told))
+    total = density + counted.told * counted.strength + counted.driven * _motion_strength(form, theta)
+    total = total + counted.idle * (form.untold - best)
+    total = total - np.log1p(_likely_idle(form, point, size, counted.idle))
     inertia = form.engine.layout(theta).axis.inertia
     for body in range(1, residual.shape[1]):
         total = total + log_density(residual[:, body], float(scale[body])) + np.log(inertia[body])
     return np.asarray(total)
 
 
-def _likely_untold(form: WeakForm, point: Array, scale: float, told: Array) -> Array:
+def _likely_idle(form: WeakForm, point: Array, scale: float, idle: Array) -> Array:
     """How likely the motion of every window makes commands of which it would not tell, against all others.
 
-    Commands in a dead zone, at standstill or beyond a limit have the density of any command; so that the densities of
-    all commands have the sum 1, each is divided by 1 plus this.
+    Commands at standstill have the density of any command; so that the densities of all commands have the sum 1, each
+    is divided by 1 plus this.
     """
-    if not np.any(told < _TELLS):
+    if not np.any(idle > 1.0 - _TELLS):
         return np.zeros(form.starts[-1])
     theta, _ = _split(form, point)
     typical, total = log_density(np.zeros(1), scale), np.zeros(form.starts[-1])
-    for command, share in form.kinds_of_commands(1.0 - told):
+    for command, share in form.kinds_of_commands(idle):
         residual = form.with_command(command, theta)
         slope = form.slope_at(command, theta, residual)
         silent = slope < _TELLS * _gain(form, theta)
@@ -317,16 +383,15 @@ def _likely_untold(form: WeakForm, point: Array, scale: float, told: Array) -> A
 
 def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows | slice = slice(None)) -> Array:
     """Scale of every body's unexplained force, shape (bodies,)."""
-    _, told = _told(form, point, residual)
-    first = scale_of(residual[rows, 0], float(np.sum(told[rows])))
+    errors = _counted(form, point, residual).errors
+    first = scale_of(residual[rows, 0], float(np.sum(errors[rows])))
     return np.array([first, *(scale_of(column) for column in residual[rows, 1:].T)])
 
 
 class _Target:
     """What a fit makes small, shape (rows, bodies): n times the logarithm of its rms is minus the log-likelihood.
 
-    A window that does not tell of its command, in a dead zone or at standstill, has the density of any command, times
-    how well the force agrees. Most parameters do not move how many these are; those that do have it evaluated anew.
+    Most parameters do not move how many windows tell of their command; those that do have it evaluated anew.
     Where all are told alike this is the unexplained force over the gain, which has no second optimum in parameters
     that the force is linear in.
     """
@@ -335,28 +400,31 @@ class _Target:
         self.form = form
         self._alike = alike
         self._moves = np.array([_moves_slope(form.engine.model, name) for name in form.engine.free], dtype=bool)
-        self._known: tuple[bytes, float, float] | None = None
+        self._known: tuple[bytes, float, float, float] | None = None
 
     def __call__(self, point: Array) -> Array:
         theta, shift = _split(self.form, point)
         residual, rows = self.form.residual(theta, shift), self.form.starts[-1]
         key = theta[self._moves].tobytes()
         if self._known is None or self._known[0] != key:
-            strength, told = self._told_of(point, residual)
-            constant = float(np.sum(told * (_ENTROPY - strength) - (1.0 - told) * self.form.untold))
-            self._known = key, max(float(np.sum(told)), 1e-9), constant
-        _, count, constant = self._known
+            one = self._counted(point, residual)
+            constant = float(np.sum(one.errors * _ENTROPY - one.told * one.strength - one.idle * self.form.untold))
+            self._known = key, max(float(np.sum(one.errors)), 1e-9), constant, float(np.sum(one.driven))
+        _, count, constant, driven = self._known
+        if driven > 0.0:
+            constant -= driven * _motion_strength(self.form, theta)
         first = residual[:, 0] / np.sqrt(count)
         rms = max(float(np.linalg.norm(first)), 1e-300)
         error = residual / np.asarray(self.form.engine.layout(theta).axis.inertia, dtype=float)
         error[:, 0] = first * np.sqrt(rows) * np.exp((constant + (count - rows) * np.log(rms)) / rows)
         return np.asarray(error)
 
-    def _told_of(self, point: Array, residual: Array) -> tuple[Array, Array]:
+    def _counted(self, point: Array, residual: Array) -> _Counted:
         if not self._alike:
-            return _told(self.form, point, residual)
+            return _counted(self.form, point, residual)
         rows = len(residual)
-        return np.full(rows, log(_gain(self.form, _split(self.form, point)[0]))), np.ones(rows)
+        strength = np.full(rows, log(_gain(self.form, _split(self.form, point)[0])))
+        return _Counted(strength, np.ones(rows), np.zeros(rows))
 
 
 def _moves_slope(model: Model, name: str) -> bool:

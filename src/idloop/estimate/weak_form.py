@@ -48,6 +48,8 @@ _SHORTEST = 100
 _LEAD_IN = 0.1
 # A change of the command by this part of its rms shows how far the balance still depends on it.
 _PROBE = 1e-3
+# Inertia by the plainest machine is no less than this part of what it would be if nothing else moved the command.
+_LEAST_INERTIA = 0.01
 
 
 @dataclass(frozen=True)
@@ -331,6 +333,7 @@ class WeakForm:
         """The same windows with another speed below which a body counts as standing [m/s or rad/s]."""
         other = copy(self)
         other.rest_speed = rest_speed
+        other.__dict__.pop("_slow", None)
         other.forget()
         return other
 
@@ -466,13 +469,15 @@ class WeakForm:
             sent += _windows(np.concatenate(waves)[:, None], self._rows, self._value)[:, 0] ** 2
         return np.asarray(np.sqrt(response / np.maximum(sent, 1e-300)))
 
-    def drives(self, theta: Array, shift: float) -> tuple[float, Array]:
+    def drives(self, theta: Array, shift: float, least: float) -> tuple[float, Array]:
         """How much the drive's force changes for what the command changes: over all windows, and in each.
 
         Parameters
         ----------
         theta, shift
             As of `residual`.
+        least : float
+            A window counts for all where the drive passes on so much there, and less in proportion [force per input].
 
         Returns
         -------
@@ -485,9 +490,55 @@ class WeakForm:
             gain = max(abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN])), 1e-300)
             return gain, np.full(len(self._rows), gain)
         drive = self.drive(theta, shift)
-        overall = float(np.std(drive)) / max(float(np.std(self._mean_command)), 1e-300)
         each = self._slope(lambda commands: self._drive(theta, commands), drive, theta, shift)
-        return max(overall, 1e-300), each
+        passed = np.minimum(each / least, 1.0)
+        return max(_deviation(drive, passed) / max(_deviation(self._mean_command, passed), 1e-300), 1e-300), each
+
+    @property
+    def standing(self) -> Array:
+        """Part of every window in which the driven body stands and a friction holds it, shape (rows,)."""
+        first = self.engine.model.bodies[0]
+        held = any(one.at == first and one.effect.friction is not None for one in self.engine.model.effects)
+        return self._slow if held else np.zeros(len(self._rows))
+
+    @cached_property
+    def _slow(self) -> Array:
+        """Part of every window in which the driven body counts as standing, shape (rows,)."""
+        velocity = np.concatenate([track.motion.velocity[:, :1] for track in self.tracks])
+        return np.asarray(_windows((np.abs(velocity) < self.rest_speed).astype(float), self._rows, self._value)[:, 0])
+
+    @cached_property
+    def _beside_inertia(self) -> Array:
+        """What else moves the driven body of the plainest machine, whatever the model: velocity, direction, a constant.
+
+        Shape (rows, 3).
+        """
+        velocity = np.concatenate([track.motion.velocity[:, :1] for track in self.tracks])
+        series = np.hstack([velocity, np.sign(velocity), np.ones_like(velocity)])
+        return np.asarray(_windows(series, self._rows, self._value))
+
+    @cached_property
+    def inertia_per_input(self) -> float:
+        """What the command changes with the acceleration of the driven body [input/(position/s²)].
+
+        Of the plainest machine: inertia, viscous and Coulomb friction and a constant, by least squares.
+        """
+        regressors = np.hstack([self._inertial[:, :1], self._beside_inertia])
+        found = float(np.linalg.lstsq(regressors, self._mean_command, rcond=None)[0][0])
+        largest = float(np.std(self._mean_command)) / max(float(np.std(self._inertial[:, 0])), 1e-300)
+        return max(abs(found), _LEAST_INERTIA * largest, 1e-300)
+
+    @cached_property
+    def reliability(self) -> float:
+        """Part of the driven body's weak acceleration that is no sensor noise, as power, at most 1.
+
+        Of what its velocity does not tell already. By this ratio least squares of the force find too small an inertia
+        (Fuller, *Measurement Error Models*, 1987).
+        """
+        acceleration = self._inertial[:, 0]
+        coefficients = np.linalg.lstsq(self._beside_inertia, acceleration, rcond=None)[0]
+        left = float(np.var(acceleration - self._beside_inertia @ coefficients))
+        return 1.0 - float(self.noise[0]) ** 2 / max(left, 1e-300)
 
     @property
     def disagreement(self) -> float:
@@ -553,6 +604,13 @@ class WeakForm:
             values = _command([track], 0.0).mean if what == "command" else series[what]
             found.append(values[track.rows + self.width // 2])
         return np.concatenate(found)
+
+
+def _deviation(values: Array, weights: Array) -> float:
+    """Standard deviation of weighted values."""
+    total = max(float(np.sum(weights)), 1e-300)
+    mean = float(np.sum(weights * values)) / total
+    return float(np.sqrt(np.sum(weights * (values - mean) ** 2) / total))
 
 
 def weak_form(engine: Engine, data: Sequence[Data], width: int, rest_speed: float | None = None) -> WeakForm | None:
