@@ -65,12 +65,6 @@ class CommandAround:
     late: Array
 
     @classmethod
-    def constant(cls, value: float, count: int) -> CommandAround:
-        """The same command all the time."""
-        none = np.zeros(0)
-        return cls(np.full(count, value), np.zeros(0, dtype=np.int64), none, none, none)
-
-    @classmethod
     def joined(cls, parts: Sequence[CommandAround]) -> CommandAround:
         """One after the other."""
         starts = np.cumsum([0, *(len(part.mean) for part in parts[:-1])])

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import e, log, pi
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +53,6 @@ _LINEAR_ROUNDS = 20
 _SHARES = (1.0, 0.5, 0.25, 0.0)
 # A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
 _TELLS = 0.5
-# Of a normal distribution with deviation 1.
-_ENTROPY = 0.5 * log(2.0 * pi * e)
 # Coloured noise makes a standing axis seem to move: the speed below which it counts as standing is searched for in
 # steps of this factor, up to a part of the typical speed, as long as one is worth so much log-likelihood.
 _REST_STEP, _LARGEST_REST, _WORTH_A_REST = 3.0, 0.03, 5.0
@@ -293,37 +291,29 @@ def _split(form: WeakForm, point: Array) -> tuple[Array, float]:
 
 
 @dataclass(frozen=True)
-class _Counted:
-    """What every window counts as: each has three shares that sum to 1.
+class _Shares:
+    """By what every window is told.
+
+    By its command, given the motion, as far as the balance depends on that; else by its motion, given the command: in a
+    dead zone, beyond a limit, at standstill.
 
     Attributes
     ----------
-    strength : array, shape (rows,)
-        Log of the force per input.
     told : array, shape (rows,)
-        Share that is the density of the recorded command, which the motion tells.
-    driven : array, shape (rows,)
-        Share that is the density of the motion that a command makes which the drive does not pass on: in a dead zone,
-        beyond a limit.
+        Share of the command.
+    standing : array, shape (rows,)
+        Share of a body that a friction holds, whatever the command.
+    strength : array, shape (rows,)
+        Log of the force per input where the command is told.
     """
 
-    strength: Array
     told: Array
-    driven: Array
-
-    @property
-    def idle(self) -> Array:
-        """Share of a command of which nothing is told, at standstill: it has the density of any command."""
-        return np.asarray(1.0 - self.told - self.driven)
-
-    @property
-    def errors(self) -> Array:
-        """Share that the unexplained force has in its scale."""
-        return np.asarray(self.told + self.driven)
+    standing: Array
+    strength: Array
 
 
-def _counted(form: WeakForm, point: Array, residual: Array) -> _Counted:
-    """What every window counts as.
+def _shares(form: WeakForm, point: Array, residual: Array) -> _Shares:
+    """By what every window is told.
 
     What shapes the command is measured by what the drive does of it over all windows: on a command of two levels an
     uneven gain is an offset. A friction that takes a part of what the drive gives is measured window by window.
@@ -333,15 +323,23 @@ def _counted(form: WeakForm, point: Array, residual: Array) -> _Counted:
     least = _TELLS * _gain(form, theta)
     overall, each = form.drives(theta, shift, least)
     passed = np.where(each > 0.0, slope / np.maximum(each, 1e-300), 1.0)
-    driven = (1.0 - np.minimum(each / least, 1.0)) * (1.0 - form.standing)
-    told = np.minimum(np.minimum(slope / least, 1.0), 1.0 - driven)
-    return _Counted(np.log(overall * np.maximum(passed, 1e-300)), told, driven)
+    cut_off = (1.0 - np.minimum(each / least, 1.0)) * (1.0 - form.standing)
+    told = np.minimum(np.minimum(slope / least, 1.0), 1.0 - cut_off)
+    return _Shares(told, 1.0 - told - cut_off, np.log(overall * np.maximum(passed, 1e-300)))
 
 
-def _motion_strength(form: WeakForm, theta: Array) -> float:
+def _errors(form: WeakForm, theta: Array, residual: Array, standing: Array) -> Array:
+    """Unexplained force on the driven body in every window; the inertial force of one that a friction holds."""
+    return np.asarray(residual[:, 0] + standing * _driven_inertia(form, theta) * form.inertial[:, 0])
+
+
+def _driven_inertia(form: WeakForm, theta: Array) -> float:
+    return float(form.engine.layout(theta).axis.inertia[0])
+
+
+def _strength_of_motion(form: WeakForm, theta: Array) -> float:
     """Log of how dense a motion is per input where its acceleration is one per force, by the inertia that data show."""
-    inertia = float(form.engine.layout(theta).axis.inertia[0])
-    return log(max(inertia, 1e-300)) - log(form.inertia_per_input)
+    return log(max(_driven_inertia(form, theta), 1e-300)) - log(form.inertia_per_input)
 
 
 def _gain(form: WeakForm, theta: Array) -> float:
@@ -351,41 +349,21 @@ def _gain(form: WeakForm, theta: Array) -> float:
 def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
     theta, shift = _split(form, point)
     residual = form.residual(theta, shift)
-    counted = _counted(form, point, residual)
-    size = float(scale[0])
-    density, best = log_density(residual[:, 0], size), log_density(np.zeros(1), size)
-    total = density + counted.told * counted.strength + counted.driven * _motion_strength(form, theta)
-    total = total + counted.idle * (form.untold - best)
-    total = total - np.log1p(_likely_idle(form, point, size, counted.idle))
+    shares = _shares(form, point, residual)
+    total = log_density(_errors(form, theta, residual, shares.standing), float(scale[0]))
+    total = total + shares.told * shares.strength + (1.0 - shares.told) * _strength_of_motion(form, theta)
     inertia = form.engine.layout(theta).axis.inertia
     for body in range(1, residual.shape[1]):
         total = total + log_density(residual[:, body], float(scale[body])) + np.log(inertia[body])
     return np.asarray(total)
 
 
-def _likely_idle(form: WeakForm, point: Array, scale: float, idle: Array) -> Array:
-    """How likely the motion of every window makes commands of which it would not tell, against all others.
-
-    Commands at standstill have the density of any command; so that the densities of all commands have the sum 1, each
-    is divided by 1 plus this.
-    """
-    if not np.any(idle > 1.0 - _TELLS):
-        return np.zeros(form.starts[-1])
-    theta, _ = _split(form, point)
-    typical, total = log_density(np.zeros(1), scale), np.zeros(form.starts[-1])
-    for command, share in form.kinds_of_commands(idle):
-        residual = form.with_command(command, theta)
-        slope = form.slope_at(command, theta, residual)
-        silent = slope < _TELLS * _gain(form, theta)
-        total = total + share * silent * np.exp(log_density(residual[:, 0], scale) - typical)
-    return total
-
-
 def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows | slice = slice(None)) -> Array:
     """Scale of every body's unexplained force, shape (bodies,)."""
-    errors = _counted(form, point, residual).errors
-    first = scale_of(residual[rows, 0], float(np.sum(errors[rows])))
-    return np.array([first, *(scale_of(column) for column in residual[rows, 1:].T)])
+    shares = _shares(form, point, residual)
+    errors = _errors(form, _split(form, point)[0], residual, shares.standing)
+    scale = scale_of(errors[rows], float(np.sum(1.0 - shares.standing[rows])))
+    return np.array([scale, *(scale_of(column) for column in residual[rows, 1:].T)])
 
 
 class _Target:
@@ -400,31 +378,52 @@ class _Target:
         self.form = form
         self._alike = alike
         self._moves = np.array([_moves_slope(form.engine.model, name) for name in form.engine.free], dtype=bool)
-        self._known: tuple[bytes, float, float, float] | None = None
+        self._known: tuple[bytes, _Counts] | None = None
 
     def __call__(self, point: Array) -> Array:
         theta, shift = _split(self.form, point)
         residual, rows = self.form.residual(theta, shift), self.form.starts[-1]
         key = theta[self._moves].tobytes()
         if self._known is None or self._known[0] != key:
-            one = self._counted(point, residual)
-            constant = float(np.sum(one.errors * _ENTROPY - one.told * one.strength - one.idle * self.form.untold))
-            self._known = key, max(float(np.sum(one.errors)), 1e-9), constant, float(np.sum(one.driven))
-        _, count, constant, driven = self._known
-        if driven > 0.0:
-            constant -= driven * _motion_strength(self.form, theta)
-        first = residual[:, 0] / np.sqrt(count)
-        rms = max(float(np.linalg.norm(first)), 1e-300)
+            self._known = key, self._counts(point, residual)
+        counts = self._known[1]
+        constant, first = counts.constant, residual[:, 0]
+        if counts.silent > 0.0:
+            constant -= counts.silent * _strength_of_motion(self.form, theta)
+            first = _errors(self.form, theta, residual, counts.standing)
         error = residual / np.asarray(self.form.engine.layout(theta).axis.inertia, dtype=float)
-        error[:, 0] = first * np.sqrt(rows) * np.exp((constant + (count - rows) * np.log(rms)) / rows)
+        error[:, 0] = first * np.sqrt(rows / counts.moving) * np.exp(constant / rows)
         return np.asarray(error)
 
-    def _counted(self, point: Array, residual: Array) -> _Counted:
-        if not self._alike:
-            return _counted(self.form, point, residual)
+    def _counts(self, point: Array, residual: Array) -> _Counts:
         rows = len(residual)
-        strength = np.full(rows, log(_gain(self.form, _split(self.form, point)[0])))
-        return _Counted(strength, np.ones(rows), np.zeros(rows))
+        if self._alike:
+            strength = log(_gain(self.form, _split(self.form, point)[0]))
+            return _Counts(np.zeros(rows), float(rows), 0.0, -rows * strength)
+        shares = _shares(self.form, point, residual)
+        held, silent = float(np.sum(shares.standing)), float(np.sum(1.0 - shares.told))
+        # A body that stands adds no error to the rms, of which half a unit is each other window's.
+        constant = -float(np.sum(shares.told * shares.strength)) - 0.5 * held
+        return _Counts(shares.standing, max(rows - held, 1e-9), silent, constant)
+
+
+@dataclass(frozen=True)
+class _Counts:
+    """What a target needs of the shares of all windows.
+
+    Attributes
+    ----------
+    standing : array, shape (rows,)
+    moving, silent : float
+        Windows that are in the scale, and those that are told by their motion.
+    constant : float
+        Minus the log-likelihood that no other parameter moves.
+    """
+
+    standing: Array
+    moving: float
+    silent: float
+    constant: float
 
 
 def _moves_slope(model: Model, name: str) -> bool:

@@ -25,7 +25,6 @@ from idloop.estimate.dataset import Data
 from idloop.estimate.held_command import CommandAround, HeldCommand
 from idloop.estimate.motion import Motion, bridged, measured_motion
 from idloop.estimate.noise import noise_std
-from idloop.estimate.student import log_density, scale_of
 from idloop.physics import Engine, kernel
 from idloop.physics.effect import INPUT
 from idloop.physics.model import ActiveEffect
@@ -266,8 +265,6 @@ class WeakForm:
     ----------
     starts : array of int, shape (tracks + 1,)
         First row of each track, and the number of all.
-    untold : array, shape (rows,)
-        Log-density of a window's command as one of all commands: what it has where the motion tells nothing of it.
     free_timing : bool
         Whether the time from the stamp of a command to its action is estimated: not where the model has it itself.
     """
@@ -301,10 +298,7 @@ class WeakForm:
         self._motion = [_Run.of(run) for run in self._runs]
         mean = np.concatenate([command.mean for command in self._commands(0.0)])
         self.rms = float(np.sqrt(np.mean(mean**2)))
-        # What a window's command is worth where the motion tells nothing of it: as one of all commands.
-        commands = _windows(mean[:, None], self._rows, self._value)[:, 0]
-        self.untold = log_density(commands, scale_of(commands))
-        self._mean_command = commands
+        self._mean_command = _windows(mean[:, None], self._rows, self._value)[:, 0]
 
     def _commands(self, shift: float) -> list[CommandAround]:
         """Command around every instant of every run."""
@@ -551,31 +545,6 @@ class WeakForm:
         motions = [measured_motion(self.engine.model, one) for one in self.data]
         band = max(motion.comparison_band for motion in motions if motion is not None)
         return max(round(1.0 / (band * self.sample_time)), NARROWEST)
-
-    def kinds_of_commands(self, untold: Array) -> list[tuple[float, float]]:
-        """Small commands and large ones of either sign, each with the part of all windows that do not tell of such one.
-
-        Parameters
-        ----------
-        untold : array, shape (rows,)
-            How little every window tells of its command, 0 to 1.
-
-        Returns
-        -------
-        list of (float, float)
-        """
-        large = float(np.percentile(np.abs(self._mean_command), 95.0))
-        kind = np.clip(np.rint(self._mean_command / max(large, 1e-300)), -1, 1)
-        return [(sign * large, float(np.sum(untold[kind == sign])) / len(kind)) for sign in (-1.0, 0.0, 1.0)]
-
-    def with_command(self, command: float, theta: Array) -> Array:
-        """Unexplained force of every window had the command been a constant, shape (rows, bodies)."""
-        return self._residual(theta, [CommandAround.constant(command, len(run.time)) for run in self._motion])
-
-    def slope_at(self, command: float, theta: Array, residual: Array) -> Array:
-        """As `slope`, at a constant command for which `residual` is what is unexplained."""
-        probe = _PROBE * self.rms
-        return np.asarray(np.abs(self.with_command(command + probe, theta)[:, 0] - residual[:, 0]) / probe)
 
     def drive(self, theta: Array, shift: float) -> Array:
         """Force of the drive in every window, as commanded.
