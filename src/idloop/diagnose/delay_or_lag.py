@@ -15,9 +15,7 @@ from idloop.physics.effect import INPUT
 from idloop.physics.model import Model
 
 
-def delay_or_lag(
-    model: Model, name: str, setting: Setting, level: float, seed: int
-) -> tuple[Candidate, tuple[str, ...]] | None:
+def delay_or_lag(model: Model, name: str, setting: Setting, level: float, seed: int) -> tuple[Candidate, ...]:
     """What predictions name in the place of an effect of a model.
 
     Parameters
@@ -34,20 +32,17 @@ def delay_or_lag(
 
     Returns
     -------
-    candidate : Candidate
-    names : tuple of str
-        Effects that predictions do not tell from it, itself first.
-
-    None where the effect has no memory or does not act on the command, and where predictions name the same or nothing.
+    tuple of Candidate
+        The best, and those that predictions do not tell from it. Empty where the effect has no memory or does not act
+        on the command, and where predictions name just that or nothing.
     """
     active = next((active for active in model.effects if active.name == name), None)
     if active is None or active.effect.site != INPUT or not active.effect.lags:
-        return None
+        return ()
     bare = refit_or_none(setting, model.without_effect(name))
     if bare is None:
-        return None
+        return ()
     step = PredictionView(setting, model, level, 0.0, [name, *active.effect.looks_like], seed=seed).weigh(bare)
-    if not step.tied or step.names[0] == name:
-        return None
-    best = step.tied[0]
-    return candidate_of(step, best, 0, step.reported(best.fit)), step.names
+    if not step.tied or step.names == (name,):
+        return ()
+    return tuple(candidate_of(step, one, 0, step.reported(one.fit)) for one in step.tied)

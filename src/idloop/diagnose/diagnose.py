@@ -118,10 +118,9 @@ def _by_force(
     found = diagnosis_of(step)
     if not asked and found.best is not None and found.pair is None and found.best.model is not None:
         told = delay_or_lag(found.best.model, found.best.name, setting, level, seed)
-        if told is not None:
-            best, names = told
-            others = tuple(one for one in found.candidates if one.name != best.name)
-            found = replace(found, candidates=(best, *others), set=names)
+        if told:
+            names = tuple(one.name for one in told)
+            found = replace(found, candidates=(*told, *(c for c in found.candidates if c.name not in names)), set=names)
     tell(1.0, "done")
     return found
 

@@ -206,13 +206,13 @@ class _Task:
             if step.added is None or step.chosen_by == "user":
                 continue
             told = delay_or_lag(ladder.model, step.added.name, setting, self.level, self.seed)
-            if told is None or told[0].model is None or self._spoils(ladder.model, told[0].model):
+            found = told[0] if told else step.added
+            model = found.model
+            if found is step.added or model is None or self._spoils(ladder.model, model):
                 continue
-            found, names = told
             rung = replace(
-                step, added=found, set=names, p_value=found.p_value, model=told[0].model,
-                train=model_errors(told[0].model, self.records),
-                validation=model_errors(told[0].model, self.validation),
+                step, added=found, set=tuple(one.name for one in told), p_value=found.p_value, model=model,
+                train=model_errors(model, self.records), validation=model_errors(model, self.validation),
             )  # fmt: skip
             ladder = replace(ladder, steps=(*(one for one in ladder.steps if one is not step), rung))
         return ladder
