@@ -12,6 +12,7 @@ from idloop.errors import InputError
 from idloop.estimate.held_command import held_along
 from idloop.estimate.noise import noise_std
 from idloop.estimate.sensors import body_sensors
+from idloop.physics.conditions import Conditions, condition_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,6 +44,8 @@ class Data:
         Median step of `time` [s].
     gaps : array of int
         First sample after each gap longer than 5 steps.
+    conditions : Conditions, optional
+        Where any were recorded.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Data:
     output: Array
     sample_time: float
     gaps: NDArray[np.int64]
+    conditions: Conditions | None = None
 
     def held_input(self) -> Array:
         """Command that holds at each output instant, shape (n,)."""
@@ -144,7 +148,36 @@ def _prepare(model: Model, record: Record) -> Data:
     gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
     if model.input.kind == "measured":
         input_time, value = held_along(*_each_once(input_time, value))
-    return Data(record.name, input_time, value, time, output, sample_time, gaps)
+    conditions = Conditions(record.conditions) if record.conditions else None
+    for active in model.effects:
+        if active.effect.condition:
+            name = condition_name((active.at, active.effect.condition), record_conditions(record))
+            if name not in record_conditions(record):
+                raise InputError(
+                    f"{where} holds no condition {name!r}, which {active.name} depends on; record it, name it under"
+                    " `conditions:` of the model file, or take the effect out"
+                )
+    return Data(record.name, input_time, value, time, output, sample_time, gaps, conditions)
+
+
+def record_conditions(record: Record) -> tuple[str, ...]:
+    """Names of what was measured beside the axis."""
+    return tuple(one.name for one in record.conditions)
+
+
+def recorded(data: Sequence[Data]) -> frozenset[str]:
+    """Names of the conditions that all records hold.
+
+    Parameters
+    ----------
+    data : sequence of Data
+
+    Returns
+    -------
+    frozenset of str
+    """
+    names = [set() if d.conditions is None else set(d.conditions.names) for d in data]
+    return frozenset(set.intersection(*names)) if names else frozenset()
 
 
 def openings(data: list[Data]) -> list[Data] | None:

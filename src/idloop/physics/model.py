@@ -336,12 +336,12 @@ class Model:
         for spec in effect.parameters:
             if spec.optional and spec.name not in given:
                 continue
-            value = given.get(spec.name, Value(value=spec.start, free=not spec.integer))
+            value = given.get(spec.name, Value(value=spec.start, free=spec.estimated))
             if spec.integer and value.value != round(value.value):
                 raise InputError(f"{active.name}.{spec.name}: {value.value:g} is not a whole number")
             low = spec.min if value.min is None else max(value.min, spec.min)
             high = spec.max if value.max is None else min(value.max, spec.max)
-            free = value.free and not spec.integer
+            free = value.free and spec.estimated
             added.append(
                 Parameter(
                     f"{active.name}.{spec.name}",
