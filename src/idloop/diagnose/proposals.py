@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from idloop.errors import InputError
@@ -117,7 +117,7 @@ def _generic_trial(effect: Effect, scales: Scales, share: float) -> Trial:
 
 
 def proposals(
-    model: Model, only: Sequence[str] | None = None, conditions: Collection[str] | None = None
+    model: Model, only: Sequence[str] | None = None, conditions: Mapping[str, str] | None = None
 ) -> list[Proposal]:
     """All effects that could be added to a model.
 
@@ -126,8 +126,8 @@ def proposals(
     model : Model
     only : sequence of str, optional
         Names of effects, or ``effect@site``, to choose from; the whole catalogue when None.
-    conditions : collection of str, optional
-        Names of the measured conditions that all records hold; not known when None.
+    conditions : mapping of str to str, optional
+        Names and units of the measured conditions that all records hold; not known when None.
 
     Returns
     -------
@@ -149,12 +149,13 @@ def proposals(
             raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
         if at:
             model.site_kind(at)
+        _check_recorded(model, known[name], at, conditions)
     found = []
     for effects in known.values():
         for effect in effects:
             for at in model.sites(effect.site):
                 if wanted is None or effect.name in wanted or f"{effect.name}@{at}" in wanted:
-                    if effect.condition and not _recorded(effect, at, conditions, asked=wanted is not None):
+                    if not _recorded(effect, at, conditions or {}):
                         continue
                     proposal = _propose(model, effect, at)
                     if proposal is not None:
@@ -162,16 +163,23 @@ def proposals(
     return found
 
 
-def _recorded(effect: Effect, at: str, conditions: Collection[str] | None, *, asked: bool) -> bool:
-    """Whether the condition that an effect depends on was recorded; that is an error where it was asked for by name."""
-    names = () if conditions is None else conditions
-    found = condition_name((at, effect.condition), names) in names
-    if asked and not found and conditions is not None:
-        raise InputError(
-            f"effect {effect.name} depends on the condition {effect.condition!r}, which not all records hold: record"
-            " it, and name it under `conditions:` of the model or mapping file"
-        )
-    return found
+def _recorded(effect: Effect, at: str, conditions: Mapping[str, str]) -> bool:
+    """Whether the condition was recorded that an effect depends on, if it does on any."""
+    if not effect.condition:
+        return True
+    return conditions.get(condition_name((at, effect.condition), conditions)) in (effect.condition_unit, "")
+
+
+def _check_recorded(model: Model, asked: Sequence[Effect], at: str, conditions: Mapping[str, str] | None) -> None:
+    """Refuse an effect that is asked for by name, but depends on a condition that was not recorded for any site."""
+    sites = [(effect, site) for effect in asked for site in model.sites(effect.site) if at in ("", site)]
+    if conditions is None or not sites or any(_recorded(effect, site, conditions) for effect, site in sites):
+        return
+    effect = sites[0][0]
+    raise InputError(
+        f"effect {effect.name} depends on the condition {effect.condition!r} in {effect.condition_unit}, which not all"
+        " records hold: record it, and name it under `conditions:` of the model or mapping file"
+    )
 
 
 def _fits(model: Model, effect: Effect, at: str) -> bool:

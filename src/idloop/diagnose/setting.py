@@ -128,8 +128,8 @@ class Setting:
     whiteners: tuple[Whitener, ...] | None = None
 
     @cached_property
-    def conditions(self) -> frozenset[str]:
-        """Names of the measured conditions that all records hold."""
+    def conditions(self) -> dict[str, str]:
+        """Names and units of the measured conditions that all records hold."""
         return recorded(self.data)
 
     def problem(self, criterion: Criterion, parameters: int) -> Problem:

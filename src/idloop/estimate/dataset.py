@@ -148,25 +148,29 @@ def _prepare(model: Model, record: Record) -> Data:
     gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
     if model.input.kind == "measured":
         input_time, value = held_along(*_each_once(input_time, value))
-    conditions = Conditions(record.conditions) if record.conditions else None
-    for active in model.effects:
-        if active.effect.condition:
-            name = condition_name((active.at, active.effect.condition), record_conditions(record))
-            if name not in record_conditions(record):
-                raise InputError(
-                    f"{where} holds no condition {name!r}, which {active.name} depends on; record it, name it under"
-                    " `conditions:` of the model file, or take the effect out"
-                )
-    return Data(record.name, input_time, value, time, output, sample_time, gaps, conditions)
+    return Data(record.name, input_time, value, time, output, sample_time, gaps, _conditions(model, record))
 
 
-def record_conditions(record: Record) -> tuple[str, ...]:
-    """Names of what was measured beside the axis."""
-    return tuple(one.name for one in record.conditions)
+def _conditions(model: Model, record: Record) -> Conditions | None:
+    """What was measured beside the axis, all that the effects of the model depend on among it."""
+    units = {one.name: one.unit for one in record.conditions}
+    for active in (one for one in model.effects if one.effect.condition):
+        name, unit = condition_name((active.at, active.effect.condition), units), active.effect.condition_unit
+        if name not in units:
+            raise InputError(
+                f"record {record.name!r} holds no condition {name!r}, which {active.name} depends on; record it, name"
+                " it under `conditions:` of the model file, or take the effect out"
+            )
+        if units[name] not in (unit, ""):
+            raise InputError(
+                f"record {record.name!r}: condition {name!r} is in {units[name]}, and {active.name} takes it in {unit};"
+                " convert it by scale and offset"
+            )
+    return Conditions(record.conditions) if record.conditions else None
 
 
-def recorded(data: Sequence[Data]) -> frozenset[str]:
-    """Names of the conditions that all records hold.
+def recorded(data: Sequence[Data]) -> dict[str, str]:
+    """Names and units of the conditions that all records hold.
 
     Parameters
     ----------
@@ -174,10 +178,10 @@ def recorded(data: Sequence[Data]) -> frozenset[str]:
 
     Returns
     -------
-    frozenset of str
+    dict of str to str
     """
-    names = [set() if d.conditions is None else set(d.conditions.names) for d in data]
-    return frozenset(set.intersection(*names)) if names else frozenset()
+    several = [set() if d.conditions is None else set(d.conditions.units.items()) for d in data]
+    return dict(sorted(set.intersection(*several))) if several else {}
 
 
 def openings(data: list[Data]) -> list[Data] | None:

@@ -100,6 +100,11 @@ class Conditions:
         return tuple(self._by_name)
 
     @property
+    def units(self) -> dict[str, str]:
+        """Units by name."""
+        return {name: one.unit for name, one in self._by_name.items()}
+
+    @property
     def interval(self) -> float:
         """Time over which conditions may be taken as they are amid it: between two samples [s]."""
         return float(np.median(np.diff(self.time))) * _ONE_INTERVAL if self.time.size > 1 else np.inf

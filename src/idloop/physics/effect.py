@@ -293,6 +293,11 @@ class Effect:
             raise InputError(f"effect {self.name}: a condition needs its reference and a first state for its deviation")
 
     @property
+    def condition_unit(self) -> str:
+        """Unit of the measured condition that it depends on, that of its reference; empty where there is none."""
+        return self.spec(self.reference).unit if self.reference else ""
+
+    @property
     def lags(self) -> bool:
         """What comes out depends on what went in before: a delay, a filter, a play."""
         return self.settle is not None or bool(self.delay)

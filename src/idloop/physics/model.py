@@ -61,6 +61,19 @@ class OutputSignal:
 
 
 @dataclass(frozen=True)
+class ConditionSource:
+    """Where a measured condition is found in a bag: topic, joint and field of the number, unit, scale and offset."""
+
+    name: str
+    topic: str
+    joint: str
+    field: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
 class ActiveEffect:
     """An effect of the catalogue at a site of this model; of an effect that may act there several times, which one."""
 
@@ -116,6 +129,8 @@ class Model:
         What acts beyond inertia, viscous friction and springs.
     controller : dict or None
         The controller that ran while the data was recorded, as in the file.
+    conditions : tuple of ConditionSource
+        What is measured beside the axis, such as a temperature, on topics of its own.
     disturbance : float or None
         Intensity of the disturbance force that a fit found, in force unit per root second.
     folder : Path or None
@@ -132,6 +147,7 @@ class Model:
     units: Units
     controller: dict[str, Any] | None = None
     disturbance: float | None = None
+    conditions: tuple[ConditionSource, ...] = ()
     folder: Path | None = field(default=None, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
