@@ -65,7 +65,7 @@ class CommandSignal(Signal, Protocol):
 
 
 class ModelSignals(Protocol):
-    """What `read_record` needs to know of a model."""
+    """What `read_record` needs to know of a model; it may also have ``conditions``, each a `ConditionSignal`."""
 
     @property
     def input(self) -> CommandSignal:
@@ -74,10 +74,6 @@ class ModelSignals(Protocol):
     @property
     def outputs(self) -> Sequence[Signal]:
         """What is measured."""
-
-    @property
-    def conditions(self) -> Sequence[ConditionSignal]:
-        """What is measured beside the axis, on topics of its own."""
 
 
 def read_record(
@@ -181,7 +177,8 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
             for name in ("reference", "excitation")
             if (found := _sibling(asked, name, topics)) in topics and topics[found].count
         }
-        beside = ConditionSources.of(model.conditions, _sibling(asked, CONDITIONS, topics), topics)
+        named: Sequence[ConditionSignal] = getattr(model, "conditions", ())
+        beside = ConditionSources.of(named, _sibling(asked, CONDITIONS, topics), topics)
         streams = read_streams(bag, {command, *measured, *extra.values(), *beside.topics})
         units = condition_units(bag.custom)
         common = _unit_findings(model, said_units(bag.custom)) + told_findings(asked, command)

@@ -10,7 +10,6 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.records.bag import Bag, resolve_topic
-from idloop.records.measured_conditions import ConditionSignal
 from idloop.records.read import read_streams
 from idloop.records.said_units import said_units
 from idloop.records.stream import FIELDS, JointStream
@@ -49,12 +48,10 @@ class AxisSignals:
     ----------
     input : AxisSignal
     outputs : tuple of AxisSignal
-    conditions : tuple of ConditionSignal
     """
 
     input: AxisSignal
     outputs: tuple[AxisSignal, ...]
-    conditions: tuple[ConditionSignal, ...] = ()
 
     @property
     def output_names(self) -> tuple[str, ...]:
