@@ -13,7 +13,7 @@ from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-RATE, PARTS = 200.0, 5
+RATE = 200.0
 INERTIA, VISCOUS, DRY = 0.01, 0.05, 0.12
 POSITION_NOISE, VELOCITY_NOISE = 0.0005, 0.01
 
@@ -53,23 +53,26 @@ def sagging(seconds: float, command: Array, rng: np.random.Generator) -> Array:
 
 
 def run(machine: Machine, command: Array, temperature: Array, supply: Array) -> Array:
-    """Position and velocity at every sample, from rest (n, 2): exact while no force changes."""
-    step, place, speed = 1.0 / (RATE * PARTS), 0.0, 0.0
+    """Position and velocity at every sample, from rest (n, 2): the solution of each stretch in closed form."""
+    place = speed = 0.0
     motion = np.empty((len(command), 2))
     for k, u in enumerate(command):
         motion[k] = place, speed
-        viscous = VISCOUS + machine.viscous_slope * (temperature[k] - 20.0)
+        pole = (VISCOUS + machine.viscous_slope * (temperature[k] - 20.0)) / INERTIA
         dry = max(machine.dry + machine.dry_slope * (temperature[k] - 20.0), 0.0)
-        drive = u * (supply[k] / 24.0) ** machine.share
-        keep = math.exp(-step * viscous / INERTIA)
-        for _ in range(PARTS):
-            direction = np.sign(speed) if speed != 0.0 else np.sign(drive) * (abs(drive) > dry)
-            final = (drive - direction * dry) / viscous if direction != 0.0 else 0.0
-            after = final + (speed - final) * keep
-            # Dry friction takes what it can of the speed, and never turns it round.
-            after = after if after * direction > 0.0 else 0.0
-            place += 0.5 * step * (speed + after)
-            speed = after
+        drive, left = u * (supply[k] / 24.0) ** machine.share, 1.0 / RATE
+        while left > 0.0:
+            direction = np.sign(speed) if speed != 0.0 else np.sign(drive)
+            if speed == 0.0 and abs(drive) <= dry:
+                break
+            final = (drive - direction * dry) / (pole * INERTIA)
+            # It stops where final + (speed - final) exp(-pole t) = 0.
+            stops = speed != 0.0 and final * direction < 0.0
+            step = min(left, math.log((final - speed) / final) / pole) if stops else left
+            keep = math.exp(-pole * step)
+            place += final * step + (speed - final) * (1.0 - keep) / pole
+            speed = 0.0 if step < left else final + (speed - final) * keep
+            left -= step
     return motion
 
 

@@ -90,9 +90,8 @@ def make_signal(
         seconds = (stamps[0] - stamps[0][:1].sum()) * 1e-9
         found = unwrap(seconds, value, channel.wrap)
         value, doubtful = found.value, found.doubtful
-    unit, factor = base_unit(
-        channel.unit, "condition" if topic == CONDITIONS else field, f"mapping {mapping.name}: {topic} {field}"
-    )
+    kind, what = ("condition", joint) if topic == CONDITIONS else (field, field)
+    unit, factor = base_unit(channel.unit, kind, f"mapping {mapping.name}: {topic} {what}")
     return Signal(topic, joint, field, unit, *stamps, value if factor == 1.0 else value * factor, doubtful)
 
 
