@@ -104,11 +104,6 @@ class Conditions:
         """Units by name."""
         return {name: one.unit for name, one in self._by_name.items()}
 
-    @property
-    def interval(self) -> float:
-        """Time over which conditions may be taken as they are amid it: between two samples [s]."""
-        return float(np.median(np.diff(self.time))) * _ONE_INTERVAL if self.time.size > 1 else np.inf
-
     def __getitem__(self, name: str) -> Condition:
         """One condition by name.
 
@@ -120,6 +115,11 @@ class Conditions:
         if name not in self._by_name:
             raise InputError(f"no condition {name!r}; there are {listed(self.names)}{did_you_mean(name, self.names)}")
         return self._by_name[name]
+
+    def interval(self, wanted: Sequence[Wanted]) -> float:
+        """Time over which what is wanted may be taken as it is amid it: between two samples [s]."""
+        times = [self[condition_name(one, self._by_name)].time for one in wanted]
+        return min((float(np.median(np.diff(t))) * _ONE_INTERVAL for t in times if t.size > 1), default=np.inf)
 
     def table(self, wanted: Sequence[Wanted]) -> Array:
         """Values at the times of `time`, a column for each that is wanted.

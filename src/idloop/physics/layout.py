@@ -60,7 +60,7 @@ class Layout:
         if conditions is None or not self.wanted:
             return self
         constants = self.axis.constants.copy()
-        constants[kernel.HOLD] = conditions.interval
+        constants[kernel.HOLD] = conditions.interval(self.wanted)
         axis = self.axis._replace(
             constants=constants, condition_time=conditions.time, condition=conditions.table(self.wanted)
         )
