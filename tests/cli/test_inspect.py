@@ -32,6 +32,21 @@ def _run(capsys, *words):
     return code, out, err
 
 
+def test_conditions_have_a_table_of_their_own(tmp_path, capsys):
+    stamps = 10**9 + 10**7 * np.arange(500)
+    command = np.where(np.arange(500) // 30 % 2, 1.0, -1.0)
+    streams = [
+        make_stream("conditions", stamps[::100], {"temperature": {"position": 20.0 + np.arange(5)}}),
+        make_stream("joint_command", stamps, {"motor": {"effort": command}}),
+        make_stream("joint_states", stamps, {"motor": {"position": np.cumsum(command)}}),
+    ]
+    code, out, _ = _run(capsys, write_bag(tmp_path / "warm", streams), "--plot", tmp_path / "warm.png")
+    assert code == 0
+    row = next(line for line in out.splitlines() if line.startswith("temperature"))
+    assert row.split() == ["temperature", "[?]", "5", "20", "24"]
+    assert "temperature.position" not in out
+
+
 def test_for_people(bag, capsys):
     code, out, _ = _run(capsys, bag)
     assert code == 0

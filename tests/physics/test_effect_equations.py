@@ -19,6 +19,8 @@ WRITTEN = {
     r"\,": " ", r"\min": "min", r"\max": "max", r"\sin": "sin", "^": "**",
 }  # fmt: skip
 
+MEASURED = {"temperature": r"\Theta", "supply": "U_s"}
+
 
 def value_of(latex: str, known: Mapping[str, float]) -> float:
     """What an equation's right-hand side gives, for numbers of its symbols."""
@@ -77,22 +79,27 @@ def test_the_equation_is_what_is_computed(effect: Effect) -> None:
         known = {"@q": q, "@v": v, "@u": u, "@y": y, r"\Delta @q": q, r"\Delta @v": v, "k_{@s}": k, "c_{@s}": c}
         known |= dict(zip(effect.equation.symbols.values(), parameters, strict=True))
         arriving = abs(u)
+        # Of an effect that depends on a measured condition, the first state is how far that is from its reference.
+        measured, state = chance.uniform(0.1, 3.0), []
+        if effect.condition:
+            known |= {MEASURED[effect.condition]: measured}
+            state = [measured - parameters[[spec.name for spec in effect.parameters].index(effect.reference)]]
         known[r"@F_{\text{in}}"] = u
         if effect.command:
-            computed = effect.command(u, v, u, 0.0, [], parameters)
+            computed = effect.command(u, v, u, 0.0, state, parameters)
             written = value_of(text.partition(" = ")[2], known)
         elif effect.force:
-            computed = effect.force(q, v, 1.0, 0.0, [], parameters)
+            computed = effect.force(q, v, 1.0, 0.0, state, parameters)
             written = value_of(text.partition(" = ")[2], known) * -1.0 if text else value_of(term, known)
             assert not text or term.startswith("-")
         elif effect.friction:
             direction = math.copysign(1.0, v)
-            computed = -direction * effect.friction(direction, abs(v), arriving, 0.0, [], parameters)
+            computed = -direction * effect.friction(direction, abs(v), arriving, 0.0, state, parameters)
             assert term.startswith("-")
             written = -value_of(text.partition(" = ")[2], known)
         elif effect.coupling:
             bare = k * q + c * v
-            computed = effect.coupling(bare, q, k, 0.0, [], parameters)
+            computed = effect.coupling(bare, q, k, 0.0, state, parameters)
             gap, _, beyond = text.partition(r"\text{, else } ")
             if beyond:
                 inside = gap.partition(r"\text{ while } ")[2].split(r" \le ")
@@ -101,6 +108,6 @@ def test_the_equation_is_what_is_computed(effect: Effect) -> None:
             else:
                 written = bare + value_of(term, known)
         else:
-            computed = effect.reading(y, q, v, 0.0, [], parameters)
+            computed = effect.reading(y, q, v, 0.0, state, parameters)
             written = value_of(text.partition(" = ")[2], known)
         assert computed == pytest.approx(written, rel=1e-9, abs=1e-12)

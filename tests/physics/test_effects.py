@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 
 from idloop.errors import InputError
-from idloop.physics import Model, catalogue, load_model, simulate
+from idloop.physics import Condition, Model, catalogue, load_model, simulate
 from idloop.physics.effect import Effect
 
 TIME = np.arange(0.0, 2.0, 0.002)
 COMMAND = 2.0 * np.sign(np.sin(5.0 * TIME)) * np.abs(np.sin(1.3 * TIME))
+CONDITIONS = [
+    Condition("temperature", "°C", np.array([0.0, 2.0]), np.array([20.0, 60.0])),
+    Condition("supply", "V", np.array([0.0, 2.0]), np.array([24.0, 18.0])),
+]
 ALL = [effect for several in catalogue().values() for effect in several]
 
 
@@ -44,7 +48,7 @@ def test_at_its_neutral_value_an_effect_does_nothing(effect: Effect) -> None:
         neutral[spec.name] = value
     with_effect = model.with_effect(effect.name, at(effect, model), **neutral)
     plain = simulate(model, TIME, COMMAND, TIME).output
-    shown = simulate(with_effect, TIME, COMMAND, TIME).output
+    shown = simulate(with_effect, TIME, COMMAND, TIME, conditions=CONDITIONS).output
     np.testing.assert_allclose(shown, plain, atol=1e-6 * np.max(np.abs(plain)))
 
 
@@ -69,6 +73,9 @@ STRONG = {
     "cable_spring": {"stiffness": 0.05},
     "load_torque": {"torque": 0.02},
     "load_dependent_friction": {"ratio": 0.3},
+    "thermal_dry_friction": {"slope": 1e-3},
+    "thermal_viscosity": {"coefficient": 1e-4},
+    "supply_sag": {"share": 1.0},
     "compliance": {"stiffness": 1.0},
     "backlash": {"gap": 0.1},
     "hardening_stiffness": {"cubic": 50.0},
@@ -86,7 +93,7 @@ def test_a_strong_effect_shows(effect: Effect) -> None:
     model = fits(effect)
     changed = model.with_effect(effect.name, at(effect, model), **STRONG[effect.name])
     plain = simulate(model, TIME, COMMAND, TIME).output
-    shown = simulate(changed, TIME, COMMAND, TIME).output
+    shown = simulate(changed, TIME, COMMAND, TIME, conditions=CONDITIONS).output
     assert np.all(np.isfinite(shown))
     assert np.max(np.abs(shown - plain)) > 1e-3 * np.max(np.abs(plain))
 

@@ -104,6 +104,15 @@ def print_inspection(inspection: Inspection) -> None:
     if rows:
         click.echo()
         print_table(["measured", "topic", "min", "max", "step", "moves", "reversals"], rows)
+    if inspection.conditions:
+        click.echo()
+        print_table(
+            ["condition", "values", "min", "max"],
+            [
+                (f"{name} [{one.unit or '?'}]", str(one.count), number(one.minimum), number(one.maximum))
+                for name, one in inspection.conditions.items()
+            ],
+        )
     click.echo()
     for finding in inspection.findings:
         click.echo(f"{finding.level}: {finding.text}")

@@ -69,7 +69,7 @@ def from_near(
     start = _held_near(setting, parent.model, given)
     if start is None:
         return []
-    screened = Screen(setting, start, seed).all(proposals(start.model, effects))
+    screened = Screen(setting, start, seed).all(proposals(start.model, effects, setting.conditions))
     chosen = promising(screened, 2.0 * math.log(max(len(screened), 1)))
     # A score says little of what begins at a level, of a joint whose spring is far from its right stiffness, or of a
     # delay of many samples.
@@ -77,7 +77,7 @@ def from_near(
     # What is still behind the fit far away after a first round is not searched to its end.
     found = confirm(setting, start, chosen, matters=lambda c: c.fit.log_likelihood > parent.log_likelihood)
     if all(c.fit.log_likelihood <= parent.log_likelihood for c in found):
-        for proposal in proposals(parent.model, effects):
+        for proposal in proposals(parent.model, effects, setting.conditions):
             if _begins_at_the_users(parent.model, given, proposal):
                 found += _from_the_users(setting, parent, proposal, given)
     gains = [replace(c, gain=c.fit.log_likelihood - parent.log_likelihood) for c in found]

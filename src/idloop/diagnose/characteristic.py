@@ -242,7 +242,9 @@ def _on_grid(
 
 def _left(engine: RememberingEngine, balance: Balance, command: Array) -> Array:
     m = balance.motion
-    return engine.equation_error(None, m.position, m.velocity, m.acceleration, m.time, command, m.time)
+    return engine.equation_error(
+        None, m.position, m.velocity, m.acceleration, m.time, command, m.time, conditions=balance.conditions
+    )
 
 
 def _body(model: Model, at: str, kind: str) -> int:

@@ -61,7 +61,7 @@ def far_searches(
         Best first.
     """
     found: list[Confirmed] = []
-    for proposal in proposals(parent.model, effects):
+    for proposal in proposals(parent.model, effects, setting.conditions):
         if not proposal.effect.parameters:
             found += _bases(setting, parent, proposal, start.values, seed)
     if left_behind(parent.model, start.values) or not follows(setting, parent):
@@ -141,7 +141,7 @@ def beside_bare(setting: Setting, base: Refit, effects: Sequence[str] | None, se
     -------
     list of Confirmed
     """
-    screened = Screen(setting, base, seed).all(proposals(base.model, effects))
+    screened = Screen(setting, base, seed).all(proposals(base.model, effects, setting.conditions))
     ranked = sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)[:USUAL_REFITS]
     found = []
     for s in ranked:

@@ -22,7 +22,7 @@ from idloop.diagnose.step import Step, View, Weighed
 from idloop.diagnose.verdict import ADEQUATE, UNKNOWN
 from idloop.diagnose.waves import harmonics
 from idloop.errors import IdloopError
-from idloop.estimate.dataset import Data
+from idloop.estimate.dataset import Data, recorded
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.weak_fit import (
     MOST_ITERATIONS,
@@ -169,7 +169,7 @@ class ForceView(View[WeakFit]):
         whole, parent = parent, parent.thinned(_ENOUGH)
         model = parent.model
         screen = _Screen(self.setting, parent, model)
-        asked = proposals(model, self.effects)
+        asked = proposals(model, self.effects, self.setting.conditions)
         choices = [one for one in asked if _balances(one)]
         screened = list(in_parallel(screen, choices))
         promising = [found for found in screened if found.starts]
@@ -195,7 +195,7 @@ class ForceView(View[WeakFit]):
     def best_with(self, parent: WeakFit, name: str, at: str) -> WeakFit | None:
         """The model with one effect, from where the unexplained force promises most of it; None where it does not."""
         screen = _Screen(self.setting, parent, parent.model)
-        for proposal in proposals(parent.model, [f"{name}@{at}"]):
+        for proposal in proposals(parent.model, [f"{name}@{at}"], self.setting.conditions):
             fitted = _fitted(parent, draft_of(parent.form), screen(proposal)) if _balances(proposal) else None
             if fitted is not None:
                 return fitted[1]
@@ -466,7 +466,7 @@ def _pair(parent: WeakFit, pair: tuple[Weighed[WeakFit], Weighed[WeakFit]]) -> _
     one, other = pair
     first = one.fit.model
     (wanted,) = other.proposals
-    for proposal in proposals(first, [wanted.name]):
+    for proposal in proposals(first, [wanted.name], recorded(parent.form.data)):
         alone = other.fit.model
         prefix = f"{wanted.name}."
         values = {n[len(prefix) :]: v for n, v in alone.values.items() if n.startswith(prefix)}

@@ -18,6 +18,7 @@ from idloop.diagnose.confirm import Confirmed, points, search, starts
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.refit import refit
 from idloop.diagnose.screen import Screen, Screened, Trace
+from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
 from idloop.physics.trial import Trial
 
@@ -216,7 +217,7 @@ def _confirm(screen: Screen, joined: Joined) -> Confirmed | None:
             for i, (proposal, trace) in enumerate((joined.first, joined.second))
         ]
         choices.append((values[0], values[1]))
-    tops = [_on_top(joined.first[0], values, joined.second[0]) for values, _ in choices]
+    tops = [_on_top(joined.first[0], values, joined.second[0], setting) for values, _ in choices]
     if tops[0] is None:
         return None
     models = [top.model(values) for top, (_, values) in zip(tops, choices, strict=True) if top is not None]
@@ -226,10 +227,10 @@ def _confirm(screen: Screen, joined: Joined) -> Confirmed | None:
     return Confirmed(tops[0], fit, 0.0, joined.trace.statistic).refitted(fit, parent)
 
 
-def _on_top(first: Proposal, values: Trial, second: Proposal) -> Proposal | None:
+def _on_top(first: Proposal, values: Trial, second: Proposal, setting: Setting) -> Proposal | None:
     """The second effect, proposed for the model that has the first; None where the two are at odds."""
     try:
-        found = proposals(first.model(values), [second.name])
+        found = proposals(first.model(values), [second.name], setting.conditions)
     except IdloopError:
         return None
     return next((p for p in found if p.name == second.name and p.replaces == second.replaces), None)

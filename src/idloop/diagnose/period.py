@@ -103,7 +103,14 @@ def _remaining(model: Model, setting: Setting) -> list[tuple[Array, Array, float
             return [None]
         m = balance.motion
         applied, required = engine.drive_force(
-            None, m.position, m.velocity, m.acceleration, m.time, balance.command(0.0), m.time
+            None,
+            m.position,
+            m.velocity,
+            m.acceleration,
+            m.time,
+            balance.command(0.0),
+            m.time,
+            conditions=balance.conditions,
         )
         place, force = m.position[:, 0], applied - required
         known = np.isfinite(place) & np.isfinite(force)

@@ -74,7 +74,9 @@ def predicted_motion(fit: Refit) -> list[PredictedMotion] | None:
             motion = _expected(criterion, engine, theta, fit.nuisance, record)
         else:
             start = criterion.initial.state(fit.nuisance, record, theta)
-            read = engine.simulate(theta, data.input_time, data.input, data.time, initial_state=start)
+            read = engine.simulate(
+                theta, data.input_time, data.input, data.time, initial_state=start, conditions=data.conditions
+            )
             motion = read[:, len(model.outputs) :]
         found.append(_moved(engine, theta, data, motion, layout.axis.inertia))
     return found
@@ -106,7 +108,7 @@ def _expected(
     state = criterion.initial.state(criterion.initial.values, record, theta)
     decay = criterion.decay(float(nuisance[1]), record)
     innovation = engine.predict(
-        theta, data.input_time, data.input, data.time, measured, idle, state, decay, observer.place
+        theta, data.input_time, data.input, data.time, measured, idle, state, decay, observer.place, data.conditions
     )
     return np.asarray(-innovation[:, outputs:])
 
@@ -115,12 +117,9 @@ def _moved(engine: RememberingEngine, theta: Array, data: Data, motion: Array, i
     """What the forces of the model make of a motion, shape (n, 2 b)."""
     bodies = motion.shape[1] // 2
     position, velocity = motion[:, :bodies], motion[:, bodies:]
-    balance = engine.equation_error(
-        theta, position, velocity, np.zeros_like(velocity), data.input_time, data.input, data.time
-    )
-    applied, _ = engine.drive_force(
-        theta, position, velocity, np.zeros_like(velocity), data.input_time, data.input, data.time
-    )
+    along = (position, velocity, np.zeros_like(velocity), data.input_time, data.input, data.time)
+    balance = engine.equation_error(theta, *along, conditions=data.conditions)
+    applied, _ = engine.drive_force(theta, *along, conditions=data.conditions)
     return PredictedMotion(
         data.time, position[:, 0], velocity[:, 0], -balance[:, 0] / float(inertia[0]), applied, float(inertia[0])
     )

@@ -176,7 +176,7 @@ class PredictionView(View[Refit]):
 
     def weigh(self, parent: Refit) -> Step[Refit]:
         """Weigh the effects of the catalogue that a score test finds promising, and pairs of them."""
-        asked = proposals(parent.model, self.effects)
+        asked = proposals(parent.model, self.effects, self.setting.conditions)
         screen = Screen(self.setting, parent, self.seed)
         screened = screen.all(asked, lambda share, text: self._tell(0.15 + 0.4 * share, f"screening {text}"))
         bar = 2.0 * math.log(max(len(asked), 1) / self.level)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from idloop.errors import InputError
+from idloop.physics.conditions import condition_name
 from idloop.physics.effect import INPUT, OUTPUT, Effect, catalogue, parameter_as
 from idloop.physics.model import Model, effect_name, values_of
 from idloop.physics.schema import Value
@@ -75,7 +76,7 @@ class Proposal:
         """Whether the effect can only act in one sense, because its neutral value is a bound."""
         if self.replaces is not None:
             return False
-        searched = (spec for spec in self.effect.parameters if not (spec.held or spec.integer))
+        searched = (spec for spec in self.effect.parameters if spec.estimated and not spec.held)
         return any(spec.neutral == spec.min or not math.isfinite(spec.neutral) for spec in searched)
 
     @property
@@ -101,7 +102,7 @@ class Proposal:
         for spec in self.effect.parameters:
             if spec.optional and spec.name not in values:
                 continue
-            free = not ((spec.held and self.plain is None) or spec.integer or spec.name in self.held)
+            free = spec.estimated and not ((spec.held and self.plain is None) or spec.name in self.held)
             entries[spec.name] = Value(value=float(values.get(spec.name, spec.start)), free=free)
         return self.base.with_entry(self.effect.name, self.at, entries)
 
@@ -115,7 +116,9 @@ def _generic_trial(effect: Effect, scales: Scales, share: float) -> Trial:
     return trial
 
 
-def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]:
+def proposals(
+    model: Model, only: Sequence[str] | None = None, conditions: Mapping[str, str] | None = None
+) -> list[Proposal]:
     """All effects that could be added to a model.
 
     Parameters
@@ -123,17 +126,20 @@ def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]
     model : Model
     only : sequence of str, optional
         Names of effects, or ``effect@site``, to choose from; the whole catalogue when None.
+    conditions : mapping of str to str, optional
+        Names and units of the measured conditions that all records hold; not known when None.
 
     Returns
     -------
     list of Proposal
-        Without those that the model has, those that its own free parameters do already, and
-        those that one of its effects contains.
+        Without those that the model has, those that its own free parameters do already, those that one of its
+        effects contains, and those that depend on a condition that was not recorded.
 
     Raises
     ------
     InputError
-        ``only`` names an effect or a site that there is not.
+        ``only`` names an effect or a site that there is not, or an effect that depends on a condition that was not
+        recorded.
     """
     known = catalogue(*model.effect_folders)
     wanted = None if only is None else [re.sub(r"#\d+", "", text) for text in only]
@@ -143,15 +149,37 @@ def proposals(model: Model, only: Sequence[str] | None = None) -> list[Proposal]
             raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
         if at:
             model.site_kind(at)
+        _check_recorded(model, known[name], at, conditions)
     found = []
     for effects in known.values():
         for effect in effects:
             for at in model.sites(effect.site):
                 if wanted is None or effect.name in wanted or f"{effect.name}@{at}" in wanted:
+                    if not _recorded(effect, at, conditions or {}):
+                        continue
                     proposal = _propose(model, effect, at)
                     if proposal is not None:
                         found.append(proposal)
     return found
+
+
+def _recorded(effect: Effect, at: str, conditions: Mapping[str, str]) -> bool:
+    """Whether the condition was recorded that an effect depends on, if it does on any."""
+    if not effect.condition:
+        return True
+    return conditions.get(condition_name((at, effect.condition), conditions)) in (effect.condition_unit, "")
+
+
+def _check_recorded(model: Model, asked: Sequence[Effect], at: str, conditions: Mapping[str, str] | None) -> None:
+    """Refuse an effect that is asked for by name, but depends on a condition that was not recorded for any site."""
+    sites = [(effect, site) for effect in asked for site in model.sites(effect.site) if at in ("", site)]
+    if conditions is None or not sites or any(_recorded(effect, site, conditions) for effect, site in sites):
+        return
+    effect = sites[0][0]
+    raise InputError(
+        f"effect {effect.name} depends on the condition {effect.condition!r} in {effect.condition_unit}, which not all"
+        " records hold: record it, and name it under `conditions:` of the model or mapping file"
+    )
 
 
 def _fits(model: Model, effect: Effect, at: str) -> bool:

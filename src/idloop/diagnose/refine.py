@@ -283,7 +283,7 @@ def add_effect(
     setting = with_common_whitening(prepare_setting(model, records, kind))
     parent = refit(setting, model)
     trial = model.with_effect(name, at, **values)
-    if not values and any(p.name == f"{name}@{at}" for p in proposals(parent.model)):
+    if not values and any(p.name == f"{name}@{at}" for p in proposals(parent.model, None, setting.conditions)):
         step = PredictionView(setting, model, ladder.level, 0.0, [f"{name}@{at}"], seed=seed).weigh(parent)
         for found in step.weighed[:1]:
             model = step.reported(found.fit)

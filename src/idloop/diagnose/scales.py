@@ -13,6 +13,7 @@ from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.linear.propagate import respond
 from idloop.estimate.observer import discretise
+from idloop.physics.conditions import condition_name
 from idloop.physics.effect import BODY, COUPLING, OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales
@@ -95,6 +96,7 @@ class Sizes:
             twist = torque / stiffness
         speed, most, middle, span = self.bodies[body]
         name = model.bodies[body]
+        known = self.setting.conditions
         angle = model.units.position == "rad"
         return Scales(
             command=self.command,
@@ -117,7 +119,13 @@ class Sizes:
             dry=dry_level(model, name),
             angle=angle,
             turns=span / (2.0 * np.pi) if angle else 0.0,
+            conditions={name: self._mean(condition_name((site, name), known)) for name in known},
         )
+
+    def _mean(self, condition: str) -> float:
+        """Mean of a measured condition over all records."""
+        seen = [d.conditions[condition].at(d.time) for d in self.setting.data if d.conditions is not None]
+        return float(np.mean(np.concatenate(seen)))
 
     @cached_property
     def _torques(self) -> list[tuple[float, float]]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.criterion import Criterion
-from idloop.estimate.dataset import Data, output_noise, prepare
+from idloop.estimate.dataset import Data, output_noise, prepare, recorded
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.greybox import force_scale
 from idloop.estimate.innovations import InnovationCriterion
@@ -125,6 +126,11 @@ class Setting:
     speed: float
     spread: Array
     whiteners: tuple[Whitener, ...] | None = None
+
+    @cached_property
+    def conditions(self) -> dict[str, str]:
+        """Names and units of the measured conditions that all records hold."""
+        return recorded(self.data)
 
     def problem(self, criterion: Criterion, parameters: int) -> Problem:
         """A criterion of this setting with its noise model.

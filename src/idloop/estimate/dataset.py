@@ -12,6 +12,7 @@ from idloop.errors import InputError
 from idloop.estimate.held_command import held_along
 from idloop.estimate.noise import noise_std
 from idloop.estimate.sensors import body_sensors
+from idloop.physics.conditions import Conditions, condition_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,6 +44,8 @@ class Data:
         Median step of `time` [s].
     gaps : array of int
         First sample after each gap longer than 5 steps.
+    conditions : Conditions, optional
+        Where any were recorded.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Data:
     output: Array
     sample_time: float
     gaps: NDArray[np.int64]
+    conditions: Conditions | None = None
 
     def held_input(self) -> Array:
         """Command that holds at each output instant, shape (n,)."""
@@ -144,7 +148,40 @@ def _prepare(model: Model, record: Record) -> Data:
     gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
     if model.input.kind == "measured":
         input_time, value = held_along(*_each_once(input_time, value))
-    return Data(record.name, input_time, value, time, output, sample_time, gaps)
+    return Data(record.name, input_time, value, time, output, sample_time, gaps, _conditions(model, record))
+
+
+def _conditions(model: Model, record: Record) -> Conditions | None:
+    """What was measured beside the axis, all that the effects of the model depend on among it."""
+    units = {one.name: one.unit for one in record.conditions}
+    for active in (one for one in model.effects if one.effect.condition):
+        name, unit = condition_name((active.at, active.effect.condition), units), active.effect.condition_unit
+        if name not in units:
+            raise InputError(
+                f"record {record.name!r} holds no condition {name!r}, which {active.name} depends on; record it, name"
+                " it under `conditions:` of the model file, or take the effect out"
+            )
+        if units[name] not in (unit, ""):
+            raise InputError(
+                f"record {record.name!r}: condition {name!r} is in {units[name]}, and {active.name} takes it in {unit};"
+                " convert it by scale and offset"
+            )
+    return Conditions(record.conditions) if record.conditions else None
+
+
+def recorded(data: Sequence[Data]) -> dict[str, str]:
+    """Names and units of the conditions that all records hold.
+
+    Parameters
+    ----------
+    data : sequence of Data
+
+    Returns
+    -------
+    dict of str to str
+    """
+    several = [set() if d.conditions is None else set(d.conditions.units.items()) for d in data]
+    return dict(sorted(set.intersection(*several))) if several else {}
 
 
 def openings(data: list[Data]) -> list[Data] | None:

@@ -14,6 +14,7 @@ from idloop.estimate.motion import Motion, low_pass, measured_motion
 if TYPE_CHECKING:
     from idloop.estimate.dataset import Data
     from idloop.physics import Engine
+    from idloop.physics.conditions import Conditions
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ class Balance:
 
     motion: Motion
     held: HeldCommand
+    conditions: Conditions | None = None
 
     def command(self, shift: float) -> Array:
         """Mean command over one sample around each instant, ``shift`` [s] earlier."""
@@ -47,7 +49,7 @@ def balance_of(engine: Engine, data: Data, cutoff: float | None = None) -> Balan
     motion = measured_motion(engine.model, data, cutoff)
     if motion is None or engine.layout(None).bodies != len(engine.model.bodies):
         return None
-    return Balance(motion, HeldCommand(data.input_time, data.input, float(data.time[-1])))
+    return Balance(motion, HeldCommand(data.input_time, data.input, float(data.time[-1])), data.conditions)
 
 
 def thin(values: Array, motion: Motion) -> Array:

@@ -157,7 +157,7 @@ class InnovationCriterion:
             state = self.initial.state(self.initial.values, record, theta)
             decay = self.decay(float(nuisance[1]), record)
             found = self.engine.predict(
-                theta, d.input_time, d.input, d.time, d.output, gain, state, decay, observer.place
+                theta, d.input_time, d.input, d.time, d.output, gain, state, decay, observer.place, d.conditions
             )
             self._last[record] = key, found
         return self._last[record][1]

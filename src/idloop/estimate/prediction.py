@@ -202,7 +202,14 @@ class PredictionCriterion:
             d = self.data[record]
             state = self.initial.state(values, record, theta)
             self._memory[key] = self.engine.predict(
-                theta, d.input_time, d.input, d.time, d.output, self.observer.gain, initial_state=state
+                theta,
+                d.input_time,
+                d.input,
+                d.time,
+                d.output,
+                self.observer.gain,
+                initial_state=state,
+                conditions=d.conditions,
             )
         return self._memory[key]
 

@@ -59,7 +59,9 @@ class SimulationCriterion:
                 self._memory.clear()
             d = self.data[record]
             state = self.initial.state(nuisance, record, theta)
-            self._memory[key] = self.engine.simulate(theta, d.input_time, d.input, d.time, initial_state=state)
+            self._memory[key] = self.engine.simulate(
+                theta, d.input_time, d.input, d.time, initial_state=state, conditions=d.conditions
+            )
         return self._memory[key]
 
     def slopes(self, theta: Array, nuisance: Array, change: Array) -> Errors | None:
@@ -81,7 +83,7 @@ class SimulationCriterion:
         found: Errors = [[] for _ in self.groups]
         for r, d in enumerate(self.data):
             state = self.initial.state(nuisance, r, theta)
-            run = self.engine.slopes(theta, change, d.input_time, d.input, d.time, state)
+            run = self.engine.slopes(theta, change, d.input_time, d.input, d.time, state, d.conditions)
             if run is None:
                 return None
             for place, (group, known) in enumerate(zip(self.groups, self._known, strict=True)):

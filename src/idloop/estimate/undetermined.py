@@ -160,7 +160,7 @@ def effect_scales(model: Model, records: Sequence[Record]) -> list[Undetermined]
     values, free = model.values, model.free
     found = []
     for active in model.effects:
-        specs = {f"{active.name}.{p.name}": p for p in active.effect.parameters if not p.integer}
+        specs = {f"{active.name}.{p.name}": p for p in active.effect.parameters if p.estimated}
         names = tuple(name for name in free if name in specs)
         held = [
             name for name, p in specs.items()

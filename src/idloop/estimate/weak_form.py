@@ -26,6 +26,7 @@ from idloop.estimate.held_command import CommandAround, HeldCommand
 from idloop.estimate.motion import Motion, bridged, measured_motion
 from idloop.estimate.noise import noise_std
 from idloop.physics import Engine, kernel
+from idloop.physics.conditions import Conditions
 from idloop.physics.effect import INPUT
 from idloop.physics.model import ActiveEffect
 
@@ -66,6 +67,7 @@ class Track:
     rows : array of int, shape (rows,)
         First sample of each window; windows over a hole in the measurements are left out.
     held : HeldCommand
+    conditions : Conditions or None
     disagreement : float
         Where two sensors see a body: their velocities' difference over the velocity as rms, the largest of all bodies;
         0 where it is no more than their noise.
@@ -77,6 +79,7 @@ class Track:
     rows: NDArray[np.int64]
     held: HeldCommand
     disagreement: float
+    conditions: Conditions | None = None
 
     def stretches(self, count: int, part: float, width: int) -> list[Track]:
         """So many stretches of it, evenly spread, that together have a part of its windows of some width."""
@@ -100,23 +103,33 @@ class _Run:
     position: Array
     velocity: Array
     acceleration: Array
+    conditions: Conditions | None
 
     def at(self, places: NDArray[np.int64]) -> _Run:
         """The motion at some instants."""
-        return _Run(self.time[places], self.position[places], self.velocity[places], self.acceleration[places])
+        return _Run(
+            self.time[places],
+            self.position[places],
+            self.velocity[places],
+            self.acceleration[places],
+            self.conditions,
+        )
 
     @classmethod
     def of(cls, tracks: Sequence[Track]) -> _Run:
         motions = [track.motion for track in tracks]
-        step, after, times = motions[0].sample_time, 0.0, []
-        for motion in motions:
+        step, after, times, conditions = motions[0].sample_time, 0.0, [], []
+        for track, motion in zip(tracks, motions, strict=True):
             times.append(motion.time - motion.time[0] + after)
+            if track.conditions is not None:
+                conditions.append(track.conditions.sampled(motion.time, times[-1]))
             after = float(times[-1][-1]) + step
         return cls(
             np.concatenate(times),
             np.concatenate([motion.position for motion in motions]),
             np.concatenate([motion.velocity for motion in motions]),
             np.concatenate([motion.acceleration for motion in motions]),
+            Conditions.joined(conditions) if len(conditions) == len(tracks) else None,
         )
 
 
@@ -187,7 +200,7 @@ def track_of(engine: Engine, data: Data, width: int) -> Track | None:
         columns.append(_windows(quietest[1][:, None], rows, quietest[2])[:, 0])
     held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
     disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
-    return Track(motion, np.column_stack(columns), np.array(noise), rows, held, disagreement)
+    return Track(motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, data.conditions)
 
 
 def _disagreement(
@@ -413,15 +426,15 @@ class WeakForm:
     def _equation_error(self, theta: Array, run: _Run, command: Array) -> Array:
         return self.engine.equation_error(
             theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, self.rest_speed,
-            undelayed=True,
+            undelayed=True, conditions=run.conditions,
         )  # fmt: skip
 
     def _drive_force(self, theta: Array, run: _Run, command: Array) -> Array:
         if not self._remembers:
-            return self.engine.drive_along(theta, command, run.velocity[:, 0])
+            return self.engine.drive_along(theta, run.time, command, run.velocity[:, 0], run.conditions)
         return self.engine.drive_force(
             theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, self.rest_speed,
-            undelayed=True,
+            undelayed=True, conditions=run.conditions,
         )[0]  # fmt: skip
 
     def slope(self, theta: Array, shift: float, residual: Array) -> Array:

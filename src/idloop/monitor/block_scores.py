@@ -93,7 +93,14 @@ def block_scores(
     def innovations(values: Array) -> Array:
         state = initial.state(initial.values, 0, values)
         return engine.predict(
-            values, data.input_time, data.input, data.time, data.output, lens.gain, initial_state=state
+            values,
+            data.input_time,
+            data.input,
+            data.time,
+            data.output,
+            lens.gain,
+            initial_state=state,
+            conditions=data.conditions,
         )
 
     present = innovations(theta)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from idloop.physics.conditions import Condition
     from idloop.physics.effect import Effect, EffectEquation, ParameterSpec, catalogue
     from idloop.physics.effect_text import parse_effect
     from idloop.physics.engine import Engine
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from idloop.physics.simulation import Simulation, simulate
 
 __all__ = [
+    "Condition",
     "Effect",
     "EffectEquation",
     "Engine",
@@ -35,6 +37,7 @@ __all__ = [
 ]
 
 _WHERE = {
+    "Condition": "conditions",
     "Effect": "effect",
     "EffectEquation": "effect",
     "Engine": "engine",

@@ -24,6 +24,9 @@ In the equations q, v, F and J are position, velocity, force and inertia (θ, ω
 m of a linear one), u is the command and y a reading. No sign and no corner is smoothed; where dry friction stops or
 turns a body, however shortly, and where the two sides of a gap touch or part, the simulator finds the instant.
 
+Θ and U_s are a temperature and a supply that were [measured beside the axis](conditions.md). An effect that depends on
+one is looked for only in records that hold it, and does nothing where a simulation is given none.
+
 """
 PLACES = {INPUT: "the command", BODY: "a body", COUPLING: "a coupling", OUTPUT: "a sensor"}
 
@@ -52,6 +55,8 @@ quantisation. With a delay, the q of a ripple is as old as its y.
 
 
 def _parameter(spec: ParameterSpec) -> str:
+    if spec.chosen:
+        return f"`{spec.name}` [{spec.unit}], chosen, {spec.start:g} when not given"
     whole = ", whole number" if spec.integer else ""
     optional = f", that of {spec.optional} when not given" if spec.optional else ""
     return f"`{spec.name}` [{spec.unit}], neutral {spec.neutral:g}{whole}{optional}"

@@ -22,6 +22,9 @@ place          a                           b                          c
 smoothly from -1 to +1 near zero: an inverse that jumps takes its jump from it. A ``force`` or ``friction`` needs no
 such inverse: a compensator asks the drive for what the equation takes along the reference.
 
+An effect that depends on a measured condition, such as a temperature, finds how far it is from its reference in its
+first state; that is 0 where it was not measured.
+
 An effect with memory also has ``settle``: called with the same arguments after each step, it
 writes the state that the next step starts from.
 """
@@ -70,6 +73,8 @@ class ParameterSpec:
         Name of the parameter whose value is taken when this one is not given.
     held : bool
         Kept at its start value when the effect is only looked for.
+    chosen : bool
+        Says where another parameter counts from, such as a reference temperature: never estimated.
     """
 
     name: str
@@ -81,6 +86,12 @@ class ParameterSpec:
     integer: bool = False
     optional: str = ""
     held: bool = False
+    chosen: bool = False
+
+    @property
+    def estimated(self) -> bool:
+        """Whether a fit may move it."""
+        return not (self.integer or self.chosen)
 
 
 @dataclass(frozen=True)
@@ -137,7 +148,12 @@ class Effect:
         Of a coupling, the twist at plus and minus which its equation jumps, from the same arguments: the simulator
         finds the instant and keeps the side in the effect's first state.
     states : int
-        How many numbers the effect remembers.
+        How many numbers the effect remembers; the first is the deviation of a condition that it depends on.
+    condition : str
+        Measured condition that the effect depends on, such as ``temperature`` or ``supply``: it is looked for only
+        where that was recorded.
+    reference : str
+        Parameter that is the condition at which the effect does nothing.
     order : int
         Place in the chain of effects at one site, small first.
     final : bool
@@ -228,6 +244,8 @@ class Effect:
     settle: Hook | None = None
     edge: Hook | None = None
     states: int = 0
+    condition: str = ""
+    reference: str = ""
     order: int = 50
     final: bool = False
     outputs: tuple[str, ...] = ("position", "velocity")
@@ -267,10 +285,17 @@ class Effect:
     def __post_init__(self) -> None:
         """Each parameter that a fact names must be there."""
         shared = [mine for parameters in self.contains.values() for mine in parameters.values()]
-        facts = (self.delay, self.lost_motion, self.resolution, self.dry_level, self.command_limit)
+        facts = (self.delay, self.lost_motion, self.resolution, self.dry_level, self.command_limit, self.reference)
         for name in (*facts, *shared):
             if name:
                 self.spec(name)
+        if bool(self.condition) != bool(self.reference) or (self.condition and not self.states):
+            raise InputError(f"effect {self.name}: a condition needs its reference and a first state for its deviation")
+
+    @property
+    def condition_unit(self) -> str:
+        """Unit of the measured condition that it depends on, that of its reference; empty where there is none."""
+        return self.spec(self.reference).unit if self.reference else ""
 
     @property
     def lags(self) -> bool:

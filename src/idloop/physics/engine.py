@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.physics import kernel
+from idloop.physics.conditions import Conditions
 from idloop.physics.effect import BODY
 from idloop.physics.layout import Layout, lay_out
 from idloop.physics.model import Model, values_of
@@ -62,6 +63,10 @@ class Engine:
         """Arrays for one set of values."""
         return lay_out(self.model, self._all(theta))
 
+    def _under(self, theta: Array | None, conditions: Conditions | None) -> Layout:
+        """Arrays for one set of values and the conditions of one record."""
+        return self.layout(theta).under(conditions)
+
     def _all(self, theta: Array | None) -> dict[str, float]:
         """Value of every parameter."""
         values = dict(self._values)
@@ -103,6 +108,7 @@ class Engine:
         time: Array,
         initial_state: Array | None = None,
         noise: Array | None = None,
+        conditions: Conditions | None = None,
     ) -> Array:
         """Free run.
 
@@ -118,12 +124,14 @@ class Engine:
             From `initial_state`; at rest by default. Its time is set to the first time.
         noise : ndarray (n, p), optional
             Added to the readings before quantisation.
+        conditions : Conditions, optional
+            Measured conditions, on the same clock; without them what depends on one acts as at its reference.
 
         Returns
         -------
         ndarray (n, p)
         """
-        layout = self.layout(theta)
+        layout = self._under(theta, conditions)
         state = self._start(layout, initial_state, input_time, time)
         shape = (len(time), len(self.model.outputs))
         output = np.empty(shape)
@@ -143,7 +151,14 @@ class Engine:
         return output
 
     def slopes(
-        self, theta: Array, change: Array, input_time: Array, command: Array, time: Array, initial_state: Array
+        self,
+        theta: Array,
+        change: Array,
+        input_time: Array,
+        command: Array,
+        time: Array,
+        initial_state: Array,
+        conditions: Conditions | None = None,
     ) -> Array | None:
         """Slopes of a free run's outputs by the free parameters, and by the first position and speed.
 
@@ -152,7 +167,7 @@ class Engine:
         theta : ndarray (k,)
         change : ndarray (k,)
             Small changes of the parameters, to either side.
-        input_time, command, time, initial_state
+        input_time, command, time, initial_state, conditions
             As of `simulate`.
 
         Returns
@@ -162,14 +177,14 @@ class Engine:
         """
         from idloop.physics import tangent
 
-        layout = self.layout(theta)
+        layout = self._under(theta, conditions)
         if not self._go_together(theta):
             return None
         beside: list[tuple[Layout, float] | None] = []
         for i, size in enumerate(change):
             moved = theta.copy()
             moved[i] += size
-            beside.append((self.layout(moved), float(size)) if self._go_together(moved) else None)
+            beside.append((self._under(moved, conditions), float(size)) if self._go_together(moved) else None)
         state = self._start(layout, initial_state, input_time, time)
         return tangent.slopes(
             layout,
@@ -191,6 +206,7 @@ class Engine:
         initial_state: Array | None = None,
         decay: float = 1.0,
         place: NDArray[np.int64] | None = None,
+        conditions: Conditions | None = None,
     ) -> Array:
         """Innovations of the one-step predictor.
 
@@ -207,13 +223,15 @@ class Engine:
         place : ndarray of int, optional
             Which gain serves each of the first measurements, the last entry all that follow;
             one gain after the other when left out.
+        conditions : Conditions, optional
+            As of `simulate`.
 
         Returns
         -------
         ndarray (n, p)
             Measured minus predicted.
         """
-        layout = self.layout(theta)
+        layout = self._under(theta, conditions)
         if place is None:
             place = np.arange(len(gain) // (2 * layout.bodies + 1))
         state = self._start(layout, initial_state, input_time, time)
@@ -247,6 +265,7 @@ class Engine:
         rest_speed: float = 0.0,
         *,
         undelayed: bool = False,
+        conditions: Conditions | None = None,
     ) -> Array:
         """Force that the model leaves unexplained of a measured motion.
 
@@ -258,6 +277,8 @@ class Engine:
             Speed below which a body counts as standing: dry friction then takes what it needs.
         undelayed : bool
             The command comes as late as it acts.
+        conditions : Conditions, optional
+            As of `simulate`.
 
         Returns
         -------
@@ -265,7 +286,16 @@ class Engine:
             Inertia times acceleration minus all modelled forces.
         """
         return self._balance(
-            theta, position, velocity, acceleration, input_time, command, time, rest_speed, undelayed=undelayed
+            theta,
+            position,
+            velocity,
+            acceleration,
+            input_time,
+            command,
+            time,
+            rest_speed,
+            undelayed=undelayed,
+            conditions=conditions,
         )[0]
 
     def drive_force(
@@ -280,6 +310,7 @@ class Engine:
         rest_speed: float = 0.0,
         *,
         undelayed: bool = False,
+        conditions: Conditions | None = None,
     ) -> tuple[Array, Array]:
         """Force of the drive as commanded, and as the model needs it for the measured motion.
 
@@ -288,18 +319,35 @@ class Engine:
         applied, required : ndarray (n,)
         """
         residual, required = self._balance(
-            theta, position, velocity, acceleration, input_time, command, time, rest_speed, undelayed=undelayed
+            theta,
+            position,
+            velocity,
+            acceleration,
+            input_time,
+            command,
+            time,
+            rest_speed,
+            undelayed=undelayed,
+            conditions=conditions,
         )
         return required - residual[:, 0], required
 
-    def drive_along(self, theta: Array | None, command: Array, velocity: Array) -> Array:
-        """Force of a drive without memory for given commands and velocities of the first body, shape (n,)."""
-        layout = self.layout(theta)
+    def drive_along(
+        self,
+        theta: Array | None,
+        time: Array,
+        command: Array,
+        velocity: Array,
+        conditions: Conditions | None = None,
+    ) -> Array:
+        """Force of a drive without memory for commands and velocities of the first body at some instants, (n,)."""
+        layout = self._under(theta, conditions)
         force = np.empty(len(command))
         if not self._go_together(theta):
             return np.full_like(force, np.nan)
         kernel.drive_along(
             layout.axis,
+            np.ascontiguousarray(time, dtype=float),
             np.ascontiguousarray(command, dtype=float),
             np.ascontiguousarray(velocity, dtype=float),
             layout.new_state(),
@@ -319,8 +367,9 @@ class Engine:
         rest_speed: float,
         *,
         undelayed: bool,
+        conditions: Conditions | None,
     ) -> tuple[Array, Array]:
-        layout = self.layout(theta)
+        layout = self._under(theta, conditions)
         axis = layout.axis
         if undelayed and axis.constants[kernel.DELAY] != 0.0:
             constants = axis.constants.copy()

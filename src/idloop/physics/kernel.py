@@ -31,6 +31,8 @@ TIME, COMMAND, HEAD, COUNT, DISTURBANCE, FIRST = 0, 1, 2, 3, 4, 5
 SITE, VALUE, SETTLE, PARAMETER, STATE, FINAL, EDGE = 0, 1, 2, 3, 4, 5, 6
 # Columns of the output table.
 BODY, KIND = 0, 1
+# Columns of the table of conditions.
+DEVIATION, REFERENCE = 0, 1
 POSITION, VELOCITY = 0, 1
 
 # A tolerance on stamps, well below the nanosecond in which they are given [s].
@@ -68,7 +70,7 @@ class Axis(NamedTuple):
     stiffness: Any  # (n-1,)
     damping: Any  # (n-1,)
     chain: Any  # (2n, 2n) d(positions, velocities)/dt of the bare chain
-    constants: Any  # gain, input delay [s], steps per second that the model needs, at most, and without its chain
+    constants: Any  # gain, input delay [s], steps per second that the model needs, at most, and without its chain; HOLD
     spatial_rate: Any  # (n,) fastest change along the position [1/position unit]
     parameters: Any  # (k,) of all active equations
     input_hooks: Any  # (i, 7)
@@ -80,9 +82,14 @@ class Axis(NamedTuple):
     output_scale: Any  # (p,)
     output_delay: Any  # (p,) [s]
     has_friction: Any  # (n,) int64
+    condition_hooks: Any  # (c, 2) of what depends on a measured condition: state of its deviation, its reference
+    condition_time: Any  # (m,) [s]; empty where no conditions were recorded
+    condition: Any  # (m, c) at these times, linear between them and constant beyond
 
 
 GAIN, DELAY, RATE, MOST, BEYOND = 0, 1, 2, 3, 4
+# Longest time over which conditions are held at their value amid it [s].
+HOLD = 5
 
 
 class Flow(NamedTuple):
@@ -144,6 +151,29 @@ def call(
         return builder.call(function, [a, b, c, elapsed, state_pointer, parameter_pointer])
 
     return signature, codegen
+
+
+@inner
+def hold_conditions(axis: Axis, time: float, state: Any) -> None:
+    """Note how far each measured condition is from its reference at an instant; 0 where none was recorded."""
+    when = axis.condition_time
+    last = when.shape[0] - 1
+    if last < 0:
+        return
+    before, after = 0, last
+    while after - before > 1:
+        middle = (before + after) // 2
+        if when[middle] <= time:
+            before = middle
+        else:
+            after = middle
+    part = 0.0
+    if after > before:
+        part = min(max((time - when[before]) / (when[after] - when[before]), 0.0), 1.0)
+    hooks = axis.condition_hooks
+    for row in range(hooks.shape[0]):
+        value = (1.0 - part) * axis.condition[before, row] + part * axis.condition[after, row]
+        state[hooks[row, DEVIATION]] = value - axis.parameters[hooks[row, REFERENCE]]
 
 
 @inner
@@ -1000,6 +1030,9 @@ def run_to(
         if index < last and command_time[index + 1] + delay < target - SAME_TIME:
             until = command_time[index + 1] + delay
         held = command[index] if index >= 0 else 0.0
+        if axis.condition_hooks.shape[0] > 0:
+            until = min(until, now + axis.constants[HOLD])
+            hold_conditions(axis, 0.5 * (now + until), state)
         advance(axis, held, until - now, state, history, work, flow)
         if until < target:
             state[TIME] = until
@@ -1189,6 +1222,8 @@ def balance(
         choose_sides(axis, state)
         settle_effects(axis, held, step, state)
         state[TIME] = time[k]
+        if axis.condition_hooks.shape[0] > 0:
+            hold_conditions(axis, time[k], state)
         smooth_forces(axis, held, position[k], velocity[k], 0.0, state, net, transmitted)
         for i in range(n):
             left = axis.inertia[i] * acceleration[k, i] - net[i]
@@ -1206,19 +1241,23 @@ def balance(
 
 
 @entry
-def drive_along(axis: Axis, held: Any, velocity: Any, state: Any, force: Any) -> None:
-    """Force (m,) of a drive without memory for given commands and velocities of body 0."""
+def drive_along(axis: Axis, time: Any, held: Any, velocity: Any, state: Any, force: Any) -> None:
+    """Force (m,) of a drive without memory for given commands and velocities of body 0 at some instants."""
     for k in range(held.shape[0]):
+        if axis.condition_hooks.shape[0] > 0:
+            hold_conditions(axis, time[k], state)
         force[k] = drive_force(axis, held[k], velocity[k], 0.0, state)
 
 
 @entry
 def accelerations_along(
-    axis: Axis, held: Any, position: Any, velocity: Any, mode: Any, state: Any, acceleration: Any
+    axis: Axis, time: Any, held: Any, position: Any, velocity: Any, mode: Any, state: Any, acceleration: Any
 ) -> None:  # fmt: skip
     """Accelerations (m,) of a body without others at given motions, with given directions of its dry friction."""
     inverse = 1.0 / axis.inertia[0]
     for k in range(held.shape[0]):
+        if axis.condition_hooks.shape[0] > 0:
+            hold_conditions(axis, time[k], state)
         acceleration[k] = single_acceleration(
             axis, held[k], position[k], velocity[k], 0.0, state, mode[k], inverse
         )  # fmt: skip

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.physics import kernel
+from idloop.physics.conditions import Conditions, Wanted
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
 from idloop.physics.hooks import Hook
 from idloop.physics.kernel import Axis
@@ -37,6 +38,8 @@ class Layout:
         Length of the state vector.
     delay : float
         Longest delay of a sensor [s].
+    wanted : tuple of (str, str)
+        Site and measured condition of each effect that depends on one.
     """
 
     axis: Axis
@@ -44,6 +47,24 @@ class Layout:
     body_of: tuple[int, ...]
     states: int
     delay: float
+    wanted: tuple[Wanted, ...] = ()
+
+    def under(self, conditions: Conditions | None) -> Layout:
+        """The same under measured conditions; without any, what depends on one acts as at its reference.
+
+        Raises
+        ------
+        InputError
+            Conditions were recorded, but not one that an effect depends on.
+        """
+        if conditions is None or not self.wanted:
+            return self
+        constants = self.axis.constants.copy()
+        constants[kernel.HOLD] = conditions.interval(self.wanted)
+        axis = self.axis._replace(
+            constants=constants, condition_time=conditions.time, condition=conditions.table(self.wanted)
+        )
+        return replace(self, axis=axis)
 
     def new_state(self) -> NDArray[np.float64]:
         """State at rest at time 0, before any command."""
@@ -154,6 +175,8 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     tables: dict[str, list[list[int]]] = {kind: [] for kind in (INPUT, BODY, "friction", COUPLING, OUTPUT)}
     has_friction = np.zeros(n, dtype=np.int64)
     spatial = np.zeros(n)
+    conditioned: list[list[int]] = []
+    wanted: list[Wanted] = []
     numbers: list[float] = []
     next_state = kernel.FIRST + 3 * n
     input_delay = 0.0
@@ -185,6 +208,10 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
             spatial[site] = max(spatial[site], effect.spatial_rate(own, inertia, stiffness))
         settle = effect.settle.address if effect.settle is not None else 0
         edge = effect.edge.address if effect.edge is not None else 0
+        if effect.condition:
+            place = [spec.name for spec in effect.parameters].index(effect.reference)
+            conditioned.append([next_state, len(numbers) + place])
+            wanted.append((active.at, effect.condition))
         for kind, equation in _equations(active):
             row = [site, equation.address, settle, len(numbers), next_state, int(effect.final), edge]
             tables[kind].append(row)
@@ -210,6 +237,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
                 min((rate + beyond) / STEP_ANGLE, MOST_STEPS),
                 MOST_STEPS,
                 beyond / STEP_ANGLE,
+                np.inf,
             ]
         ),
         spatial_rate=spatial / STEP_ANGLE,
@@ -229,9 +257,12 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
         output_scale=np.array([output.scale for output in model.outputs]),
         output_delay=output_delay,
         has_friction=has_friction,
+        condition_hooks=np.array(conditioned, dtype=np.int64).reshape(len(conditioned), 2),
+        condition_time=np.zeros(0),
+        condition=np.zeros((0, len(conditioned))),
     )
     delay = float(np.max(output_delay, initial=0.0))
-    return Layout(axis, n, tuple(chain.body_of), next_state + 1, delay)
+    return Layout(axis, n, tuple(chain.body_of), next_state + 1, delay, tuple(wanted))
 
 
 def _equations(active: ActiveEffect) -> list[tuple[str, Hook]]:

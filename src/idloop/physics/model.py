@@ -61,6 +61,19 @@ class OutputSignal:
 
 
 @dataclass(frozen=True)
+class ConditionSource:
+    """Where a measured condition is found in a bag: topic, joint and field of the number, unit, scale and offset."""
+
+    name: str
+    topic: str
+    joint: str
+    field: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
 class ActiveEffect:
     """An effect of the catalogue at a site of this model; of an effect that may act there several times, which one."""
 
@@ -116,6 +129,8 @@ class Model:
         What acts beyond inertia, viscous friction and springs.
     controller : dict or None
         The controller that ran while the data was recorded, as in the file.
+    conditions : tuple of ConditionSource
+        What is measured beside the axis, such as a temperature, on topics of its own.
     disturbance : float or None
         Intensity of the disturbance force that a fit found, in force unit per root second.
     folder : Path or None
@@ -132,6 +147,7 @@ class Model:
     units: Units
     controller: dict[str, Any] | None = None
     disturbance: float | None = None
+    conditions: tuple[ConditionSource, ...] = ()
     folder: Path | None = field(default=None, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -336,12 +352,12 @@ class Model:
         for spec in effect.parameters:
             if spec.optional and spec.name not in given:
                 continue
-            value = given.get(spec.name, Value(value=spec.start, free=not spec.integer))
+            value = given.get(spec.name, Value(value=spec.start, free=spec.estimated))
             if spec.integer and value.value != round(value.value):
                 raise InputError(f"{active.name}.{spec.name}: {value.value:g} is not a whole number")
             low = spec.min if value.min is None else max(value.min, spec.min)
             high = spec.max if value.max is None else min(value.max, spec.max)
-            free = value.free and not spec.integer
+            free = value.free and spec.estimated
             added.append(
                 Parameter(
                     f"{active.name}.{spec.name}",

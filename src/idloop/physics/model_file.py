@@ -16,7 +16,7 @@ from idloop.control.check import check_controller
 from idloop.documents import read_text
 from idloop.errors import InputError
 from idloop.physics.effect import catalogue
-from idloop.physics.model import InputSignal, Model, OutputSignal
+from idloop.physics.model import ConditionSource, InputSignal, Model, OutputSignal
 from idloop.physics.parameter import Parameter
 from idloop.physics.schema import (
     BODY_PARAMETERS,
@@ -75,6 +75,12 @@ def to_mapping(model: Model) -> dict[str, Any]:
         for coupling, a, b in zip(model.couplings, model.bodies[:-1], model.bodies[1:], strict=True)
     ]
     file["drive"] = {"gain": number("drive.gain")}
+    if model.conditions:
+        blank = ConditionSource("", "", "", "", "")
+        file["conditions"] = [
+            {key: value for key, value in vars(one).items() if value != getattr(blank, key)} | {"unit": one.unit}
+            for one in model.conditions
+        ]
     file["effects"] = []
     for active in model.effects:
         line: dict[str, Any] = {"effect": active.effect.name, "at": active.at}
@@ -154,10 +160,13 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         outputs.append(
             OutputSignal(output.topic, output.joint, output.field, output.unit, body, float(output.scale), output.noise)
         )
-    names = [output.name for output in outputs]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"{where}: outputs: '{name}' is there twice: remove one")
+    for key, names in (
+        ("outputs", [output.name for output in outputs]),
+        ("conditions", [one.name for one in file.conditions]),
+    ):
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"{where}: {key}: '{name}' is there twice: remove one")
     # a scaled output shows the motion in another unit than that of the bodies
     plain = [output for output in outputs if output.scale == 1.0] or outputs
     kinds = sorted({position_unit(output.unit, output.field, where) for output in plain})
@@ -210,6 +219,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         units=units,
         controller=file.controller,
         disturbance=file.disturbance.intensity if file.disturbance else None,
+        conditions=tuple(ConditionSource(**one.model_dump()) for one in file.conditions),
         folder=folder,
     )
     for index, entry in enumerate(file.effects):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.physics import kernel
+from idloop.physics.conditions import Condition, Conditions
 from idloop.physics.layout import lay_out
 from idloop.physics.model import Model
 
@@ -21,7 +22,7 @@ COMMANDS_KEPT = 4096
 def compiled(function: Any, *arguments: Any) -> Callable[..., Any]:
     """Return a compiled function for arguments of these types alone.
 
-    Numba looks at the types of all arguments of every call; for an axis with its 17 arrays that takes longer than a
+    Numba looks at the types of all arguments of every call; for an axis with its 20 arrays that takes longer than a
     step of the machine.
     """
     if not hasattr(function, "compile"):
@@ -48,6 +49,8 @@ class Plant:
         Its correlation time [s].
     start_time : float
         Time at the start [s].
+    conditions : iterable of Condition, optional
+        Temperature, supply, ... by time; without them an effect that depends on one acts as at its reference.
     """
 
     def __init__(
@@ -59,11 +62,12 @@ class Plant:
         disturbance_std: float = 0.0,
         disturbance_time_constant: float = 1.0,
         start_time: float = 0.0,
+        conditions: Iterable[Condition] | None = None,
     ) -> None:
         if disturbance_std < 0.0 or disturbance_time_constant <= 0.0:
             raise InputError("disturbance: the standard deviation must be >= 0 and the time constant > 0 s")
         self.model = model
-        self._layout = lay_out(model)
+        self._layout = lay_out(model).under(None if conditions is None else Conditions(conditions))
         self._random = np.random.default_rng(seed)
         self._noise_std = np.array([(output.noise or 0.0) if noise else 0.0 for output in model.outputs])
         self._disturbance_std = disturbance_std

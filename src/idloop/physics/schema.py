@@ -86,6 +86,19 @@ class Output(BaseModel):
     noise: float | None = Field(default=None, ge=0.0)
 
 
+class MeasuredCondition(BaseModel):
+    """What is measured beside the axis: its name, and the topic and number of a message that tell it."""
+
+    model_config = STRICT
+    name: Name
+    topic: Name
+    joint: Name = ""
+    field: Name = ""
+    unit: Name
+    scale: float = Field(default=1.0, allow_inf_nan=False)
+    offset: float = Field(default=0.0, allow_inf_nan=False)
+
+
 class Body(BaseModel):
     """An inertia of the chain."""
 
@@ -146,11 +159,12 @@ class ModelFile(BaseModel):
     bodies: list[Body] = Field(min_length=1, max_length=_MOST_PARTS)
     couplings: list[Coupling] = Field(default=[], max_length=_MOST_PARTS)
     drive: Drive = Drive()
+    conditions: list[MeasuredCondition] = Field(default=[], max_length=_MOST_PARTS)
     effects: list[EffectEntry] = Field(default=[], max_length=_MOST_PARTS)
     disturbance: Disturbance | None = None
     controller: dict[str, Any] | None = None
 
-    @field_validator("couplings", "effects", mode="before")
+    @field_validator("couplings", "conditions", "effects", mode="before")
     @classmethod
     def _empty(cls, raw: Any) -> Any:
         """A key with nothing behind it is an empty list."""
@@ -171,6 +185,7 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
         "bodies": Body,
         "couplings": Coupling,
         "drive": Drive,
+        "conditions": MeasuredCondition,
         "disturbance": Disturbance,
     }
     kind = classes.get(str(location[0]), ModelFile) if len(location) > 1 else ModelFile

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from idloop.physics.conditions import Condition, Conditions
 from idloop.physics.engine import Engine
 from idloop.physics.model import Model
 
@@ -38,6 +40,7 @@ def simulate(
     position: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
     noise: ArrayLike | None = None,
+    conditions: Iterable[Condition] | None = None,
 ) -> Simulation:
     """Simulate a model in free run.
 
@@ -53,6 +56,8 @@ def simulate(
         Motion at the start; at rest in 0 by default.
     noise : array_like (n, p), optional
         Measurement noise, added before quantisation.
+    conditions : iterable of Condition, optional
+        Temperature, supply, ...; without them an effect that depends on one acts as at its reference.
 
     Returns
     -------
@@ -79,5 +84,6 @@ def simulate(
         times,
         start,
         None if noise is None else np.asarray(noise, dtype=float),
+        None if conditions is None else Conditions(conditions),
     )
     return Simulation(times, output, model.output_names)

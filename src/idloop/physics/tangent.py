@@ -31,8 +31,8 @@ class Legs(NamedTuple):
 
     Attributes
     ----------
-    duration : array, shape (l,)
-        In seconds.
+    time, duration : array, shape (l,)
+        Of its beginning, and how long it is [s].
     held : array, shape (l,)
         Command.
     position, velocity : array, shape (l,)
@@ -45,6 +45,7 @@ class Legs(NamedTuple):
         Which sample it ends at, -1 for none.
     """
 
+    time: Array
     duration: Array
     held: Array
     position: Array
@@ -56,8 +57,8 @@ class Legs(NamedTuple):
     def at(self, rows: NDArray[np.int64]) -> Legs:
         """Some of the legs."""
         return Legs(
-            self.duration[rows], self.held[rows], self.position[rows], self.velocity[rows], self.mode[rows],
-            self.turned[rows], self.sample[rows],
+            self.time[rows], self.duration[rows], self.held[rows], self.position[rows], self.velocity[rows],
+            self.mode[rows], self.turned[rows], self.sample[rows],
         )  # fmt: skip
 
 
@@ -91,7 +92,8 @@ def slopes(
         bodies, effects that remember, sensors that do more than scale, steps that are long for the motion.
     """
     axis = layout.axis
-    plain = layout.bodies == 1 and layout.states == kernel.FIRST + 4 and len(axis.output_hooks) == 0
+    memories = layout.states - kernel.FIRST - 4 - len(layout.wanted)
+    plain = layout.bodies == 1 and memories == 0 and len(axis.output_hooks) == 0
     if not plain or layout.delay > 0.0:
         return None
     changes = input_time + axis.constants[kernel.DELAY]
@@ -103,7 +105,7 @@ def slopes(
         return None
     index = np.searchsorted(changes, grid[:-1] + kernel.SAME_TIME, side="right") - 1
     held = np.where(index >= 0, command[np.maximum(index, 0)], 0.0)
-    legs = _legs(axis, np.diff(grid), held, motion, sample[1:], state)
+    legs = _legs(axis, grid, held, motion, sample[1:], state)
     base = _accelerations(axis, legs, state)
     far, fast = _SHIFT * np.maximum(np.max(np.abs(motion), axis=0), 1e-9)
     by_position = (_accelerations(axis, legs._replace(position=legs.position + far), state) - base) / far
@@ -148,16 +150,17 @@ def _motion(layout: Layout, input_time: Array, command: Array, time: Array, stat
     return motion
 
 
-def _legs(axis: Axis, duration: Array, held: Array, motion: Array, sample: NDArray[np.int64], state: Array) -> Legs:
+def _legs(axis: Axis, grid: Array, held: Array, motion: Array, sample: NDArray[np.int64], state: Array) -> Legs:
     """The steps of a motion; those in which dry friction turns the body round in two parts."""
+    time, duration = grid[:-1], np.diff(grid)
     before, after = motion[:-1, 1], motion[1:, 1]
     amid = 0.5 * (motion[:-1, 0] + motion[1:, 0])
     no = np.zeros(len(duration), dtype=bool)
     if not axis.has_friction[0]:
-        return Legs(duration, held, amid, 0.5 * (before + after), np.zeros(len(duration)), no, sample)
+        return Legs(time, duration, held, amid, 0.5 * (before + after), np.zeros(len(duration)), no, sample)
     mode = np.sign(np.where(before != 0.0, before, after))
     turns = (before != 0.0) & (before * after <= 0.0)
-    first = Legs(duration, held, amid, np.where(turns, 0.5 * before, 0.5 * (before + after)), mode, no, sample)
+    first = Legs(time, duration, held, amid, np.where(turns, 0.5 * before, 0.5 * (before + after)), mode, no, sample)
     if not np.any(turns):
         return first
     at = np.flatnonzero(turns)
@@ -169,6 +172,7 @@ def _legs(axis: Axis, duration: Array, held: Array, motion: Array, sample: NDArr
     kept = sample.copy()
     kept[at] = -1
     second = Legs(
+        time[at] + until,
         duration[at] - until,
         held[at],
         amid[at],
@@ -184,7 +188,8 @@ def _legs(axis: Axis, duration: Array, held: Array, motion: Array, sample: NDArr
 def _accelerations(axis: Axis, legs: Legs, state: Array) -> Array:
     """Acceleration amid each leg, shape (l,)."""
     acceleration = np.empty(len(legs.duration))
-    kernel.accelerations_along(axis, legs.held, legs.position, legs.velocity, legs.mode, state, acceleration)
+    amid = legs.time + 0.5 * legs.duration
+    kernel.accelerations_along(axis, amid, legs.held, legs.position, legs.velocity, legs.mode, state, acceleration)
     return acceleration
 
 

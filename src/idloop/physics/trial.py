@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 # Values of an effect's parameters at which its trace is computed.
 Trial = Mapping[str, float]
@@ -45,6 +45,8 @@ class Scales:
         Range of the positions in turns; 0 for a linear axis.
     harmonics : tuple of int
         Harmonics of a turn that an unexplained force has most of; empty where nobody has looked.
+    conditions : mapping of str to float
+        Mean of each measured condition at the site, such as ``temperature``.
     """
 
     command: float
@@ -68,6 +70,11 @@ class Scales:
     angle: bool
     turns: float
     harmonics: tuple[int, ...] = ()
+    conditions: Mapping[str, float] = field(default_factory=dict)
+
+    def about(self, condition: str, otherwise: float) -> float:
+        """Mean of a measured condition, in three digits, as a reference to count it from."""
+        return float(f"{self.conditions.get(condition, otherwise):.3g}") or otherwise
 
     def unit(self, template: str) -> float:
         """Size of a quantity whose unit a parameter's template states, such as ``{force}·s/{position}``."""
@@ -90,9 +97,9 @@ class Scales:
         return size
 
 
-def alternatives(name: str, values: Sequence[float]) -> list[list[Trial]]:
-    """One alternative for each value of a single parameter."""
-    return [[{name: value}] for value in values]
+def alternatives(name: str, values: Sequence[float], **others: float) -> list[list[Trial]]:
+    """One alternative for each value of a single parameter, beside others that are the same in all."""
+    return [[{name: value, **others}] for value in values]
 
 
 def waves(amplitude: float, harmonics: Sequence[int] = (), name: str = "amplitude") -> list[list[Trial]]:

@@ -16,11 +16,13 @@ from idloop.records.checks import check_commands, check_record
 from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
 from idloop.records.finding import Finding
 from idloop.records.gaps import cut_at_gaps
+from idloop.records.measured_conditions import TOPIC as CONDITIONS
+from idloop.records.measured_conditions import ConditionSignal, ConditionSources
 from idloop.records.missing import missing_values
 from idloop.records.read import read_streams
 from idloop.records.record import Record
 from idloop.records.runs import announced_runs, backwards_message, on_receive_time, split_runs
-from idloop.records.said_units import said_units
+from idloop.records.said_units import condition_units, said_units
 from idloop.records.stream import FIELDS, JointStream
 from idloop.records.told import TOLD, told_findings, told_topic
 from idloop.records.velocity_check import without_wrong_velocities
@@ -63,7 +65,7 @@ class CommandSignal(Signal, Protocol):
 
 
 class ModelSignals(Protocol):
-    """What `read_record` needs to know of a model."""
+    """What `read_record` needs to know of a model; it may also have ``conditions``, each a `ConditionSignal`."""
 
     @property
     def input(self) -> CommandSignal:
@@ -175,7 +177,10 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
             for name in ("reference", "excitation")
             if (found := _sibling(asked, name, topics)) in topics and topics[found].count
         }
-        streams = read_streams(bag, {command, *measured, *extra.values()})
+        named: Sequence[ConditionSignal] = getattr(model, "conditions", ())
+        beside = ConditionSources.of(named, _sibling(asked, CONDITIONS, topics), topics)
+        streams = read_streams(bag, {command, *measured, *extra.values(), *beside.topics})
+        units = condition_units(bag.custom)
         common = _unit_findings(model, said_units(bag.custom)) + told_findings(asked, command)
     if stamps == "receive":
         streams = {topic: on_receive_time(stream) for topic, stream in streams.items()}
@@ -189,14 +194,18 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         raise InputError(
             f"{path}: the topics do not agree on how often the clock was set back (runs {text}); record one run per bag"
         )
-    runs |= {topic: announced_runs(streams[topic], counts[command]) for topic in extra.values()}
+    added = (*extra.values(), *beside.topics)
+    runs |= {topic: announced_runs(streams[topic], counts[command]) for topic in added if topic not in runs}
     records = []
     for number in range(counts[command]):
         # A reference latched before the reset has fewer runs: the last one it has stays in force.
         part = {topic: parts[min(number, len(parts) - 1)] for topic, parts in runs.items()}
         name = path.stem if counts[command] == 1 else f"{path.stem}[{number}]"
         record = _align(path, name, model, part, command, measured, extra)
-        records.append(replace(record, findings=(*record.findings, *common)))
+        end_ns = int(record.absolute(record.time[-1:])[0])
+        conditions, beside_findings = beside.read(part, units, record.start_ns, end_ns)
+        findings = (*record.findings, *common, *beside_findings)
+        records.append(replace(record, conditions=conditions, findings=findings))
     return records
 
 

@@ -45,17 +45,20 @@ _BASE: dict[str, tuple[str, float]] = {
     "N": ("N", 1.0),
     "mN": ("N", _MILLI),
     "kN": ("N", _KILO),
+    "°C": ("°C", 1.0),
     "-": ("-", 1.0),
     "%": ("-", 1e-2),
 }
 _ALIASES = ALIASES | {
     "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "turn": "rev", "turns": "rev", "turn/s": "rev/s",
     "rev/min": "rpm", "1/min": "rpm", "µm": "um", "µm/s": "um/s", "mNm": "mN·m", "mN.m": "mN·m", "kNm": "kN·m",
+    "degC": "°C", "℃": "°C",
 }  # fmt: skip
 # What each field of JointState may be in. A sensor that is read in volts stays in volts.
 _FIELDS = {
     "position": ("rad", "m", "V", "-"),
     "velocity": ("rad/s", "m/s", "V/s", "V", "-"),
+    "condition": ("°C", "V", "A", "N·m", "N", "-"),
     "effort": ("V", "A", "N·m", "N", "rad", "m", "rad/s", "m/s", "-"),
 }
 
@@ -67,8 +70,8 @@ def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
     ----------
     unit : str
         Of the file; nothing where it does not say, which stays nothing.
-    field : {"position", "velocity", "effort"}
-        Of sensor_msgs/JointState; a command is an effort.
+    field : {"position", "velocity", "effort", "condition"}
+        Of sensor_msgs/JointState; a command is an effort. A condition was measured beside the axis.
     where : str
         Named in the message.
 

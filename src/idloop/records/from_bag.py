@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from idloop.errors import InputError
 from idloop.records.bag import Bag, resolve_topic, topics_named
-from idloop.records.mapping import Channel, Mapping, Signals
+from idloop.records.mapping import Mapping, Signals
+from idloop.records.measured_conditions import bag_column
 from idloop.records.read import read_streams
 from idloop.records.signal import Signal, assignments, convert, make_signal
-from idloop.records.stream import JointStream
-from idloop.spelling import did_you_mean, listed
-
-Floats = NDArray[np.float64]
 
 
 def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[Signal]:
@@ -45,26 +39,9 @@ def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[S
         if channel.topic not in names:
             continue
         stream = streams[names[channel.topic]]
-        value = convert(_bag_column(stream, channel), None, channel)
+        value = convert(bag_column(stream, channel.source_joint or "", channel.field or ""), None, channel)
         stamps = stream.receive_ns if receive else stream.stamp_ns, stream.receive_ns
         found.append(make_signal(topic, field, channel, value, stamps, signals, mapping))
     if not found:
         raise InputError(f"mapping {mapping.name}: it assigns no topic; add `command:` and `position:` or `velocity:`")
     return found
-
-
-def _bag_column(stream: JointStream, channel: Channel) -> Floats:
-    if stream.is_joint_state:
-        joint = channel.source_joint or (stream.names[0] if len(stream.names) == 1 else "")
-        return stream.column(joint, channel.field or "position")
-    if channel.field is None and len(stream.names) == 1:
-        return stream.position[:, 0]
-    field = channel.field or ""
-    bare = field.removeprefix("data").strip("[]")
-    for name in (field, bare, bare or "0"):
-        if name in stream.names:
-            return stream.position[:, stream.names.index(name)]
-    raise InputError(
-        f"{stream.topic}: no field {field!r} ({stream.type}); it has"
-        f" {listed(stream.names)}{did_you_mean(field, stream.names)}"
-    )

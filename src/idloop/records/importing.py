@@ -15,6 +15,7 @@ from idloop.records.finding import Finding
 from idloop.records.from_bag import signals_from_bag
 from idloop.records.from_table import signals_from_table
 from idloop.records.mapping import Mapping, load_mapping
+from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.missing import missing_values
 from idloop.records.signal import Signal
 from idloop.records.stream import JointStream
@@ -120,6 +121,7 @@ def import_bag(
     findings += [
         finding
         for stream in streams
+        if stream.topic != CONDITIONS  # as seldom as they please: between two values they are taken as linear
         for finding in stamp_findings(
             stream.topic, stamp_statistics(stream.stamp_ns), held=stream.topic == "joint_command"
         )
@@ -201,7 +203,7 @@ def _streams(signals: list[Signal]) -> list[JointStream]:
 
 def _value_findings(signals: list[Signal]) -> list[Finding]:
     found = []
-    for signal in signals:
+    for signal in (one for one in signals if one.topic != CONDITIONS):
         name = f"{signal.topic} {signal.joint}.{signal.field}"
         command = signal.topic == "joint_command"
         found += missing_values(name, signal.stamp_ns, signal.value, name, command=command)

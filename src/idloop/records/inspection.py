@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,13 @@ from idloop.records.finding import Finding
 from idloop.records.from_rest import beginning
 from idloop.records.insight import Evidence, insights, verdict
 from idloop.records.magnitude import unusable_magnitude
+from idloop.records.measured_conditions import TOPIC as CONDITIONS
+from idloop.records.measured_conditions import ConditionSources
 from idloop.records.measured_input import measured_input
 from idloop.records.missing import missing_values
 from idloop.records.motion import Motion, analyse_motion
 from idloop.records.read import read_streams, readable_topics
-from idloop.records.said_units import imported, said_units
+from idloop.records.said_units import condition_units, imported, said_units
 from idloop.records.stream import FIELDS, JointStream
 from idloop.records.told import TOLD, told_findings, told_topic
 from idloop.records.velocity_check import wrong_velocities
@@ -33,7 +35,7 @@ from idloop.spelling import listed
 Floats = NDArray[np.float64]
 
 _COMMANDS = ("joint_command", "commands", "command")
-_ADDED = ("reference", "excitation", TOLD, "estimator/prediction", "estimator/residual")
+_ADDED = ("reference", "excitation", f"/{CONDITIONS}", TOLD, "estimator/prediction", "estimator/residual")
 _A_DAY = 86_400.0
 
 
@@ -82,6 +84,25 @@ class TopicReport:
 
 
 @dataclass(frozen=True)
+class ConditionReport:
+    """What was measured of one condition.
+
+    Attributes
+    ----------
+    unit : str
+        Empty where the bag does not say.
+    count : int
+        Values.
+    minimum, maximum : float
+    """
+
+    unit: str
+    count: int
+    minimum: float
+    maximum: float
+
+
+@dataclass(frozen=True)
 class Inspection:
     """What `inspect_bag` found.
 
@@ -93,6 +114,8 @@ class Inspection:
         By ``joint.field``.
     signals : dict of str to dict of str to Motion
         Measured signals: topic to ``joint.field`` to numbers.
+    conditions : dict of str to ConditionReport
+        What was measured beside the axis, by name.
     units : dict of str to str
         Units by ``joint.field``, where the bag states them.
     findings : tuple of Finding
@@ -118,6 +141,7 @@ class Inspection:
     insights: tuple[str, ...]
     verdict: str
     command_topic: str
+    conditions: dict[str, ConditionReport] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     imported: dict[str, Any] = field(default_factory=dict)
     streams: dict[str, JointStream] = field(default_factory=dict, repr=False)
@@ -137,6 +161,7 @@ class Inspection:
                 topic: {name: motion.to_dict() for name, motion in motions.items()}
                 for topic, motions in self.signals.items()
             },
+            "conditions": {name: asdict(condition) for name, condition in self.conditions.items()},
             "units": self.units,
             "findings": [finding.to_dict() for finding in self.findings],
             "imported": self.imported,
@@ -214,7 +239,7 @@ def inspect_bag(
         if stream is not None:
             findings += stream.findings
             # A bridge speaks when it has something to say; until then its word holds.
-            if not topic.name.endswith(f"/{TOLD}"):
+            if not topic.name.endswith((f"/{TOLD}", f"/{CONDITIONS}")):
                 announced, held = topic.name.endswith(_ADDED), topic.name == command_topic
                 findings += stamp_findings(topic.name, report.stamps, announced=announced, held=held)
     units = said_units(custom)
@@ -233,6 +258,7 @@ def inspect_bag(
         findings += _missing({command_topic: streams[command_topic]}, command=True)
         findings += _clock_findings(streams, command_topic, measured)
         findings += _measured_input(streams[command_topic], commands, measured)
+    beside = ConditionSources((), next((name for name in streams if name.endswith(f"/{CONDITIONS}")), ""))
     usable = {
         topic: {name: motion for name, motion in found.items() if name not in left_out}
         for topic, found in signals.items()
@@ -249,6 +275,7 @@ def inspect_bag(
         verdict=verdict(evidence),
         left_out=tuple(left_out),
         command_topic=command_topic,
+        conditions=_conditions(beside, streams, condition_units(custom)),
         imported=imported(custom),
         streams=streams,
     )
@@ -278,6 +305,16 @@ def _command_topic(
         if found:
             return found[0]
     return ""
+
+
+def _conditions(
+    beside: ConditionSources, streams: Mapping[str, JointStream], units: Mapping[str, str]
+) -> dict[str, ConditionReport]:
+    found, _ = beside.read(streams, units, 0, np.iinfo(np.int64).max)
+    return {
+        one.name: ConditionReport(one.unit, one.value.size, float(one.value.min()), float(one.value.max()))
+        for one in found
+    }
 
 
 def _delay(stream: JointStream) -> dict[str, float]:

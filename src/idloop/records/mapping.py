@@ -78,10 +78,15 @@ class Channel(_Strict):
         return self
 
 
+def _as_channel(value: Any) -> Any:
+    """Accept a bare column name."""
+    return {"column": value} if isinstance(value, str | int) else value
+
+
 def _as_channels(value: Any) -> Any:
     """Accept a bare column name, one channel, or a list of them."""
     several = value if isinstance(value, list) else [value]
-    return [{"column": item} if isinstance(item, str | int) else item for item in several]
+    return [_as_channel(item) for item in several]
 
 
 Channels = Annotated[list[Channel], Field(max_length=_MOST_CHANNELS), BeforeValidator(_as_channels)]
@@ -157,6 +162,9 @@ class Signals(_Strict):
     effort: Channels = []
     reference: Reference = Reference()
     excitation: Excitation = Excitation()
+    conditions: dict[Name, Annotated[Channel, BeforeValidator(_as_channel)]] = Field(
+        default={}, max_length=_MOST_CHANNELS
+    )
     rows: Rows = Rows()
 
 

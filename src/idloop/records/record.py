@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.physics.conditions import Condition
 from idloop.records.filtering import resample_held, resample_linear, zero_phase
 from idloop.records.finding import Finding
 from idloop.records.unwrapping import unwrap
@@ -41,6 +42,8 @@ class Record:
         What the controller follows: position, velocity; NaN = not given.
     excitation_time, excitation : ndarray, shape (e,) and (e, 2), or None
         What the excitation added: to the position reference, to the command; NaN = not given.
+    conditions : tuple of Condition
+        What was measured beside the axis, such as a temperature or the supply; on the same time axis.
     start_ns : int
         Absolute stamp of time 0 [ns].
     findings : tuple of Finding
@@ -64,6 +67,7 @@ class Record:
     reference: Floats | None = None
     excitation_time: Floats | None = None
     excitation: Floats | None = None
+    conditions: tuple[Condition, ...] = ()
     start_ns: int = 0
     findings: tuple[Finding, ...] = ()
 
@@ -154,6 +158,7 @@ class Record:
             output=self.output[keep],
             input_time=self.input_time[inputs],
             input=self.input[inputs],
+            conditions=tuple(one.cut(low, high) for one in self.conditions),
             **changes,
         )
 

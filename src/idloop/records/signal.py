@@ -11,6 +11,8 @@ from idloop.errors import InputError
 from idloop.records.base_units import base_unit
 from idloop.records.decode import sign_magnitude, twos_complement
 from idloop.records.mapping import Channel, Mapping, Signals, SignBit
+from idloop.records.measured_conditions import FIELD
+from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.tables import Table
 from idloop.records.unwrapping import unwrap
 
@@ -47,7 +49,9 @@ def assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
         ("joint_states", "effort", signals.effort),
         ("joint_command", "effort", signals.command),
     ]
-    return [(topic, field, channel) for topic, field, channels in table for channel in channels]
+    found = [(topic, field, channel) for topic, field, channels in table for channel in channels]
+    named = signals.conditions.items()
+    return [*found, *((CONDITIONS, FIELD, one.model_copy(update={"joint": name})) for name, one in named)]
 
 
 def make_signal(
@@ -86,7 +90,8 @@ def make_signal(
         seconds = (stamps[0] - stamps[0][:1].sum()) * 1e-9
         found = unwrap(seconds, value, channel.wrap)
         value, doubtful = found.value, found.doubtful
-    unit, factor = base_unit(channel.unit, field, f"mapping {mapping.name}: {topic} {field}")
+    kind, what = ("condition", joint) if topic == CONDITIONS else (field, field)
+    unit, factor = base_unit(channel.unit, kind, f"mapping {mapping.name}: {topic} {what}")
     return Signal(topic, joint, field, unit, *stamps, value if factor == 1.0 else value * factor, doubtful)
 
 

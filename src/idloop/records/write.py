@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.cdr import encode_rows
+from idloop.records.measured_conditions import FIELD, conditions_columns
+from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.record import Record
+from idloop.records.said_units import UNITS
 from idloop.records.stream import FIELDS, JOINT_STATE, JointStream
 
 # At equal times the reader must meet a message before what it causes: reference, measurement, command.
-_ORDER = ("reference", "excitation", "joint_states", "joint_command")
+_ORDER = ("reference", "excitation", CONDITIONS, "joint_states", "joint_command")
 
 
 def write_bag(
@@ -31,7 +35,8 @@ def write_bag(
     path : Path or str
         Directory to create; an existing one is never overwritten.
     content : Record, iterable or mapping of JointStream
-        A record is written to the topics ``joint_command``, ``joint_states``, ``reference``, ``excitation``.
+        A record is written to the topics ``joint_command``, ``joint_states``, ``reference``, ``excitation``,
+        ``conditions``.
     custom : mapping of str to str, optional
         Text stored with the bag's metadata.
     storage : {"mcap", "sqlite3"}
@@ -74,7 +79,7 @@ def write_bag(
     tables = [_payloads(stream) for stream in streams]
     try:
         with Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()]) as writer:
-            for key, text in (custom or {}).items():
+            for key, text in (_units_of(content) | dict(custom or {})).items():
                 writer.set_custom_data(key, text)
             connections = [
                 writer.add_connection(_absolute(stream.topic), JOINT_STATE, typestore=typestore) for stream in streams
@@ -84,6 +89,13 @@ def write_bag(
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
     return path
+
+
+def _units_of(content: object) -> dict[str, str]:
+    """Units of a record's conditions, which no model says, for the bag's metadata."""
+    if not isinstance(content, Record) or not content.conditions:
+        return {}
+    return {UNITS: json.dumps({one.name: one.unit for one in content.conditions})}
 
 
 def _rank(topic: str) -> int:
@@ -106,7 +118,7 @@ def _payloads(stream: JointStream) -> list[bytes]:
 
 
 def record_streams(record: Record) -> list[JointStream]:
-    """Return a record as the streams of our topics: command, measurement, reference, excitation."""
+    """Return a record as the streams of our topics: command, measurement, reference, excitation, conditions."""
 
     def split(name: str) -> tuple[str, str]:
         joint, _, field = name.rpartition(".")
@@ -127,6 +139,9 @@ def record_streams(record: Record) -> list[JointStream]:
     if record.excitation is not None and record.excitation_time is not None:
         fields = {"position": record.excitation[:, 0], "effort": record.excitation[:, 1]}
         streams.append(make_stream("excitation", record.absolute(record.excitation_time), {joint: fields}))
+    if record.conditions:
+        stamps, columns = conditions_columns(record.conditions, record.start_ns)
+        streams.append(make_stream(CONDITIONS, stamps, {name: {FIELD: value} for name, value in columns.items()}))
     return streams
 
 

@@ -47,7 +47,7 @@ def steps_ahead(engine: Engine, data: Data, gain: Array, steps: int, initial_sta
     n, p = data.output.shape
     if not 1 <= steps < n:
         raise InputError(f"cannot predict {steps} steps ahead in {n} samples; choose 1 .. {n - 1}")
-    layout = engine.layout(None)
+    layout = engine.layout(None).under(data.conditions)
     state, history = layout.new_state(), layout.new_history()
     state[kernel.DISTURBANCE : kernel.FIRST + 3 * layout.bodies] = initial_state[
         kernel.DISTURBANCE : kernel.FIRST + 3 * layout.bodies

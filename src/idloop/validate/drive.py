@@ -114,7 +114,9 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     # The held command's mean around each instant is what moved the axis there.
     command = balance.command(0.0)
     rest = float(m.rest_speed[0])  # the drive's force is that on the first body
-    applied, required = engine.drive_force(None, m.position, m.velocity, m.acceleration, m.time, command, m.time, rest)
+    applied, required = engine.drive_force(
+        None, m.position, m.velocity, m.acceleration, m.time, command, m.time, rest, conditions=data.conditions
+    )
     # The filter leaves a straight line as it is, so the sample numbers tell which instants are kept.
     forces = thin(np.column_stack([applied, required, np.arange(len(m.time))]), m)
     kept = np.rint(forces[:, 2]).astype(np.int64)

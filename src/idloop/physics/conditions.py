@@ -1,0 +1,154 @@
+"""Measured conditions of an experiment, such as a temperature or the supply: no output, but effects depend on them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.spelling import did_you_mean, listed
+
+Array = NDArray[np.float64]
+
+# Site and condition of an effect that depends on it.
+Wanted = tuple[str, str]
+# Of the median interval of the samples; an interval itself is not to be cut by rounding.
+_ONE_INTERVAL = 1.0 + 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """One measured condition: linear between its samples, constant before the first and after the last.
+
+    Attributes
+    ----------
+    name : str
+        What effects ask for, such as ``temperature`` or ``supply``, or that of one site: ``motor.temperature``.
+    unit : str
+        Such as ``°C`` or ``V``.
+    time, value : ndarray, shape (m,)
+        Stamps [s], strictly increasing, and values.
+
+    Raises
+    ------
+    InputError
+        No samples, stamps that do not increase, or values that are not finite.
+    """
+
+    name: str
+    unit: str
+    time: Array
+    value: Array
+
+    def __post_init__(self) -> None:
+        where = f"condition {self.name!r}"
+        if self.time.ndim != 1 or self.time.shape != self.value.shape or not self.time.size:
+            raise InputError(
+                f"{where}: time {self.time.shape} and value {self.value.shape} must be of one length, at least 1"
+            )
+        if not (np.all(np.isfinite(self.time)) and np.all(np.isfinite(self.value))):
+            raise InputError(f"{where}: a time or a value is not finite; leave such samples out")
+        if np.any(np.diff(self.time) <= 0.0):
+            raise InputError(f"{where}: time does not increase strictly; sort the samples and drop repeated stamps")
+
+    def at(self, time: Array) -> Array:
+        """Value at each instant (k,) -> (k,)."""
+        return np.interp(time, self.time, self.value)
+
+    def cut(self, low: float, high: float) -> Condition:
+        """The samples that tell low <= time <= high [s]: with one before and one after."""
+        first = max(int(np.searchsorted(self.time, low, side="right")) - 1, 0)
+        last = int(np.searchsorted(self.time, high, side="left")) + 1
+        part = slice(min(first, self.time.size - 1), max(last, first + 1))
+        return replace(self, time=self.time[part], value=self.value[part])
+
+
+def condition_name(wanted: Wanted, names: Collection[str]) -> str:
+    """Name of the condition that serves an effect: that of its site where it was recorded, the general one else."""
+    at, name = wanted
+    return f"{at}.{name}" if f"{at}.{name}" in names else name
+
+
+class Conditions:
+    """The conditions of one experiment, as the compiled simulator reads them.
+
+    Parameters
+    ----------
+    conditions : iterable of Condition
+
+    Raises
+    ------
+    InputError
+        Two of one name.
+    """
+
+    def __init__(self, conditions: Iterable[Condition]) -> None:
+        several = list(conditions)
+        self._by_name = {one.name: one for one in several}
+        if len(self._by_name) < len(several):
+            raise InputError(f"conditions {listed(one.name for one in several)}: name each once")
+        # What is linear between samples is so between those of all.
+        self.time = np.unique(np.concatenate([one.time for one in several])) if several else np.zeros(0)
+        self._tables: dict[tuple[Wanted, ...], Array] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the conditions."""
+        return tuple(self._by_name)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units by name."""
+        return {name: one.unit for name, one in self._by_name.items()}
+
+    def __getitem__(self, name: str) -> Condition:
+        """One condition by name.
+
+        Raises
+        ------
+        InputError
+            There is none of this name.
+        """
+        if name not in self._by_name:
+            raise InputError(f"no condition {name!r}; there are {listed(self.names)}{did_you_mean(name, self.names)}")
+        return self._by_name[name]
+
+    def interval(self, wanted: Sequence[Wanted]) -> float:
+        """Time over which what is wanted may be taken as it is amid it: between two samples [s]."""
+        times = [self[condition_name(one, self._by_name)].time for one in wanted]
+        return min((float(np.median(np.diff(t))) * _ONE_INTERVAL for t in times if t.size > 1), default=np.inf)
+
+    def table(self, wanted: Sequence[Wanted]) -> Array:
+        """Values at the times of `time`, a column for each that is wanted.
+
+        Raises
+        ------
+        InputError
+            A condition is not there.
+        """
+        key = tuple(wanted)
+        if key not in self._tables:
+            columns = [self[condition_name(one, self._by_name)].at(self.time) for one in key]
+            self._tables[key] = np.ascontiguousarray(np.column_stack(columns))
+        return self._tables[key]
+
+    def sampled(self, time: Array, stamps: Array | None = None) -> Conditions:
+        """The conditions at some instants (k,) [s], stamped anew where other stamps are given."""
+        when = time if stamps is None else stamps
+        return Conditions(replace(one, time=when, value=one.at(time)) for one in self._by_name.values())
+
+    @classmethod
+    def joined(cls, parts: Sequence[Conditions]) -> Conditions:
+        """Conditions one after the other, of those names that all parts have."""
+        names = [name for name in parts[0].names if all(name in part.names for part in parts)]
+        return cls(
+            replace(
+                parts[0][name],
+                time=np.concatenate([part[name].time for part in parts]),
+                value=np.concatenate([part[name].value for part in parts]),
+            )
+            for name in names
+        )

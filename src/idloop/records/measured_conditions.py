@@ -1,0 +1,182 @@
+"""Conditions that a bag holds beside the axis, such as a temperature or the supply.
+
+A bag of ours has them all on the topic ``conditions``, a JointState with the conditions' names in the place of joints
+and their values as positions. Of other bags the model says which topics they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.physics.conditions import Condition
+from idloop.records.bag import topics_named
+from idloop.records.finding import Finding
+from idloop.records.stream import JointStream
+from idloop.spelling import did_you_mean, listed
+
+TOPIC, FIELD = "conditions", "position"
+
+
+class ConditionSignal(Protocol):
+    """Where the model says that a condition is found in a bag; value = number · scale + offset."""
+
+    @property
+    def name(self) -> str:
+        """Name of the condition."""
+
+    @property
+    def topic(self) -> str:
+        """Topic, relative or absolute."""
+
+    @property
+    def joint(self) -> str:
+        """Joint, of a JointState."""
+
+    @property
+    def field(self) -> str:
+        """Field, or path of the number in a message of another type; empty for the only one."""
+
+    @property
+    def unit(self) -> str:
+        """Unit after scale and offset."""
+
+    @property
+    def scale(self) -> float:
+        """Factor to the unit."""
+
+    @property
+    def offset(self) -> float:
+        """Added after the factor."""
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A condition on the topic ``conditions``."""
+
+    name: str
+    topic: str
+    unit: str
+    field: str = FIELD
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def joint(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True)
+class ConditionSources:
+    """Topics of a bag that hold conditions.
+
+    Attributes
+    ----------
+    said : tuple of (ConditionSignal, str)
+        What the model names and the bag has, with the topic.
+    ours : str
+        The topic ``conditions``; empty where there is none.
+    """
+
+    said: tuple[tuple[ConditionSignal, str], ...]
+    ours: str
+
+    @classmethod
+    def of(cls, signals: Sequence[ConditionSignal], ours: str, topics: Mapping[str, object]) -> ConditionSources:
+        """Find them; what is not there is no error, unless an effect depends on it."""
+        said = [(one, found[0]) for one in signals if len(found := topics_named(one.topic, topics)) == 1]
+        return cls(tuple(said), ours if ours in topics else "")
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """All of them, each once."""
+        return tuple(dict.fromkeys([*(topic for _, topic in self.said), *([self.ours] if self.ours else [])]))
+
+    def read(
+        self, streams: Mapping[str, JointStream], units: Mapping[str, str], start_ns: int, end_ns: int
+    ) -> tuple[tuple[Condition, ...], list[Finding]]:
+        """Conditions of one run, and what is to be said of them.
+
+        Parameters
+        ----------
+        streams : mapping of str to JointStream
+        units : mapping of str to str
+            Those that the bag states, by condition.
+        start_ns, end_ns : int
+            First and last measurement [ns]; times count from the first.
+        """
+        asked = list(self.said)
+        named = {one.name for one, _ in asked}
+        if self.ours:
+            names = streams[self.ours].names
+            asked += [(_Named(n, self.ours, units.get(n, "")), self.ours) for n in names if n not in named]
+        found, findings = [], []
+        for signal, topic in asked:
+            stream = streams[topic]
+            value = bag_column(stream, signal.joint, signal.field) * signal.scale + signal.offset
+            known = np.isfinite(value)
+            stamp, first = np.unique(stream.stamp_ns[known], return_index=True)
+            if not stamp.size:
+                findings.append(Finding("no_condition", f"{topic} {signal.name}: no value in any message", where=topic))
+                continue
+            if stamp[0] > end_ns or (stamp[-1] < start_ns and stamp.size > 1):
+                text = f"{topic} {signal.name}: no value between the first and the last measurement: perhaps two clocks"
+                findings.append(Finding("two_clocks", text, where=topic, level="warning"))
+                continue
+            found.append(Condition(signal.name, signal.unit, (stamp - start_ns) / 1e9, value[known][first]))
+        return tuple(found), findings
+
+
+def bag_column(stream: JointStream, joint: str, field: str) -> NDArray[np.float64]:
+    """Return a number of each message: of a JointState a joint's field, of other types by its path.
+
+    Parameters
+    ----------
+    stream : JointStream
+    joint : str
+        The only one when empty.
+    field : str
+        ``position`` of a JointState, and the only number of other types, when empty.
+
+    Raises
+    ------
+    InputError
+        No such joint or field.
+    """
+    if stream.is_joint_state:
+        return stream.column(joint or (stream.names[0] if len(stream.names) == 1 else ""), field or "position")
+    if not field and len(stream.names) == 1:
+        return stream.position[:, 0]
+    bare = field.removeprefix("data").strip("[]")
+    for name in (field, bare, bare or "0"):
+        if name in stream.names:
+            return stream.position[:, stream.names.index(name)]
+    raise InputError(
+        f"{stream.topic}: no field {field!r} ({stream.type}); it has"
+        f" {listed(stream.names)}{did_you_mean(field, stream.names)}"
+    )
+
+
+def conditions_columns(
+    conditions: Sequence[Condition], start_ns: int
+) -> tuple[NDArray[np.int64], dict[str, NDArray[np.float64]]]:
+    """Stamps [ns] and columns of several conditions on one topic, NaN where one was not measured.
+
+    Parameters
+    ----------
+    conditions : sequence of Condition
+    start_ns : int
+        Stamp of time 0 [ns].
+    """
+    stamps = {one.name: start_ns + np.round(one.time * 1e9).astype(np.int64) for one in conditions}
+    every = np.unique(np.concatenate(list(stamps.values())))
+    columns = {}
+    for one in conditions:
+        columns[one.name] = np.full(every.size, np.nan)
+        columns[one.name][np.searchsorted(every, stamps[one.name])] = one.value
+    return every, columns
