@@ -178,6 +178,22 @@ class Model:
         """Names of the couplings, such as ``motor-load``."""
         return tuple(f"{a}-{b}" for a, b in zip(self.bodies[:-1], self.bodies[1:], strict=True))
 
+    def far_half(self, body: str) -> str:
+        """Name of the far half of a body that an effect splits in two, such as ``load_far``."""
+        name = f"{body}_far"
+        while name in self.bodies:
+            name += "_far"
+        return name
+
+    def inside(self, body: str) -> str:
+        """Name of the coupling between the two halves of a body that an effect splits, such as ``load-load_far``."""
+        return f"{body}-{self.far_half(body)}"
+
+    @property
+    def inner_couplings(self) -> dict[str, ActiveEffect]:
+        """Couplings inside bodies that an effect splits in two, and the effect that does so."""
+        return {self.inside(active.at): active for active in self.effects if active.effect.splits}
+
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name.
 
@@ -245,7 +261,7 @@ class Model:
         return (self.folder / "effects",) if self.folder is not None else ()
 
     def site_kind(self, at: str) -> str:
-        """Kind of a site of this model.
+        """Kind of a site of this model; of the coupling inside a body also before an effect splits that body.
 
         Raises
         ------
@@ -256,7 +272,7 @@ class Model:
             return INPUT
         if at in self.bodies:
             return BODY
-        if at in self.couplings:
+        if at in self.couplings or at in map(self.inside, self.bodies):
             return COUPLING
         if at in self.sites(OUTPUT):
             return OUTPUT
@@ -270,7 +286,7 @@ class Model:
         if kind == BODY:
             return self.bodies
         if kind == COUPLING:
-            return self.couplings
+            return (*self.couplings, *self.inner_couplings)
         return tuple(output.site for output in self.outputs)
 
     def with_effect(self, name: str, at: str, **values: float | Mapping[str, Any] | Value) -> Model:
@@ -356,34 +372,61 @@ class Model:
             )
         return added
 
-    def without_effect(self, name: str) -> Model:
-        """Return the model without an effect, named as in `effect_names`.
+    def without_effect(self, name: str, *, making_room: bool = False) -> Model:
+        """Return the model without an effect, named as in `effect_names`, and what acts inside a body that it splits.
+
+        Parameters
+        ----------
+        name : str
+        making_room : bool
+            Another effect takes its place: what acts inside the body stays.
 
         Raises
         ------
         InputError
             The model has no such effect.
         """
-        if name not in self.effect_names:
-            raise InputError(
-                f"model {self.name} has no effect '{name}'{did_you_mean_or_known(name, list(self.effect_names))}"
-                if self.effects
-                else f"model {self.name} has no effects"
-            )
-        gone = next(active for active in self.effects if active.name == name)
+        gone = self._effect(name)
+        inside = self.inside(gone.at) if gone.effect.splits and not making_room else ""
         effects, names = [], {}
         for active in self.effects:
             after = (active.effect.name, active.at) == (gone.effect.name, gone.at) and active.number > gone.number
             kept = replace(active, number=active.number - 1) if after else active
-            names[active.name] = kept.name
-            if active is not gone:
+            if active is not gone and active.at != inside:
+                names[active.name] = kept.name
                 effects.append(kept)
         parameters = []
         for parameter in self.parameters:
             owner, _, own = parameter.name.rpartition(".")
-            if owner != name:
-                parameters.append(replace(parameter, name=f"{names[owner]}.{own}") if owner in names else parameter)
+            if owner in names or owner not in self.effect_names:
+                parameters.append(replace(parameter, name=f"{names.get(owner, owner)}.{own}"))
         return replace(self, effects=tuple(effects), parameters=tuple(parameters))
+
+    def without_effects(self, names: Iterable[str]) -> Model:
+        """Return the model without several of its effects, and what acts inside bodies that these split.
+
+        Raises
+        ------
+        InputError
+            The model has no such effect.
+        """
+        gone = {self._effect(name).name for name in names}
+        model = self
+        # The last of several waves goes first: what is behind one that goes moves up.
+        for name in reversed(self.effect_names):
+            if name in gone and name in model.effect_names:
+                model = model.without_effect(name)
+        return model
+
+    def _effect(self, name: str) -> ActiveEffect:
+        for active in self.effects:
+            if active.name == name:
+                return active
+        raise InputError(
+            f"model {self.name} has no effect '{name}'{did_you_mean_or_known(name, list(self.effect_names))}"
+            if self.effects
+            else f"model {self.name} has no effects"
+        )
 
     def with_effects(self, texts: Iterable[str]) -> Model:
         """Return the model with effects given as text, see `parse_effect`."""
@@ -391,7 +434,24 @@ class Model:
         for text in texts:
             name, at, values = parse_effect(text)
             model = model.with_effect(name, at, **values)
-        return model
+        return model.checked()
+
+    def checked(self) -> Model:
+        """Return the model, whose effects all have a place to act.
+
+        Raises
+        ------
+        InputError
+            An effect acts inside a body that no effect splits in two.
+        """
+        inside = {self.inside(body): body for body in self.bodies}
+        for active in self.effects:
+            if active.at in inside and active.at not in self.sites(COUPLING):
+                raise InputError(
+                    f"effect {active.name} acts between two halves of {inside[active.at]}, which is one body: "
+                    f"add compliance@{inside[active.at]}"
+                )
+        return self
 
     # -- file ---------------------------------------------------------------------------
 

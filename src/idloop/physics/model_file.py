@@ -214,7 +214,10 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
     )
     for index, entry in enumerate(file.effects):
         model = _add_entry(model, entry, f"{where}: effects[{index}]")
-    return model
+    try:
+        return model.checked()
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:
