@@ -25,6 +25,7 @@ from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.split_bodies import split_bodies
 from idloop.diagnose.step import FitT, View
 from idloop.diagnose.verdict import ADEQUATE, MISSING
 from idloop.estimate.dataset import prepare
@@ -112,6 +113,7 @@ def refine(
     texts = [
         "" if unmoved(found.findings) else turned(start, found.model),
         *(one.text for one in told),
+        *split_bodies(found.model, found.added),
         views_apart(found),
     ]
     return replace(found, findings=(*found.findings, *(text for text in texts if text)))
