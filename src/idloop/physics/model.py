@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -309,17 +310,27 @@ class Model:
         }
         return self.with_entry(name, at, as_values)
 
-    def with_entry(self, name: str, at: str, values: Mapping[str, Any]) -> Model:
+    def with_entry(self, name: str, at: str, values: Mapping[str, Any], number: int | None = None) -> Model:
         """Return the model with one more effect as a model file writes it: a bare number is known.
+
+        Parameters
+        ----------
+        name, at : str
+        values : mapping
+            Of its parameters.
+        number : int, optional
+            Which one it is of an effect that may act several times at a site; the first that is free when left out.
 
         Raises
         ------
         InputError
-            As `with_effect`.
+            As `with_effect`; a number for an effect that acts once.
         """
         kind = self.site_kind(at)
         effect = find_effect(name, kind, *self.effect_folders)
-        active = ActiveEffect(effect, at, self.next_number(effect, at))
+        if number is not None and not effect.several:
+            raise InputError(f"effect {name} acts once at a site: leave its number out")
+        active = ActiveEffect(effect, at, self.next_number(effect, at) if number is None else number)
         if active.name in self.effect_names:
             raise InputError(f"model {self.name} has the effect {active.name} already: name it once")
         output = next((o for o in self.outputs if o.site == at), None)
@@ -331,8 +342,9 @@ class Model:
         return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))
 
     def next_number(self, effect: Effect, at: str) -> int:
-        """Number of one more effect at a site: 1, unless it may act there several times."""
-        return 1 + (sum(a.effect.name == effect.name and a.at == at for a in self.effects) if effect.several else 0)
+        """Number of one more effect at a site: 1, or the first that is free of one that may act there several times."""
+        taken = {a.number for a in self.effects if (a.effect.name, a.at) == (effect.name, at)}
+        return next(n for n in count(1) if n not in taken or not effect.several)
 
     def _effect_parameters(self, active: ActiveEffect, values: Mapping[str, Any], unit: str) -> list[Parameter]:
         effect = active.effect
@@ -373,37 +385,18 @@ class Model:
         return added
 
     def without_effect(self, name: str, *, making_room: bool = False) -> Model:
-        """Return the model without an effect, named as in `effect_names`, and what acts inside a body that it splits.
+        """Return the model without an effect, as `without_effects`."""
+        return self.without_effects([name], making_room=making_room)
+
+    def without_effects(self, names: Iterable[str], *, making_room: bool = False) -> Model:
+        """Return the model without some of its effects, and without what acts inside bodies that these split.
 
         Parameters
         ----------
-        name : str
+        names : iterable of str
+            As in `effect_names`. The others keep theirs.
         making_room : bool
-            Another effect takes its place: what acts inside the body stays.
-
-        Raises
-        ------
-        InputError
-            The model has no such effect.
-        """
-        gone = self._effect(name)
-        inside = self.inside(gone.at) if gone.effect.splits and not making_room else ""
-        effects, names = [], {}
-        for active in self.effects:
-            after = (active.effect.name, active.at) == (gone.effect.name, gone.at) and active.number > gone.number
-            kept = replace(active, number=active.number - 1) if after else active
-            if active is not gone and active.at != inside:
-                names[active.name] = kept.name
-                effects.append(kept)
-        parameters = []
-        for parameter in self.parameters:
-            owner, _, own = parameter.name.rpartition(".")
-            if owner in names or owner not in self.effect_names:
-                parameters.append(replace(parameter, name=f"{names.get(owner, owner)}.{own}"))
-        return replace(self, effects=tuple(effects), parameters=tuple(parameters))
-
-    def without_effects(self, names: Iterable[str]) -> Model:
-        """Return the model without several of its effects, and what acts inside bodies that these split.
+            Others take their places: what acts inside the bodies stays.
 
         Raises
         ------
@@ -411,12 +404,13 @@ class Model:
             The model has no such effect.
         """
         gone = {self._effect(name).name for name in names}
-        model = self
-        # The last of several waves goes first: what is behind one that goes moves up.
-        for name in reversed(self.effect_names):
-            if name in gone and name in model.effect_names:
-                model = model.without_effect(name)
-        return model
+        inside = {at for at, active in self.inner_couplings.items() if active.name in gone and not making_room}
+        gone |= {active.name for active in self.effects if active.at in inside}
+        return replace(
+            self,
+            effects=tuple(active for active in self.effects if active.name not in gone),
+            parameters=tuple(p for p in self.parameters if p.name.rpartition(".")[0] not in gone),
+        )
 
     def _effect(self, name: str) -> ActiveEffect:
         for active in self.effects:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
@@ -76,8 +77,12 @@ def to_mapping(model: Model) -> dict[str, Any]:
     ]
     file["drive"] = {"gain": number("drive.gain")}
     file["effects"] = []
+    before = replace(model, effects=())
     for active in model.effects:
         line: dict[str, Any] = {"effect": active.effect.name, "at": active.at}
+        if active.number != before.next_number(active.effect, active.at):
+            line["number"] = active.number
+        before = replace(before, effects=(*before.effects, active))
         for spec in active.effect.parameters:
             if f"{active.name}.{spec.name}" in by_name:
                 line[spec.name] = number(f"{active.name}.{spec.name}")
@@ -222,7 +227,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
 
 def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:
     try:
-        return model.with_entry(entry.effect, entry.at, entry.model_extra or {})
+        return model.with_entry(entry.effect, entry.at, entry.model_extra or {}, entry.number)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
 
