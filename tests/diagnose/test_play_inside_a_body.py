@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refine import refine
+from idloop.diagnose.refine import _Task, refine
 from idloop.diagnose.split_bodies import split_bodies
 from idloop.physics import Model, load_model
 from idloop.physics.model_file import build_model
@@ -94,6 +94,15 @@ def test_play_is_a_candidate_once_a_body_is_split_and_the_fuller_spring_keeps_it
     both = fuller.model({"stiffness": 6.0, "damping": 0.01, "split": 0.5, "viscous_split": 0.1})
     assert set(both.effect_names) == {"compliance@axis", "backlash@axis-axis_far"}
     assert both.values["backlash@axis-axis_far.gap"] == 0.02
+
+
+def test_a_body_that_is_two_has_no_balance_of_forces_so_that_the_free_run_bears_it_out():
+    record = geared(3, 0.0)
+    task = _Task(one_body(), [record], (), 0.01, 0.01, None, 0, 8, lambda share, text: None, None)
+    spring = f"{SPRING}(damping={DAMPING},split={LOAD / (MOTOR + LOAD)},stiffness="
+    whole = one_body().with_values({"motor.inertia": MOTOR + LOAD, "motor.viscous_friction": 0.04})
+    assert not task._spoils(whole, whole.with_effects([f"{spring}{STIFFNESS})"]))
+    assert task._spoils(whole, whole.with_effects([f"{spring}{0.02 * STIFFNESS})"]))
 
 
 def test_bodies_that_the_model_file_has_split_already_or_a_stiff_one_are_not_told():
