@@ -32,6 +32,11 @@ class Hidden:
         """``effect@site``."""
         return f"{self.effect}@{self.at}"
 
+    @property
+    def text(self) -> str:
+        """As on the command line, ``effect@site(parameter=value, ...)``."""
+        return f"{self.name}({','.join(f'{name}={value!r}' for name, value in self.values.items())})"
+
 
 @dataclass(frozen=True)
 class Drive:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from case import Case, Disturbance, Drive, Noise
+from case import Case, Disturbance, Drive, Hidden, Noise
 from machines import MACHINES
 from plan import DOUBLES, SINGLES, TRIPLES
 from realistic import realistic
@@ -81,16 +81,16 @@ def _assembled(
     levels = _levels(random)
     rate, duration = _rate_and_duration(machine, random, len(levels), 60.0)
     drives = tuple(Drive(kind, level) for level in levels)
-    items = tuple(
-        hidden(effect, at, machine, loop, drives[0], rate, strength, int(random.integers(1 << 31)))
-        for (effect, at), strength in zip(effects, strengths, strict=True)
-    )
+    items: list[Hidden] = []
+    for (effect, at), strength in zip(effects, strengths, strict=True):
+        seed = int(random.integers(1 << 31))
+        items.append(hidden(effect, at, machine, loop, drives[0], rate, strength, seed, items))
     return Case(
         id=case_id,
         category=category,
         machine=machine,
         simulator=simulator,
-        hidden=items,
+        hidden=tuple(items),
         training=drives,
         validation=Drive(kind, 0.85),
         loop=loop,

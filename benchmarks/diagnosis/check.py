@@ -74,6 +74,7 @@ TRIALS = (
     _axis("load_torque@axis(torque=0.1)"),
     _axis("load_dependent_friction@axis(ratio=0.1)"),
     _axis("compliance@axis(stiffness=50,damping=0.01,split=0.4)"),
+    _axis("compliance@axis(stiffness=5,damping=0.01,split=0.4)", "backlash@axis-axis_far(gap=0.02)"),
     _axis("backlash@position[axis](gap=0.1)"),
     _axis("sensor_quantisation@position[axis](resolution=0.01)"),
     _axis("sensor_delay@position[axis](delay=0.005)"),

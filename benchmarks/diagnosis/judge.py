@@ -81,10 +81,7 @@ def _free_as(truth: Any, start: Any) -> Any:
 
 def without_rounding(model: Any) -> Any:
     """The model without quantisation: a predictor that rounds is a worse one."""
-    for name in model.effect_names:
-        if name.startswith("sensor_quantisation@"):
-            model = model.without_effect(name)
-    return model
+    return model.without_effects(name for name in model.effect_names if name.startswith("sensor_quantisation@"))
 
 
 def validation_error(model: Any, data: Experiment, steps: int) -> dict[str, float]:

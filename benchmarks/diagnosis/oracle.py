@@ -200,10 +200,7 @@ class Oracle:
 
     def gain(self, effects: Sequence[str]) -> float:
         """Log-likelihood that the best model without these effects loses."""
-        model = self.truth
-        for name in effects:
-            model = model.without_effect(name)
-        return self.fitted(model)[1] - self.loss
+        return self.fitted(self.truth.without_effects(effects))[1] - self.loss
 
     def gap(self, effect: str, rivals: Sequence[Any]) -> float:
         """Log-likelihood that the best of some models with another effect in its place loses."""

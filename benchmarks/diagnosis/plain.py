@@ -81,7 +81,7 @@ def plain(model: Any) -> Plain:
             inertia.append(j)
             viscous.append(b)
             continue
-        far = split["split"]
+        far, place[f"{body}_far"] = split["split"], len(inertia) + 1
         inertia += [j * (1.0 - far), j * far]
         viscous += [b * (1.0 - far), b * far]
         stiffness.append(split["stiffness"])

@@ -65,20 +65,20 @@ class Watched(EquationsMachine):
 
 
 @cache
-def sizes(machine: str, loop: str, drive: Drive) -> Sizes:
-    """Run the linear machine without noise and measure."""
+def sizes(machine: str, loop: str, drive: Drive, effects: tuple[str, ...] = ()) -> Sizes:
+    """Run the linear machine, or one with effects that split its bodies, without noise and measure."""
     kind = MACHINES[machine]
     rate = kind.rates[0]
-    model = base_model(machine, rate, loop)
+    model = base_model(machine, rate, loop).with_effects(effects)
     signal, speed = EXCITATIONS[drive.kind](kind, drive.level, rate, DURATION, 1)
-    built = Watched(plain(model), 1.0 / rate, len(signal))
+    numbers = plain(model)
+    built = Watched(numbers, 1.0 / rate, len(signal))
     quiet = np.zeros((len(signal), len(model.outputs)))
     behind = law("equations", model.controller, model.output_names)
     command, _ = run(built, signal, speed, quiet, np.zeros(len(signal)), behind)
     x, v = np.array(built.position), np.array(built.velocity)
     twist = x[:, :-1] - x[:, 1:]
     values = model.values
-    stiffness = np.array([values[f"{coupling}.stiffness"] for coupling in model.couplings])
     return Sizes(
         command=float(np.sqrt(np.mean(command**2))),
         command_peak=float(np.max(np.abs(command))),
@@ -87,5 +87,5 @@ def sizes(machine: str, loop: str, drive: Drive) -> Sizes:
         speed_peak=float(np.max(np.abs(v[:, 0]))),
         stroke=float(np.std(x[:, 0])),
         twist=tuple(np.sqrt(np.mean(twist**2, axis=0)).tolist()),
-        torque_peak=tuple((stiffness * np.max(np.abs(twist), axis=0)).tolist()),
+        torque_peak=tuple((np.array(numbers.stiffness) * np.max(np.abs(twist), axis=0)).tolist()),
     )

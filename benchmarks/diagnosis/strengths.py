@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +31,9 @@ class Place:
     @property
     def coupling(self) -> int:
         """Index of the coupling."""
-        return int(self.model.couplings.index(self.at))
+        from idloop.physics.layout import lay_out
+
+        return int(lay_out(self.model).joint_of[self.at])
 
     @property
     def sign(self) -> float:
@@ -165,7 +167,15 @@ RULES: dict[str, Rule] = {
 
 
 def hidden(
-    effect: str, at: str, machine: str, loop: str, drive: Drive, rate: float, strength: str, seed: int
+    effect: str,
+    at: str,
+    machine: str,
+    loop: str,
+    drive: Drive,
+    rate: float,
+    strength: str,
+    seed: int,
+    beside: Sequence[Hidden] = (),
 ) -> Hidden:
     """An effect of a given strength.
 
@@ -179,17 +189,20 @@ def hidden(
         One of `STRENGTHS`.
     seed : int
         Draws signs, phases and harmonics.
+    beside : sequence of Hidden
+        Effects that the machine has already: one that splits the body inside which this one is to sit counts.
 
     Returns
     -------
     Hidden
         Values rounded to three digits.
     """
+    splitting = tuple(one.text for one in beside if at == f"{one.at}-{one.at}_far")
     place = Place(
         MACHINES[machine],
-        base_model(machine, rate, loop),
+        base_model(machine, rate, loop).with_effects(splitting),
         at,
-        sizes(machine, loop, drive),
+        sizes(machine, loop, drive, splitting),
         rate,
         np.random.default_rng(seed),
     )

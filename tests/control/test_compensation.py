@@ -14,8 +14,11 @@ from idloop.control import build_controller
 from idloop.control.compensation import Compensation
 from idloop.control.step import smooth_sign
 from idloop.errors import InputError
+from idloop.export.compensator import export_compensation
 from idloop.physics import load_model
 from idloop.physics.effect import INPUT, built_in
+from idloop.physics.model_file import build_model
+from idloop.physics.schema import read_model_file
 
 AXIS = load_model("axis")
 NONE = {"type": "none"}
@@ -252,6 +255,16 @@ def test_a_gap_is_crossed_once_the_reference_turns_round(reads):
         push = np.sum(0.0742 * moved[turning]) * 0.001
         assert push == pytest.approx(-viscous * 0.02, rel=0.02)
         assert np.max(np.abs(np.diff(moved))) < 3.0 * 60.0 * 0.02 * inertia / 0.0742 / 0.05**2 / 50.0
+
+
+def test_a_gap_inside_the_body_that_is_read_is_crossed_by_the_reference_and_goes_with_its_spring():
+    model = AXIS.with_effects(["compliance@axis(stiffness=20)", "backlash@axis-axis_far(gap=0.02)"])
+    one = build_controller(PD, compensation=Compensation(model, crossing_time=0.05))
+    assert [(found.active.name, found.how) for found in one.plan.cancelled] == [("backlash@axis-axis_far", "shift")]
+    assert list(one.plan.left) == ["compliance@axis"]
+    exported = export_compensation(Compensation(replace(model, controller=PD))).text
+    kept = build_model(read_model_file(exported, "kept.yaml"), "kept.yaml")
+    assert set(kept.effect_names) == set(model.effect_names)
 
 
 def test_noise_on_a_resting_reference_does_not_cross_the_gap():

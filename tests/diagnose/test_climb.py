@@ -82,6 +82,28 @@ def test_a_ladder_does_not_turn_in_a_circle() -> None:
     assert view.steps < 8
 
 
+class Waves(View[Any]):
+    """Finds three waves, of which the first has become superfluous in the end."""
+
+    def weigh(self, parent: Any) -> Step[Any]:
+        more = len(parent.model.effects) < 3 and "cogging#3@axis" not in parent.model.effect_names
+        return Answers(parent, (weighed(parent.model, "cogging@axis", 100.0),) if more else (), 1, 0.01, 0.01)
+
+    def again(self, fit: Any) -> Any:
+        return fit
+
+    def without(self, fit: Any, name: str) -> Any:
+        full = len(fit.model.effects) == 3
+        return Fit(fit.model.without_effect(name)) if full and name == "cogging@axis" else None
+
+
+def test_a_wave_that_has_become_superfluous_goes_and_the_others_keep_their_names() -> None:
+    view = Waves()
+    ladder, fit = Climb(view, (), (), "prediction", 0.01, 8, lambda share, text: None)(Fit(load_model("axis")))
+    assert ladder.added == ("cogging#2@axis", "cogging#3@axis")
+    assert fit.model.effect_names == ladder.model.effect_names == ladder.added
+
+
 def test_a_ladder_adds_what_shows_and_ends_with_the_verdict_of_the_last_step() -> None:
     ladder, fit = climb(Fickle(dropping=False))(Fit(load_model("axis")))
     assert ladder.added == (FRICTION, DRAG)

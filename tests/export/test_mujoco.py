@@ -79,6 +79,14 @@ def test_a_gap_without_damping_is_carried_whole():
     assert np.max(np.abs(without_gap - ours)) > 2e-2 * np.max(np.abs(ours))
 
 
+def test_a_gap_inside_a_body_is_carried_between_its_halves():
+    model = load_model("axis").with_effects(["compliance@axis(stiffness=20)", "backlash@axis-axis_far(gap=0.02)"])
+    exported = export(model, "mujoco")
+    assert not any("backlash" in line or "compliance" in line for line in exported.left_out)
+    machine = load(model)
+    np.testing.assert_allclose(machine.tendon_lengthspring[machine.tendon("backlash-axis-axis_far").id], [-0.01, 0.01])
+
+
 def test_the_numbers_are_those_of_the_model():
     model = load_model("torsion").with_effects([*CHAIN, "saturation@input(limit=2)", "backlash@motor-load1(gap=0.02)"])
     machine = load(model)

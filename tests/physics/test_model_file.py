@@ -33,6 +33,38 @@ def read(text: str):
     return build_model(read_model_file(text, "m.yaml"), "m.yaml")
 
 
+def test_waves_keep_their_names_when_one_of_them_goes() -> None:
+    model = load_model("axis").with_effects([f"cogging@axis(harmonic={n},amplitude={0.1 * n})" for n in (2, 3, 5)])
+    left = model.without_effect("cogging@axis")
+    assert left.effect_names == ("cogging#2@axis", "cogging#3@axis")
+    assert left.values["cogging#3@axis.harmonic"] == 5
+    again = read(left.to_yaml())
+    assert (again.effect_names, again.values) == (left.effect_names, left.values)
+    assert left.to_yaml().count("number:") == 2
+    assert model.to_yaml().count("number:") == 0
+    back = left.with_effects(["cogging@axis(harmonic=7)"])
+    assert back.values["cogging@axis.harmonic"] == 7
+    assert read(back.to_yaml()).values == back.values
+    assert model.without_effects(model.effect_names).parameters == load_model("axis").parameters
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("{effect: dead_zone, at: input, number: 2}", "acts once"),
+        ("{effect: cogging, at: motor, number: 0}", "number"),
+        (
+            "{effect: cogging, at: motor}, {effect: cogging, at: motor, number: 1}",
+            "has the effect cogging@motor already",
+        ),
+    ],
+)
+def test_a_number_that_is_none_is_refused_in_one_line(line: str, why: str) -> None:
+    with pytest.raises(InputError, match=why) as caught:
+        read(GOOD.replace("  - {effect: dead_zone, at: input, width: {value: 0.12}}", f"  [{line}]"))
+    assert "\n" not in str(caught.value)
+
+
 def test_a_measured_input_stays_one(tmp_path: Path) -> None:
     text = GOOD.replace("field: effort, unit: V}", "field: effort, unit: V, kind: measured}")
     model = read(text)

@@ -33,6 +33,16 @@ def test_a_chain_passes_its_torques_on():
     assert len(set(symbols.values())) == len(symbols)
 
 
+def test_what_acts_inside_a_body_is_written_with_the_spring_that_splits_it():
+    inside = ["compliance@axis(stiffness=6)", "backlash@axis-axis_far(gap=0.05)", "slip@axis-axis_far(limit=2)"]
+    lines, symbols = equations(load_model("axis").with_effects(inside))
+    written = [line.latex for line in lines]
+    assert any(one.startswith(r"T_{\text{axis-axis far}} = k_c\,\Delta \theta + d_c\,\Delta \omega") for one in written)
+    assert any(r"\text{, else } k_c\left(\Delta \theta" in one for one in written)
+    assert symbols["backlash@axis-axis_far.gap"] == r"\delta"
+    assert "axis-axis_far.stiffness" not in symbols
+
+
 @pytest.mark.parametrize(("name", "site"), EFFECTS, ids=[f"{n}@{s}" for n, s in EFFECTS])
 def test_every_effect_of_the_catalogue_is_written_and_its_parameters_have_symbols(name, site):
     assert all(effect.equation is not None for effect in built_in()[name] if effect.site == site)

@@ -138,9 +138,7 @@ def _within_limit(model: Model, section: Mapping[str, Any]) -> Reference:
     first = built(DEFAULT_REFERENCE, section)
     controller = build_controller({**section, "limit": None})
     limit = build_controller(section).limit
-    linear = model
-    for name in model.effect_names:
-        linear = linear.without_effect(name)
+    linear = model.without_effects(model.effect_names)
     most = float(np.max(np.abs(track(Plant(linear, noise=False), controller, first.path).command)))
     if not most > ASKED * limit:
         return first
@@ -225,9 +223,7 @@ def simulate_loops(
     period = float(section["sample_time"])
     compensated = build_controller(section, compensation=compensation)
     assert compensated.plan is not None  # noqa: S101 - it was given a compensation
-    rest = compensation.model
-    for one in compensated.plan.cancelled:
-        rest = rest.without_effect(one.active.name)
+    rest = compensation.model.without_effects(one.active.name for one in compensated.plan.cancelled)
     runs = []
     for number, (what, controller, plant) in enumerate(
         (

@@ -172,8 +172,10 @@ def followed_output(model: Model, values: Mapping[str, Any]) -> OutputSignal | N
 
 
 def bodies_before(model: Model, coupling: str) -> tuple[str, ...]:
-    """Bodies between the drive and the far side of a coupling."""
-    return model.bodies[: model.couplings.index(coupling) + 1]
+    """Bodies between the drive and the far side of a coupling; of a body that is split, its half before it."""
+    inner = model.inner_couplings.get(coupling)
+    last = model.couplings.index(coupling) if inner is None else model.bodies.index(inner.at)
+    return model.bodies[: last + 1]
 
 
 def _wanted(model: Model, effects: Sequence[str]) -> set[str]:

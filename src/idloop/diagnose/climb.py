@@ -135,7 +135,8 @@ class Climb(Generic[FitT]):
         """Take effects of some steps out again that others have made superfluous."""
         for earlier in steps:
             gone = earlier.added
-            if gone is None or earlier.chosen_by == "user" or gone.name in stays or not self._alone(fit.model, gone):
+            there = gone is not None and gone.name in fit.model.effect_names
+            if gone is None or not there or earlier.chosen_by == "user" or gone.name in stays:
                 continue
             without = self.view.without(fit, gone.name)
             if without is None:
@@ -152,12 +153,6 @@ class Climb(Generic[FitT]):
                 ladder, steps=(*others, replace(self._rise(added, model), set=last.set, p_value=last.p_value))
             )
         return ladder, fit
-
-    @staticmethod
-    def _alone(model: Model, added: Candidate) -> bool:
-        """Whether a model has an effect of a step, and no other of its kind there that would take its number."""
-        alike = [a for a in model.effects if (a.effect.name, a.at) == (added.effect, added.at)]
-        return len(alike) == 1 and alike[0].name == added.name
 
     def _concluded(self, ladder: Ladder, step: Step[FitT]) -> Ladder:
         verdict, findings = step.verdict() if not step.tied else (MISSING, ())

@@ -17,6 +17,7 @@ from idloop.diagnose.force_view import ForceView
 from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.refit import refit
 from idloop.diagnose.setting import prepare_setting
+from idloop.diagnose.split_bodies import split_bodies
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
@@ -85,7 +86,11 @@ def diagnose(
     told = [] if together is None else [together]
     if diagnosis.best is not None and diagnosis.best.model is not None:
         told += effect_scales(diagnosis.best.model, records)
-    texts = ["" if unmoved(diagnosis.gate.findings) else turned(model, reached), *(one.text for one in told)]
+    texts = [
+        "" if unmoved(diagnosis.gate.findings) else turned(model, reached),
+        *(one.text for one in told),
+        *split_bodies(reached, [rung.added.name for rung in diagnosis.rungs]),
+    ]
     findings = (*diagnosis.gate.findings, *(text for text in texts if text))
     return replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
 

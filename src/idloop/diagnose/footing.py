@@ -88,8 +88,8 @@ def _above(confirmed: list[Confirmed], lift: float) -> list[Confirmed]:
 
 
 def _rough(model: Model) -> bool:
-    """Whether a model has effects that remember, whose likelihood has many local optima."""
-    return any(active.effect.lags for active in model.effects)
+    """Whether a model has effects that remember, or sides that touch and part: its likelihood has many local optima."""
+    return has_contacts(model) or any(active.effect.lags for active in model.effects)
 
 
 def beside_the_noise_of(

@@ -30,7 +30,7 @@ from idloop.diagnose.reach import at_its_bound
 from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.restarts import has_contacts, searched_anew
 from idloop.diagnose.rivals import from_the_best
-from idloop.diagnose.same_motion import same_motion, within_rounding
+from idloop.diagnose.same_motion import same_from_another_start, same_motion, within_rounding
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting
 from idloop.diagnose.step import Step, View, Weighed
@@ -275,6 +275,8 @@ class PredictionView(View[Refit]):
                 refused[proposal.name] = why
             elif self._rounded_off(one.fit.model, proposal):
                 refused[proposal.name] = "it moves the reading by less than half a step of its rounding"
+            elif self._of_the_start(one.fit.model, proposal):
+                refused[proposal.name] = "another start does the same"
             elif self.held_out is not None and not holds(self.held_out, step.parent, proposal, one.fit):
                 refused[proposal.name] = "it does harm on the unseen data"
             elif not moved and not follows(self.setting, one.fit):
@@ -286,6 +288,12 @@ class PredictionView(View[Refit]):
         if proposal.effect.site != OUTPUT or proposal.replaces is not None:
             return False
         return within_rounding(model, model.without_effect(proposal.name), proposal.at, self.setting.records)
+
+    def _of_the_start(self, model: Model, proposal: Proposal) -> bool:
+        """Whether all that an effect does is done by a start that nobody knows."""
+        if not proposal.effect.hidden_by_start or proposal.replaces is not None:
+            return False
+        return same_from_another_start(model, model.without_effect(proposal.name), self.setting.records)
 
     def again(self, fit: Refit) -> Refit:
         """The same model, with the order of whitening that suits it."""

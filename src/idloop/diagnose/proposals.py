@@ -208,12 +208,12 @@ def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
     own = None if effect.several else next((active for active in beside if active.effect.name == effect.name), None)
     if own is not None:
         values = values_of(own, model.values)
-        return Proposal(effect, at, model.without_effect(own.name), own.name, plain=values)
+        return Proposal(effect, at, model.without_effect(own.name, making_room=True), own.name, plain=values)
     if any(effect.name in active.effect.contains for active in beside):
         return None
     for active in beside:
         if active.effect.name in effect.contains:
-            return Proposal(effect, at, model.without_effect(active.name), active.name)
+            return Proposal(effect, at, model.without_effect(active.name, making_room=True), active.name)
     for active in beside:
         shared = set(active.effect.contains) & set(effect.contains)
         if not shared:

@@ -25,6 +25,7 @@ from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.split_bodies import split_bodies
 from idloop.diagnose.step import FitT, View
 from idloop.diagnose.verdict import ADEQUATE, MISSING
 from idloop.estimate.dataset import prepare
@@ -112,6 +113,7 @@ def refine(
     texts = [
         "" if unmoved(found.findings) else turned(start, found.model),
         *(one.text for one in told),
+        *split_bodies(found.model, found.added),
         views_apart(found),
     ]
     return replace(found, findings=(*found.findings, *(text for text in texts if text)))
@@ -218,9 +220,14 @@ class _Task:
         return ladder
 
     def _spoils(self, before: Model, after: Model) -> bool:
-        """Whether a model leaves more of the drive's force unexplained than another one."""
-        was, now = (model_errors(one, self.validation or self.records)["force"] for one in (before, after))
-        return was is not None and (now is None or now > _SPOILT * was)
+        """Whether a model leaves more of the drive's force unexplained than another one.
+
+        A body that is two has no balance of forces along its measured motion: there the free run tells.
+        """
+        was, now = (model_errors(one, self.validation or self.records) for one in (before, after))
+        if after.inner_couplings:
+            return any(error > _SPOILT * was["anew"].get(name, np.inf) for name, error in now["anew"].items())
+        return was["force"] is not None and (now["force"] is None or now["force"] > _SPOILT * was["force"])
 
 
 def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:

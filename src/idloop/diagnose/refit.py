@@ -345,10 +345,7 @@ def _by_way_of_the_plain_machine(
     names = [f"{name}.{level}" for name, level in levels.items() if f"{name}.{level}" in model.free]
     if not names:
         return fit
-    plain_model = model
-    # The last of several waves goes first: what is behind one that goes moves up.
-    for name in reversed(names):
-        plain_model = plain_model.without_effect(name.rpartition(".")[0])
+    plain_model = model.without_effects(name.rpartition(".")[0] for name in names)
     try:
         plain = _search(setting, plain_model, None, None, None, rounds, False, orders, limits)
         start = model.with_values(plain.model.values).theta

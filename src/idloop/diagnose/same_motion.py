@@ -17,7 +17,7 @@ from idloop.estimate.dataset import Data, prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
-from idloop.validate.free_run import free_runs
+from idloop.validate.free_run import free_run, free_runs
 from idloop.validate.measures import NEGLIGIBLE
 
 Array = NDArray[np.float64]
@@ -39,15 +39,36 @@ def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
         False where a simulation fails.
     """
     try:
-        return all(
-            np.all(
-                np.sqrt(np.nanmean(apart[:, seen] ** 2, axis=0)) <= NEGLIGIBLE * np.nanstd(data.output[:, seen], axis=0)
-            )
-            for data, apart in _apart(model, other, records)
-            for seen in [np.any(np.isfinite(data.output), axis=0)]
-        )
+        return all(_negligible(data, apart) for data, apart in _apart(model, other, records))
     except IdloopError:
         return False
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def same_from_another_start(model: Model, other: Model, records: Sequence[Record]) -> bool:
+    """Whether two models move alike when each begins where it suits it best: an unknown start does the same.
+
+    Parameters
+    ----------
+    model, other : Model
+    records : sequence of Record
+
+    Returns
+    -------
+    bool
+        False where a simulation fails.
+    """
+    one, two = RememberingEngine(model), RememberingEngine(other)
+    try:
+        return all(_negligible(data, free_run(one, data) - free_run(two, data)) for data in prepare(model, records))
+    except IdloopError:
+        return False
+
+
+def _negligible(data: Data, apart: Array) -> bool:
+    seen = np.any(np.isfinite(data.output), axis=0)
+    size = np.sqrt(np.nanmean(apart[:, seen] ** 2, axis=0))
+    return bool(np.all(size <= NEGLIGIBLE * np.nanstd(data.output[:, seen], axis=0)))
 
 
 def within_rounding(model: Model, other: Model, output: str, records: Sequence[Record]) -> bool:

@@ -90,9 +90,9 @@ class Sizes:
             output = max(float(np.sqrt(np.mean(seen**2))), 1e-12) if len(seen) else 1.0
             noise = float(self.setting.noise[place])
         elif kind == COUPLING:
-            body = model.couplings.index(site) + 1
-            stiffness = max(values[f"{site}.stiffness"], 1e-12)
-            torque, torque_most = self._torques[body - 1]
+            inner = model.inner_couplings.get(site)
+            body = model.couplings.index(site) + 1 if inner is None else self._index(inner.at)
+            stiffness, torque, torque_most = self._torques[site]
             twist = torque / stiffness
         speed, most, middle, span = self.bodies[body]
         name = model.bodies[body]
@@ -128,14 +128,14 @@ class Sizes:
         return float(np.mean(np.concatenate(seen)))
 
     @cached_property
-    def _torques(self) -> list[tuple[float, float]]:
-        """Typical and largest torque of every coupling, in a free run of the linear part."""
+    def _torques(self) -> dict[str, tuple[float, float, float]]:
+        """Stiffness, typical and largest torque of every coupling, in a free run of the linear part."""
         engine = RememberingEngine(self.model)
         linear = engine.linearise(None)
         layout = engine.layout(None)
         stiffness, damping = layout.axis.stiffness, layout.axis.damping
         n = len(linear.A) // 2
-        joints = [body - 1 for body in layout.body_of[1:]]
+        joints = list(layout.joint_of.values())
         carried = np.zeros((len(joints), 2 * n))
         for row, joint in zip(carried, joints, strict=True):
             row[joint], row[joint + 1] = stiffness[joint], -stiffness[joint]
@@ -150,11 +150,12 @@ class Sizes:
             )
             a, b = np.ascontiguousarray(transition[:-1, :-1]), np.ascontiguousarray(transition[:-1, -1:])
             found.append(respond(a, b, carried, nothing, np.zeros(2 * n), d.held_input()[:, None]))
-        sizes = []
-        for torque in np.concatenate(found).T:
+        sizes = {}
+        for (site, joint), torque in zip(layout.joint_of.items(), np.concatenate(found).T, strict=True):
             seen = torque[np.isfinite(torque)]
             typical, most = np.sqrt(np.sum(seen**2) / max(len(seen), 1)), np.max(np.abs(seen), initial=0.0)
-            sizes.append((max(float(typical), 1e-12), max(float(most), 1e-12)))
+            stiff, typical, most = (max(float(size), 1e-12) for size in (stiffness[joint], typical, most))
+            sizes[site] = stiff, typical, most
         return sizes
 
 

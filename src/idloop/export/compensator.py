@@ -61,9 +61,9 @@ def export_compensation(compensation: Compensation) -> Exported:
     values = check_controller(model.controller)
     plan = plan_compensation(compensation, values)
     settings = choose_settings(compensation, plan, values)
-    kept = model
-    for name in plan.left:
-        kept = kept.without_effect(name)
+    inside = {one.active.at for one in plan.cancelled}
+    needed = {active.name for at, active in model.inner_couplings.items() if at in inside}
+    kept = model.without_effects(name for name in plan.left if name not in needed)
     numbers = [f"compensation_{key}: {value:.6g}" for key, value in vars(settings).items() if 0.0 < value < math.inf]
     left_out = tuple(f"{name}: {reason}" for name, reason in plan.left.items())
     notes = (*NOTES, "Without other parameters the node works with:", *numbers)

@@ -51,7 +51,7 @@ class Mechanics:
     body_of : dict
         Place in the chain of each body of the model.
     coupling_of : dict
-        Place among the couplings of each coupling of the model.
+        Place among the couplings of each coupling of the model, those inside split bodies included.
     stiffness, damping : list of float
         Of the couplings.
     gain : float
@@ -76,7 +76,7 @@ def body_names(model: Model, layout: Layout) -> list[str]:
     """Names of the bodies after compliance has split some; the second half of a body is its far one."""
     ends = (*layout.body_of[1:], layout.bodies)
     return [
-        name if index == first else f"{name}_far"
+        name if index == first else model.far_half(name)
         for name, first, end in zip(model.bodies, layout.body_of, ends, strict=True)
         for index in range(first, end)
     ]
@@ -108,7 +108,7 @@ def mechanics(model: Model, form: str) -> Mechanics:
     found = Mechanics(
         bodies=[Body(name, float(j), float(b)) for name, j, b in zip(names, axis.inertia, axis.viscous, strict=True)],
         body_of=body_of,
-        coupling_of={c: body_of[to] - 1 for c, to in zip(model.couplings, model.bodies[1:], strict=True)},
+        coupling_of=dict(layout.joint_of),
         stiffness=np.asarray(axis.stiffness, dtype=float).tolist(),
         damping=np.asarray(axis.damping, dtype=float).tolist(),
         gain=model.values["drive.gain"],

@@ -162,10 +162,8 @@ def currents(levels: Array, *, compensated: bool) -> Array:
     from idloop.physics import Engine
 
     machine = thesis.machine()
-    for name in machine.effect_names:
-        # Friction would hide what the current is.
-        if not name.startswith("input_offset"):
-            machine = machine.without_effect(name)
+    # Friction would hide what the current is.
+    machine = machine.without_effects(name for name in machine.effect_names if not name.startswith("input_offset"))
     section = {key: thesis.controller()[key] for key in ("sample_time", "linearisation")}
     compensation = thesis.offset_compensation(machine) if compensated else None
     alone = build_controller({"type": "none", **section}, compensation=compensation)

@@ -13,9 +13,10 @@ HEAD = """\
 Written by `python -m idloop.physics.document` from the effect files in `src/idloop/physics/effects`.
 
 An axis is a chain of bodies joined by couplings and driven at the first. Sites: `input`, a body's
-name (`motor`), a coupling (`motor-load`), an output (`position[motor]`). Units in braces are those of
-the model: `{input}` of the command, `{force}` N·m or N, `{position}` rad or m, `{output}` of the
-sensor. Add an effect in a model file (`- {effect: dead_zone, at: input, width: {value: 0.1}}`), on the
+name (`motor`), a coupling (`motor-load`), the coupling inside a body that `compliance` splits in two
+(`motor-motor_far`), an output (`position[motor]`). Units in braces are those of the model: `{input}` of the command,
+`{force}` N·m or N, `{position}` rad or m, `{output}` of the sensor. Add an effect in a model file
+(`- {effect: dead_zone, at: input, width: {value: 0.1}}`), on the
 command line (`--effect "dead_zone@input(width=0.1)"`) or on a running node (parameter `effects`). Effects
 [of your own](examples/own_effect/README.md) are Python files in a folder `effects` beside a model file, which run only
 after `idloop trust`, or with `--trust-effects`.
@@ -45,6 +46,7 @@ the body breaks away. The sum of the $`F_{\text{f}}`$ never drives: below zero i
     COUPLING: r"""
 A coupling from body a to body b has the twist Δq = q of a − q of b, and passes the force F = k Δq + c Δv on from a to
 b: a loses what b gets. The equations are those of each effect alone; several act in the order in which they stand here.
+The same effects act inside a body that `compliance` splits: there k and c are its stiffness and damping.
 """,
     OUTPUT: r"""
 A reading y begins as q or v of the sensor's body, times the `scale` of the output. The effects act in the order in

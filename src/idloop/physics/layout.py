@@ -34,6 +34,8 @@ class Layout:
         Bodies after compliance has split some.
     body_of : tuple of int
         Place in the chain of each body of the model.
+    joint_of : mapping of str to int
+        Place in the chain of each coupling of the model, and of each one inside a body that compliance has split.
     states : int
         Length of the state vector.
     delay : float
@@ -45,6 +47,7 @@ class Layout:
     axis: Axis
     bodies: int
     body_of: tuple[int, ...]
+    joint_of: Mapping[str, int]
     states: int
     delay: float
     wanted: tuple[Wanted, ...] = ()
@@ -94,11 +97,13 @@ class _Chain:
         self.stiffness: list[float] = []
         self.damping: list[float] = []
         self.body_of: list[int] = []
+        self.joint_of: dict[str, int] = {}
         splits = {active.at: active for active in model.effects if active.effect.splits}
         couplings = model.couplings
         for index, body in enumerate(model.bodies):
             if index > 0:
                 coupling = couplings[index - 1]
+                self.joint_of[coupling] = len(self.stiffness)
                 self.stiffness.append(values[f"{coupling}.stiffness"])
                 self.damping.append(values[f"{coupling}.damping"])
             self.body_of.append(len(self.inertia))
@@ -113,6 +118,7 @@ class _Chain:
                 (self.viscous, viscous, own["viscous_split"]),
             ):
                 parts += [whole * (1.0 - far), whole * far]
+            self.joint_of[model.inside(body)] = len(self.stiffness)
             self.stiffness.append(own["stiffness"])
             self.damping.append(own["damping"])
 
@@ -169,7 +175,6 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     chain = _Chain(model, values)
     n = len(chain.inertia)
     body_of = dict(zip(model.bodies, chain.body_of, strict=True))
-    joint_of = {coupling: body_of[b] - 1 for coupling, b in zip(model.couplings, model.bodies[1:], strict=True)}
     output_of = {output.site: index for index, output in enumerate(model.outputs)}
     output_delay = np.zeros(len(model.outputs))
     tables: dict[str, list[list[int]]] = {kind: [] for kind in (INPUT, BODY, "friction", COUPLING, OUTPUT)}
@@ -186,7 +191,9 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     for active in sorted(model.effects, key=lambda active: active.effect.order):
         effect = active.effect
         own = values_of(active, values)
-        if effect.splits or (effect.final and not final):
+        # Inside a body that is not split, or by a spring without give, nothing acts.
+        nowhere = effect.site == COUPLING and active.at not in chain.joint_of
+        if effect.splits or nowhere or (effect.final and not final):
             continue
         if effect.delay:
             if effect.site == INPUT:
@@ -199,7 +206,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
             site = body_of[active.at]
             inertia = chain.inertia[site]
         elif effect.site == COUPLING:
-            site = joint_of[active.at]
+            site = chain.joint_of[active.at]
             inertia, stiffness = min(chain.inertia[site : site + 2]), chain.stiffness[site]
         elif effect.site == OUTPUT:
             site = output_of[active.at]
@@ -262,7 +269,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
         condition=np.zeros((0, len(conditioned))),
     )
     delay = float(np.max(output_delay, initial=0.0))
-    return Layout(axis, n, tuple(chain.body_of), next_state + 1, delay, tuple(wanted))
+    return Layout(axis, n, tuple(chain.body_of), chain.joint_of, next_state + 1, delay, tuple(wanted))
 
 
 def _equations(active: ActiveEffect) -> list[tuple[str, Hook]]:

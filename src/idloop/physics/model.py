@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -194,6 +195,22 @@ class Model:
         """Names of the couplings, such as ``motor-load``."""
         return tuple(f"{a}-{b}" for a, b in zip(self.bodies[:-1], self.bodies[1:], strict=True))
 
+    def far_half(self, body: str) -> str:
+        """Name of the far half of a body that an effect splits in two, such as ``load_far``."""
+        name = f"{body}_far"
+        while name in self.bodies:
+            name += "_far"
+        return name
+
+    def inside(self, body: str) -> str:
+        """Name of the coupling between the two halves of a body that an effect splits, such as ``load-load_far``."""
+        return f"{body}-{self.far_half(body)}"
+
+    @property
+    def inner_couplings(self) -> dict[str, ActiveEffect]:
+        """Couplings inside bodies that an effect splits in two, and the effect that does so."""
+        return {self.inside(active.at): active for active in self.effects if active.effect.splits}
+
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name.
 
@@ -261,7 +278,7 @@ class Model:
         return (self.folder / "effects",) if self.folder is not None else ()
 
     def site_kind(self, at: str) -> str:
-        """Kind of a site of this model.
+        """Kind of a site of this model; of the coupling inside a body also before an effect splits that body.
 
         Raises
         ------
@@ -272,7 +289,7 @@ class Model:
             return INPUT
         if at in self.bodies:
             return BODY
-        if at in self.couplings:
+        if at in self.couplings or at in map(self.inside, self.bodies):
             return COUPLING
         if at in self.sites(OUTPUT):
             return OUTPUT
@@ -286,7 +303,7 @@ class Model:
         if kind == BODY:
             return self.bodies
         if kind == COUPLING:
-            return self.couplings
+            return (*self.couplings, *self.inner_couplings)
         return tuple(output.site for output in self.outputs)
 
     def with_effect(self, name: str, at: str, **values: float | Mapping[str, Any] | Value) -> Model:
@@ -309,17 +326,27 @@ class Model:
         }
         return self.with_entry(name, at, as_values)
 
-    def with_entry(self, name: str, at: str, values: Mapping[str, Any]) -> Model:
+    def with_entry(self, name: str, at: str, values: Mapping[str, Any], number: int | None = None) -> Model:
         """Return the model with one more effect as a model file writes it: a bare number is known.
+
+        Parameters
+        ----------
+        name, at : str
+        values : mapping
+            Of its parameters.
+        number : int, optional
+            Which one it is of an effect that may act several times at a site; the first that is free when left out.
 
         Raises
         ------
         InputError
-            As `with_effect`.
+            As `with_effect`; a number for an effect that acts once.
         """
         kind = self.site_kind(at)
         effect = find_effect(name, kind, *self.effect_folders)
-        active = ActiveEffect(effect, at, self.next_number(effect, at))
+        if number is not None and not effect.several:
+            raise InputError(f"effect {name} acts once at a site: leave its number out")
+        active = ActiveEffect(effect, at, self.next_number(effect, at) if number is None else number)
         if active.name in self.effect_names:
             raise InputError(f"model {self.name} has the effect {active.name} already: name it once")
         output = next((o for o in self.outputs if o.site == at), None)
@@ -331,8 +358,9 @@ class Model:
         return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))
 
     def next_number(self, effect: Effect, at: str) -> int:
-        """Number of one more effect at a site: 1, unless it may act there several times."""
-        return 1 + (sum(a.effect.name == effect.name and a.at == at for a in self.effects) if effect.several else 0)
+        """Number of one more effect at a site: 1, or the first that is free of one that may act there several times."""
+        taken = {a.number for a in self.effects if (a.effect.name, a.at) == (effect.name, at)}
+        return next(n for n in count(1) if n not in taken or not effect.several)
 
     def _effect_parameters(self, active: ActiveEffect, values: Mapping[str, Any], unit: str) -> list[Parameter]:
         effect = active.effect
@@ -372,34 +400,43 @@ class Model:
             )
         return added
 
-    def without_effect(self, name: str) -> Model:
-        """Return the model without an effect, named as in `effect_names`.
+    def without_effect(self, name: str, *, making_room: bool = False) -> Model:
+        """Return the model without an effect, as `without_effects`."""
+        return self.without_effects([name], making_room=making_room)
+
+    def without_effects(self, names: Iterable[str], *, making_room: bool = False) -> Model:
+        """Return the model without some of its effects, and without what acts inside bodies that these split.
+
+        Parameters
+        ----------
+        names : iterable of str
+            As in `effect_names`. The others keep theirs.
+        making_room : bool
+            Others take their places: what acts inside the bodies stays.
 
         Raises
         ------
         InputError
             The model has no such effect.
         """
-        if name not in self.effect_names:
-            raise InputError(
-                f"model {self.name} has no effect '{name}'{did_you_mean_or_known(name, list(self.effect_names))}"
-                if self.effects
-                else f"model {self.name} has no effects"
-            )
-        gone = next(active for active in self.effects if active.name == name)
-        effects, names = [], {}
+        gone = {self._effect(name).name for name in names}
+        inside = {at for at, active in self.inner_couplings.items() if active.name in gone and not making_room}
+        gone |= {active.name for active in self.effects if active.at in inside}
+        return replace(
+            self,
+            effects=tuple(active for active in self.effects if active.name not in gone),
+            parameters=tuple(p for p in self.parameters if p.name.rpartition(".")[0] not in gone),
+        )
+
+    def _effect(self, name: str) -> ActiveEffect:
         for active in self.effects:
-            after = (active.effect.name, active.at) == (gone.effect.name, gone.at) and active.number > gone.number
-            kept = replace(active, number=active.number - 1) if after else active
-            names[active.name] = kept.name
-            if active is not gone:
-                effects.append(kept)
-        parameters = []
-        for parameter in self.parameters:
-            owner, _, own = parameter.name.rpartition(".")
-            if owner != name:
-                parameters.append(replace(parameter, name=f"{names[owner]}.{own}") if owner in names else parameter)
-        return replace(self, effects=tuple(effects), parameters=tuple(parameters))
+            if active.name == name:
+                return active
+        raise InputError(
+            f"model {self.name} has no effect '{name}'{did_you_mean_or_known(name, list(self.effect_names))}"
+            if self.effects
+            else f"model {self.name} has no effects"
+        )
 
     def with_effects(self, texts: Iterable[str]) -> Model:
         """Return the model with effects given as text, see `parse_effect`."""
@@ -407,7 +444,24 @@ class Model:
         for text in texts:
             name, at, values = parse_effect(text)
             model = model.with_effect(name, at, **values)
-        return model
+        return model.checked()
+
+    def checked(self) -> Model:
+        """Return the model, whose effects all have a place to act.
+
+        Raises
+        ------
+        InputError
+            An effect acts inside a body that no effect splits in two.
+        """
+        inside = {self.inside(body): body for body in self.bodies}
+        for active in self.effects:
+            if active.at in inside and active.at not in self.sites(COUPLING):
+                raise InputError(
+                    f"effect {active.name} acts between two halves of {inside[active.at]}, which is one body: "
+                    f"add compliance@{inside[active.at]}"
+                )
+        return self
 
     # -- file ---------------------------------------------------------------------------
 

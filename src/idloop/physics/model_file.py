@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
@@ -82,8 +83,12 @@ def to_mapping(model: Model) -> dict[str, Any]:
             for one in model.conditions
         ]
     file["effects"] = []
+    before = replace(model, effects=())
     for active in model.effects:
         line: dict[str, Any] = {"effect": active.effect.name, "at": active.at}
+        if active.number != before.next_number(active.effect, active.at):
+            line["number"] = active.number
+        before = replace(before, effects=(*before.effects, active))
         for spec in active.effect.parameters:
             if f"{active.name}.{spec.name}" in by_name:
                 line[spec.name] = number(f"{active.name}.{spec.name}")
@@ -224,12 +229,15 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
     )
     for index, entry in enumerate(file.effects):
         model = _add_entry(model, entry, f"{where}: effects[{index}]")
-    return model
+    try:
+        return model.checked()
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:
     try:
-        return model.with_entry(entry.effect, entry.at, entry.model_extra or {})
+        return model.with_entry(entry.effect, entry.at, entry.model_extra or {}, entry.number)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
 

@@ -138,6 +138,7 @@ class EffectEntry(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True)
     effect: Name
     at: Name
+    number: int | None = Field(default=None, ge=1)
 
 
 class Disturbance(BaseModel):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, EffectEquation
+from idloop.physics.schema import COUPLING_PARAMETERS
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -129,7 +130,15 @@ def equations(model: Model) -> tuple[list[Equation], dict[str, str]]:
     for coupling, (first, second) in zip(
         model.couplings, zip(model.bodies[:-1], model.bodies[1:], strict=True), strict=True
     ):
-        _coupling(writer, coupling, first, second)
+        twist, rate = (rf"\left({writer.of(x, first)} - {writer.of(x, second)}\right)" for x in (writer.q, writer.v))
+        stiffness, damping = (rf"{x}_{{\text{{{plain_words(coupling)}}}}}" for x in ("k", "c"))
+        writer.symbols |= {f"{coupling}.stiffness": stiffness, f"{coupling}.damping": damping}
+        _coupling(writer, coupling, twist, rate)
+    for coupling, active in model.inner_couplings.items():
+        if writer.effects(COUPLING, coupling):
+            for own in COUPLING_PARAMETERS:
+                writer.symbols[f"{coupling}.{own}"] = writer.symbols[f"{active.name}.{own}"]
+            _coupling(writer, coupling, *(writer.filled(rf"\Delta {x}", body=active.at) for x in ("@q", "@v")))
     for output in model.outputs:
         _reading(writer, output)
     return writer.lines, {name: symbol for name, symbol in writer.symbols.items() if name in model.values}
@@ -181,16 +190,15 @@ def _between(writer: _Writer, coupling: str) -> str:
     return rf"{writer.force}_{{\text{{{plain_words(coupling)}}}}}"
 
 
-def _coupling(writer: _Writer, coupling: str, first: str, second: str) -> None:
-    twist, rate = (rf"\left({writer.of(x, first)} - {writer.of(x, second)}\right)" for x in (writer.q, writer.v))
-    stiffness, damping = (rf"{x}_{{\text{{{plain_words(coupling)}}}}}" for x in ("k", "c"))
-    writer.symbols |= {f"{coupling}.stiffness": stiffness, f"{coupling}.damping": damping}
+def _coupling(writer: _Writer, coupling: str, twist: str, rate: str) -> None:
+    stiffness, damping = (writer.symbols[f"{coupling}.{own}"] for own in COUPLING_PARAMETERS)
     right, definitions = rf"{stiffness}\,{twist} + {damping}\,{rate}", []
     for active in writer.effects(COUPLING, coupling):
         equation = writer.equation_of(active, COUPLING)
         right += " " + writer.filled(equation.term, coupling)
         if equation.text:
-            definitions.append(Equation(writer.filled(equation.text, coupling), "coupling", active.name))
+            text = equation.text.replace("k_{@s}", stiffness).replace("c_{@s}", damping)
+            definitions.append(Equation(writer.filled(text, coupling), "coupling", active.name))
         writer.keep_symbols(active, equation)
     writer.lines.append(Equation(f"{_between(writer, coupling)} = {right}", f"{coupling}: what passes"))
     writer.lines += definitions

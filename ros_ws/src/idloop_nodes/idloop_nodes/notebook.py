@@ -121,11 +121,8 @@ class Notebook:
         ladder = self.ladder
         if ladder is None:
             # The job's model has the effects already; the ladder begins without them.
-            start = job.model
-            for name in names:
-                start = start.without_effect(name)
             ladder = refine(
-                start,
+                job.model.without_effects(names),
                 job.records,
                 job.validation,
                 level=job.level,
