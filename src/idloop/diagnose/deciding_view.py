@@ -35,14 +35,15 @@ class Views:
     Attributes
     ----------
     balance : WeakFit or None
-        The model fitted by its force balance; None where some body is not measured, where sensor noise is what it would
-        show, where the command is turned, and where what it shows is a feedback.
+        The model fitted by its force balance; None where it cannot decide: where some body is not measured, where
+        sensor noise is what it would show, where it leaves next to nothing, where the command is turned, and where what
+        it shows is a feedback.
     """
 
     def __init__(self, model: Model, setting: Setting, forms: dict[int, WeakForm]) -> None:
         self.model, self.setting = model, setting
         fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms)
-        serves = fit is not None and fit.reliable and setting.shows(fit.model) and not _against_the_command(fit)
+        serves = fit is not None and fit.serves and setting.shows(fit.model) and not _against_the_command(fit)
         self.balance = fit if serves else None
 
     @cached_property
@@ -56,12 +57,6 @@ class Views:
         if self.balance is None:
             return False
         return self.predicted is None or self.balance.hides_from(self.predicted.model)
-
-    @property
-    def deciding(self) -> WeakFit | None:
-        """The balance where it decides: where its model error stands out, or predictions are blind."""
-        fit = self.balance
-        return fit if fit is not None and (fit.model_error_rules or self.blind) else None
 
     def contradict(self, found: Model, level: float) -> bool:
         """Whether predictions of the next sample are no better for what the balance has found.

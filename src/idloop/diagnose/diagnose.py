@@ -109,7 +109,7 @@ def _by_force(
     setting, asked = with_common_whitening(prepare_setting(model, records, "prediction")), criterion == FORCE
     forms: dict[int, WeakForm] = {}
     views = None if asked else Views(model, setting, forms)
-    fit = asked_fit(model, setting, forms) if views is None else views.deciding
+    fit = asked_fit(model, setting, forms) if views is None else views.balance
     if fit is None:
         return None
     tell(0.3, "weighing effects")

@@ -219,8 +219,8 @@ def _curves(fit: WeakFit) -> list[Curve]:
             ahead = _hats(values + 1e-3 * (knots[1] - knots[0]), knots, closed=turn)
             slope = (ahead - hats) / (1e-3 * (knots[1] - knots[0]))
             columns = columns - 0.5 * slope * signals["velocity"][:, None] ** 2
-        if of == "drive":
-            # Its mean is that of all other forces: a drive that is switched off explains everything.
+        if of in ("drive", "inertia"):
+            # Its mean is that of all other forces: a machine without drive and inertia explains everything.
             columns = columns - np.mean(columns, axis=1, keepdims=True)
         return Curve(of, of_unit, name, unit, knots, columns, turn)
 

@@ -19,11 +19,12 @@ from idloop.diagnose.errors import model_errors
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView, fitted_model
 from idloop.diagnose.intervals import with_stderr
-from idloop.diagnose.ladder import Ladder, Step
+from idloop.diagnose.ladder import Ladder
+from idloop.diagnose.ladder import Step as LadderStep
 from idloop.diagnose.lattice import quantised
 from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import refit, refit_or_none
+from idloop.diagnose.refit import Refit, refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.split_bodies import split_bodies
 from idloop.diagnose.step import FitT, View
@@ -32,6 +33,7 @@ from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
+from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
@@ -97,18 +99,17 @@ def refine(
         model, records, validation, level, minimum_improvement, effects, seed, most,
         progress or (lambda share, text: None), on_step,
     )  # fmt: skip
-    found = None
+    found, last = None, None
     # A ladder goes on by what it has been climbed by.
     wanted = (
         ladder.criterion if criterion == "auto" and ladder is not None and ladder.criterion != "auto" else criterion
     )
     if wanted in ("auto", FORCE):
-        found = task.by_force(start, ladder, asked=wanted == FORCE)
+        found, last = task.by_force(start, ladder, asked=wanted == FORCE)
         if wanted != FORCE:
-            climbed = found is not None and found is not ladder
-            found = task.by_errors(start if found is None else found.model, found or ladder, PREDICTION, climbed)
+            found = task.by_errors(start if found is None else found.model, found or ladder, PREDICTION, last)
     if found is None:
-        found = task.by_errors(start, ladder, kind if wanted == criterion else wanted, False)
+        found = task.by_errors(start, ladder, kind if wanted == criterion else wanted)
     told = ([] if together is None else [together]) + effect_scales(found.model, records)
     texts = [
         "" if unmoved(found.findings) else turned(start, found.model),
@@ -158,42 +159,60 @@ class _Task:
     tell: Progress
     on_step: Callable[[Ladder], None] | None
 
-    def by_force(self, start: Model, ladder: Ladder | None, *, asked: bool) -> Ladder | None:
-        """Climb by the force balance where it serves; as it was where that shows nothing."""
+    def by_force(
+        self, start: Model, ladder: Ladder | None, *, asked: bool
+    ) -> tuple[Ladder, WeakFit] | tuple[Ladder | None, None]:
+        """Climb by the force balance where it serves, to its last fit; as it was where that shows nothing."""
         setting = with_common_whitening(prepare_setting(start, self.records, "prediction", self.validation))
         forms: dict[int, WeakForm] = {}
         views = None if asked else Views(start, setting, forms)
-        fit = asked_fit(start, setting, forms) if views is None else views.deciding
+        fit = asked_fit(start, setting, forms) if views is None else views.balance
         if fit is None:
-            return None
+            return ladder, None
         held_out = prepare(start, self.validation, beside=self.records) if self.validation else []
         view = ForceView(setting, self.level, self.least, self.effects, held_out, forms)
         found, last = self._climb(view, FORCE)(fit, ladder)
         if views is None:
-            return found
-        if last.relative >= NOTHING:
-            return ladder
-        if len(found.steps) == (1 if ladder is None else len(ladder.steps)):
-            return found if views.blind else ladder
-        return ladder if views.contradict(found.model, self.level) else found
+            return found, last
+        nothing = len(found.steps) == (1 if ladder is None else len(ladder.steps))
+        if last.relative >= NOTHING or (not views.blind if nothing else views.contradict(found.model, self.level)):
+            return ladder, None
+        if ladder is None and views.predicted is not None and not fit.decides_against(views.predicted.model):
+            found = replace(found, steps=(self._as_predicted(found.steps[0], views.predicted), *found.steps[1:]))
+        return found, last
 
-    def by_errors(self, start: Model, ladder: Ladder | None, kind: str, climbed: bool) -> Ladder:
+    def _as_predicted(self, step: LadderStep, fit: Refit) -> LadderStep:
+        """A step with its model fitted to prediction errors."""
+        model, added = with_stderr(fit, self.records), step.added
+        if added is not None:
+            added = replace(added, model=model, parameters=effect_parameters(model, added.name))
+        return replace(
+            step,
+            added=added,
+            model=model,
+            train=model_errors(model, self.records),
+            validation=model_errors(model, self.validation),
+        )
+
+    def by_errors(self, start: Model, ladder: Ladder | None, kind: str, last: WeakFit | None = None) -> Ladder:
         """Climb by one criterion; on from what the force balance has found, whose error must not become larger."""
         setting = with_common_whitening(prepare_setting(start, self.records, kind, self.validation))
         held_out = None
         if self.validation:
             held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
-        on = self._told_apart(setting, ladder) if climbed and ladder is not None else None
+        on = None if last is None or ladder is None else self._told_apart(setting, ladder)
         given = self.model if on is None else on.model
         view = PredictionView(setting, given, self.level, self.least, self.effects, held_out, self.seed, self.tell)
         climb = self._climb(view, kind)
-        if on is None:
+        if on is None or last is None:
             found, _ = climb(refit(setting, start), ladder)
         else:
-            fit = refit_or_none(setting, on.model)
+            found, fit = on, refit_or_none(setting, on.model)
             # A disturbance that is free may take a part of the force for its own: such predictions see no better.
-            agree = fit is not None and not self._spoils(on.model, fit.model)
-            found = replace(climb, spoils=self._spoils)(fit, on)[0] if fit is not None and agree else on
+            if fit is not None and not self._spoils(on.model, fit.model):
+                if not last.decides_against(fit.model):
+                    on = replace(on, steps=(*on.steps[:-1], self._as_predicted(on.steps[-1], fit)))
+                found, _ = replace(climb, spoils=self._spoils)(fit, on)
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)
@@ -236,7 +255,7 @@ def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:
         candidate.effect, candidate.at, {name: entry["value"] for name, entry in candidate.parameters.items()}
     )
     last = ladder.steps[-1]
-    step = Step(
+    step = LadderStep(
         added=replace(candidate, model=model),
         model=model,
         set=(candidate.name,),
@@ -344,7 +363,7 @@ def _added_by_force(
 def _chosen(
     ladder: Ladder, candidate: Candidate, model: Model, records: Sequence[Record], validation: Sequence[Record]
 ) -> Ladder:
-    step = Step(
+    step = LadderStep(
         added=candidate,
         model=model,
         set=(candidate.name,),

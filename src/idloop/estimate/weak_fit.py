@@ -42,6 +42,8 @@ _DISAGREE = 0.02
 _RELIABLE = 0.9
 # A fit to prediction errors that leaves so many times the force that a disturbance may be has forces in that.
 _HIDDEN = 1.5
+# ... in windows of at most so many times those that resolve the motion: a period of the motion's band.
+_PERIOD = 4
 # Fewer windows in all do not tell a model from another.
 FEWEST_ROWS = 100
 # The search ends where a step promises less log-likelihood than this; one that only ranks models, where it is a
@@ -49,6 +51,8 @@ FEWEST_ROWS = 100
 TOLERANCE, RANKING = 1e-4, 0.05
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
+# Slopes are differences over this part of a parameter's size.
+_SLOPE_STEP = 1e-4
 # Parts of a linear step that are tried where values must suit each other, such as two levels of friction.
 _SHARES = (1.0, 0.5, 0.25, 0.0)
 # A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
@@ -121,6 +125,21 @@ class WeakFit:
         """Whether it is the model, and not sensor noise, that limits the balance."""
         return self.reliable and model_error_rules(self.form, self.theta, self.shift)
 
+    @property
+    def serves(self) -> bool:
+        """Whether what it leaves may show what the model lacks: it is reliable and leaves a part of the force."""
+        return self.reliable and LEAST_UNEXPLAINED <= self.relative < 1.0
+
+    def decides_against(self, predicted: Model) -> bool:
+        """Whether these values are to be trusted rather than those of a fit to prediction errors.
+
+        Parameters
+        ----------
+        predicted : Model
+            As of `hides_from`.
+        """
+        return self.model_error_rules or self.hides_from(predicted)
+
     def hides_from(self, predicted: Model) -> bool:
         """Whether predictions have taken a force for a disturbance which this balance accounts for.
 
@@ -129,7 +148,7 @@ class WeakFit:
         predicted : Model
             The same model, fitted to prediction errors.
         """
-        if not self.reliable or not LEAST_UNEXPLAINED <= self.relative < 1.0:
+        if not self.serves or self.form.width > _PERIOD * self.form.widest:
             return False
         # A disturbance that moves the axis leaves more of the force than the least squares of it do: they count what it
         # accelerates as inertia.
@@ -180,8 +199,15 @@ class WeakFit:
 
     @cached_property
     def slopes_of_force(self) -> Array:
-        """Slopes of the driven body's unexplained force by the point, shape (rows, k), but for a common factor each."""
-        return np.asarray(self.linear[1][:, 0, :])
+        """Slopes of the driven body's unexplained force by the point, shape (rows, k)."""
+        (_, upper), sizes = _limits(self.form), _sizes(self.form, self.point)
+        found = np.zeros((len(self.residual), len(self.point)))
+        for place, step in enumerate(_SLOPE_STEP * sizes):
+            there = self.point.copy()
+            there[place] += step if there[place] + step <= upper[place] else -step
+            moved = self.form.residual(*_split(self.form, there))[:, 0]
+            found[:, place] = (moved - self.residual[:, 0]) / (there[place] - self.point[place])
+        return np.where(np.all(np.isfinite(found), axis=0), found, 0.0)
 
     @cached_property
     def covariance(self) -> Array:
@@ -467,7 +493,7 @@ def fit_weak(
     lower, upper = _limits(form)
     point = np.clip(start if len(start) == len(lower) else np.append(start, 0.0), lower, upper)
     size = _sizes(form, point)
-    step = 1e-4 * size
+    step = _SLOPE_STEP * size
     if not np.all(np.isfinite(form.residual(*_split(form, point)))):
         raise IdloopError("the force balance cannot be evaluated at the starting values")
     target = _Target(form, alike=alike)
