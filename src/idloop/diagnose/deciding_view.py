@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
+from idloop.diagnose.candidate import Candidate, effect_parameters
+from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.refit import Refit, refit_or_none
 from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import InputError
@@ -12,6 +16,7 @@ from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.weak_fit import WeakFit, draft_of, fit_anew, fit_by_force
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.model import Model
+from idloop.records import Record
 
 # Where the best model leaves this part of the drive's force, it is not the force that moves the axis.
 NOTHING = 0.9
@@ -76,6 +81,20 @@ class Views:
         if part is not None and not _denies(refit_or_none(part, self.model), found, part, level):
             return False
         return _denies(self.predicted, found, self.setting, level) and not self.blind
+
+
+def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) -> Candidate:
+    """A candidate with the values of a fit to prediction errors.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    fit : Refit
+        Of the model that has it.
+    records : sequence of Record
+    """
+    model = with_stderr(fit, records)
+    return replace(candidate, model=model, parameters=effect_parameters(model, candidate.name))
 
 
 def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> WeakFit:

@@ -9,19 +9,20 @@ import numpy as np
 
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, Views, asked_fit
+from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
 from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView
 from idloop.diagnose.prediction_view import PredictionView
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
+from idloop.diagnose.refit import refit, refit_or_none
+from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.split_bodies import split_bodies
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
+from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -126,8 +127,22 @@ def _by_force(
         if told:
             names = tuple(one.name for one in told)
             found = replace(found, candidates=(*told, *(c for c in found.candidates if c.name not in names)), set=names)
+        elif step.tied:
+            found = _valued(found, step.tied[0].fit, setting)
     tell(1.0, "done")
     return found
+
+
+def _valued(found: Diagnosis, fit: WeakFit, setting: Setting) -> Diagnosis:
+    """The same effects with the values that `fit` gives them: of predictions, where these are the finer ones."""
+    if fit.model_error_rules:
+        return found
+    candidates = []
+    for one in found.candidates:
+        predicted = None if one.model is None or one.name not in found.set else refit_or_none(setting, one.model)
+        finer = predicted is not None and not fit.hides_from(predicted.model)
+        candidates.append(as_predicted(one, predicted, setting.records) if predicted is not None and finer else one)
+    return replace(found, candidates=tuple(candidates))
 
 
 def _by_errors(

@@ -12,7 +12,7 @@ from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, PREDICTION, check_numbers, first_kind
 from idloop.diagnose.climb import Climb
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, Views, asked_fit
+from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
 from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
@@ -183,9 +183,8 @@ class _Task:
 
     def _as_predicted(self, step: LadderStep, fit: Refit) -> LadderStep:
         """A step with its model fitted to prediction errors."""
-        model, added = with_stderr(fit, self.records), step.added
-        if added is not None:
-            added = replace(added, model=model, parameters=effect_parameters(model, added.name))
+        added = None if step.added is None else as_predicted(step.added, fit, self.records)
+        model = with_stderr(fit, self.records) if added is None or added.model is None else added.model
         return replace(
             step,
             added=added,
