@@ -39,7 +39,10 @@ def test_a_third_is_simulated_by_code_that_shares_nothing_with_ours(cases):
 
 
 def test_every_effect_of_the_catalogue_is_hidden_somewhere():
-    assert {row.effect for row in SINGLES} == set(catalogue())
+    # But for what depends on a condition that is measured beside the axis: the suite records none.
+    assert {row.effect for row in SINGLES} == {
+        name for name, several in catalogue().items() if not any(one.condition for one in several)
+    }
 
 
 def test_no_case_is_too_long(cases):

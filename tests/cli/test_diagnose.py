@@ -45,7 +45,7 @@ def test_it_says_so_in_words(hidden, capsys):
         assert word in out
     assert "an effect is missing: dead_zone@input. Small commands do nothing" in out
     # A share of what, and of which model the lists are.
-    assert "explains: part of the power of the one-step prediction errors that the model without it leaves" in out
+    assert "explains: part of the power of the drive force that the model without it leaves unexplained" in out
     assert "testable, would show with: as long as dead_zone@input is not in the model" in out
     assert "as long as dead_zone@input is not in the model, this data cannot show:" in out
 

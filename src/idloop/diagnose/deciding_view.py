@@ -63,6 +63,13 @@ class Views:
             return False
         return self.predicted is None or self.balance.hides_from(self.predicted.model)
 
+    @property
+    def finer(self) -> Refit | None:
+        """The model fitted to prediction errors where its values are those of `fit`; None where they are not."""
+        balance, predicted = self.balance, self.predicted
+        against = balance is not None and predicted is not None and balance.decides_against(predicted.model)
+        return None if against else predicted
+
     def contradict(self, found: Model, level: float) -> bool:
         """Whether predictions of the next sample are no better for what the balance has found.
 

@@ -167,6 +167,9 @@ class _Task:
         forms: dict[int, WeakForm] = {}
         views = None if asked else Views(start, setting, forms)
         fit = asked_fit(start, setting, forms) if views is None else views.balance
+        if views is not None and ladder is not None:
+            # One that was interrupted has the values of the balance.
+            ladder = self._as_predicted(ladder, -1, views.finer)
         if fit is None:
             return ladder, None
         held_out = prepare(start, self.validation, beside=self.records) if self.validation else []
@@ -177,21 +180,19 @@ class _Task:
         nothing = len(found.steps) == (1 if ladder is None else len(ladder.steps))
         if last.relative >= NOTHING or (not views.blind if nothing else views.contradict(found.model, self.level)):
             return ladder, None
-        if ladder is None and views.predicted is not None and not fit.decides_against(views.predicted.model):
-            found = replace(found, steps=(self._as_predicted(found.steps[0], views.predicted), *found.steps[1:]))
-        return found, last
+        return (found if ladder is not None else self._as_predicted(found, 0, views.finer)), last
 
-    def _as_predicted(self, step: LadderStep, fit: Refit) -> LadderStep:
-        """A step with its model fitted to prediction errors."""
+    def _as_predicted(self, ladder: Ladder, place: int, fit: Refit | None) -> Ladder:
+        """The ladder with the model of a step fitted to prediction errors; as it was without a fit."""
+        if fit is None:
+            return ladder
+        steps = list(ladder.steps)
+        step = steps[place]
         added = None if step.added is None else as_predicted(step.added, fit, self.records)
         model = with_stderr(fit, self.records) if added is None or added.model is None else added.model
-        return replace(
-            step,
-            added=added,
-            model=model,
-            train=model_errors(model, self.records),
-            validation=model_errors(model, self.validation),
-        )
+        train, unseen = model_errors(model, self.records), model_errors(model, self.validation)
+        steps[place] = replace(step, added=added, model=model, train=train, validation=unseen)
+        return replace(ladder, steps=tuple(steps))
 
     def by_errors(self, start: Model, ladder: Ladder | None, kind: str, last: WeakFit | None = None) -> Ladder:
         """Climb by one criterion; on from what the force balance has found, whose error must not become larger."""
@@ -209,8 +210,7 @@ class _Task:
             found, fit = on, refit_or_none(setting, on.model)
             # A disturbance that is free may take a part of the force for its own: such predictions see no better.
             if fit is not None and not self._spoils(on.model, fit.model):
-                if not last.decides_against(fit.model):
-                    on = replace(on, steps=(*on.steps[:-1], self._as_predicted(on.steps[-1], fit)))
+                on = self._as_predicted(on, -1, None if last.decides_against(fit.model) else fit)
                 found, _ = replace(climb, spoils=self._spoils)(fit, on)
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:
