@@ -65,3 +65,43 @@ def test_fit_says_which_force_is_left() -> None:
     assert "of the drive force" in result.why
     assert result.residuals[0].names == ("force[axis]",)
     assert len(result.residuals[0].time) == len(result.residuals[0].value) == result.samples
+
+
+def test_a_limit_far_below_the_command_explains_the_motion_beyond_it() -> None:
+    machine = load_model("axis").with_effects(["saturation@input(limit=0.5)"])
+    record, plain = recorded(machine), load_model("axis")
+    assert np.mean(np.abs(record.input) > 0.5) > 0.3
+    parent = fit_weak(form_of(plain, record), plain.theta)
+    found = fit_weak(form_of(machine, record), machine.theta)
+    assert np.sum(found.log_densities()) > np.sum(parent.log_densities()) + 100.0
+    assert found.model.values["saturation@input.limit"] == pytest.approx(0.5, rel=0.02)
+    assert found.model.values["axis.inertia"] == pytest.approx(plain.values["axis.inertia"], rel=0.02)
+
+
+def test_a_friction_is_told_by_the_rest_of_the_body_that_it_holds() -> None:
+    """A dead zone stops the drive, a friction the body: they differ where the body stands."""
+    record = recorded(MACHINE)
+    dead = load_model("axis").with_effects(["dead_zone@input(width=0.2)"])
+    stuck, free = (fit_weak(form_of(model, record), model.theta) for model in (MACHINE, dead))
+    assert np.sum(stuck.log_densities()) > np.sum(free.log_densities()) + 30.0
+
+
+def test_the_reliability_ratio_is_the_part_of_the_acceleration_that_is_no_noise() -> None:
+    plain = load_model("axis")
+    rng, record = np.random.default_rng(3), recorded(load_model("axis"))
+    shares = []
+    for level in (1e-3, 1e-1, 3.0):
+        noisy = replace(record, output=record.output + level * rng.normal(size=record.output.shape))
+        shares.append(form_of(plain, noisy).reliability)
+    assert shares[0] > 0.99
+    assert shares[0] > shares[1] > shares[2]
+    assert shares[2] < 0.5
+
+
+def test_a_prediction_that_has_the_force_in_its_disturbance_is_told() -> None:
+    plain = load_model("axis")
+    balance = fit_by_force(RememberingEngine(plain), prepare(plain, [recorded(MACHINE)]), plain.theta)
+    assert balance is not None
+    assert balance.serves
+    assert not balance.hides_from(balance.model)
+    assert balance.hides_from(plain.with_values({"axis.inertia": 30.0 * balance.model.values["axis.inertia"]}))
