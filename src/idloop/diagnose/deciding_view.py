@@ -57,18 +57,27 @@ class Views:
         return refit_or_none(self.setting, self.model)
 
     @cached_property
+    def _begun(self) -> tuple[Setting, Refit | None] | None:
+        """How long records begin, and the model fitted to that by prediction errors; None where they are short."""
+        part = _beginnings(self.setting, self.model)
+        return None if part is None else (part, refit_or_none(part, self.model))
+
+    @cached_property
     def blind(self) -> bool:
         """Whether predictions take for a disturbance what the balance shows to be a force."""
         if self.balance is None:
             return False
-        return self.predicted is None or self.balance.hides_from(self.predicted.model)
+        predicted = self.predicted if self._begun is None else self._begun[1]
+        return predicted is None or self.balance.hides_from(predicted.model)
 
     @property
     def finer(self) -> Refit | None:
         """The model fitted to prediction errors where its values are those of `fit`; None where they are not."""
-        balance, predicted = self.balance, self.predicted
-        against = balance is not None and predicted is not None and balance.decides_against(predicted.model)
-        return None if against else predicted
+        balance = self.balance
+        if balance is None:
+            return self.predicted
+        # Where model error rules, predictions are not asked: they may take minutes.
+        return None if balance.model_error_rules or self.blind else self.predicted
 
     def contradict(self, found: Model, level: float) -> bool:
         """Whether predictions of the next sample are no better for what the balance has found.
@@ -83,11 +92,12 @@ class Views:
         level : float
             Probability of naming an effect where nothing is missing.
         """
-        part = _beginnings(self.setting, self.model)
-        # How long records begin mostly says enough; where it does not, all of them are asked.
-        if part is not None and not _denies(refit_or_none(part, self.model), found, part, level):
+        if self.blind:
             return False
-        return _denies(self.predicted, found, self.setting, level) and not self.blind
+        # How long records begin mostly says enough; where it does not, all of them are asked.
+        if self._begun is not None and not _denies(self._begun[1], found, self._begun[0], level):
+            return False
+        return _denies(self.predicted, found, self.setting, level)
 
 
 def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) -> Candidate:
