@@ -363,9 +363,9 @@ def _driven_inertia(form: WeakForm, theta: Array) -> float:
     return float(form.engine.layout(theta).axis.inertia[0])
 
 
-def _strength_of_motion(form: WeakForm, theta: Array) -> float:
-    """Log of how dense a motion is per input where its acceleration is one per force, by the inertia that data show."""
-    return log(max(_driven_inertia(form, theta), 1e-300)) - log(form.inertia_per_input)
+def _strength_of_motion(form: WeakForm, theta: Array) -> Array:
+    """Log of the force per input that a window counts with where its motion is told, shape (rows,)."""
+    return np.asarray(log(max(_driven_inertia(form, theta), 1e-300)) - form.motion_per_input)
 
 
 def _gain(form: WeakForm, theta: Array) -> float:
@@ -414,8 +414,8 @@ class _Target:
             self._known = key, self._counts(point, residual)
         counts = self._known[1]
         constant, first = counts.constant, residual[:, 0]
-        if counts.silent > 0.0:
-            constant -= counts.silent * _strength_of_motion(self.form, theta)
+        if np.any(counts.silent > 0.0):
+            constant -= float(np.sum(counts.silent * _strength_of_motion(self.form, theta)))
             first = _errors(self.form, theta, residual, counts.standing)
         error = residual / np.asarray(self.form.engine.layout(theta).axis.inertia, dtype=float)
         error[:, 0] = first * np.sqrt(rows / counts.moving) * np.exp(constant / rows)
@@ -425,12 +425,12 @@ class _Target:
         rows = len(residual)
         if self._alike:
             strength = log(_gain(self.form, _split(self.form, point)[0]))
-            return _Counts(np.zeros(rows), float(rows), 0.0, -rows * strength)
+            return _Counts(np.zeros(rows), float(rows), np.zeros(rows), -rows * strength)
         shares = _shares(self.form, point, residual)
-        held, silent = float(np.sum(shares.standing)), float(np.sum(1.0 - shares.told))
+        held = float(np.sum(shares.standing))
         # A body that stands adds no error to the rms, of which half a unit is each other window's.
         constant = -float(np.sum(shares.told * shares.strength)) - 0.5 * held
-        return _Counts(shares.standing, max(rows - held, 1e-9), silent, constant)
+        return _Counts(shares.standing, max(rows - held, 1e-9), 1.0 - shares.told, constant)
 
 
 @dataclass(frozen=True)
@@ -440,15 +440,17 @@ class _Counts:
     Attributes
     ----------
     standing : array, shape (rows,)
-    moving, silent : float
-        Windows that are in the scale, and those that are told by their motion.
+    moving : float
+        Windows that are in the scale.
+    silent : array, shape (rows,)
+        Share that is told by the motion.
     constant : float
         Minus the log-likelihood that no other parameter moves.
     """
 
     standing: Array
     moving: float
-    silent: float
+    silent: Array
     constant: float
 
 

@@ -25,6 +25,7 @@ from idloop.estimate.dataset import Data
 from idloop.estimate.held_command import CommandAround, HeldCommand
 from idloop.estimate.motion import Motion, bridged, measured_motion
 from idloop.estimate.noise import noise_std
+from idloop.estimate.student import log_density, scale_of
 from idloop.physics import Engine, kernel
 from idloop.physics.conditions import Conditions
 from idloop.physics.effect import INPUT
@@ -48,8 +49,6 @@ _SHORTEST = 100
 _LEAD_IN = 0.1
 # A change of the command by this part of its rms shows how far the balance still depends on it.
 _PROBE = 1e-3
-# Inertia by the plainest machine is no less than this part of what it would be if nothing else moved the command.
-_LEAST_INERTIA = 0.01
 
 
 @dataclass(frozen=True)
@@ -525,15 +524,14 @@ class WeakForm:
         return np.asarray(_windows(series, self._rows, self._value))
 
     @cached_property
-    def inertia_per_input(self) -> float:
-        """What the command changes with the acceleration of the driven body [input/(position/s²)].
+    def motion_per_input(self) -> Array:
+        """Log of how dense accelerations like a window's are among all, against commands like its own, shape (rows,).
 
-        Of the plainest machine: inertia, viscous and Coulomb friction and a constant, by least squares.
+        A window counts in full: p(command | motion) p(motion) or p(motion | command) p(command). By this the second is
+        denser than the first where both see alike [log of input/(position/s²)].
         """
-        regressors = np.hstack([self._inertial[:, :1], self._beside_inertia])
-        found = float(np.linalg.lstsq(regressors, self._mean_command, rcond=None)[0][0])
-        largest = float(np.std(self._mean_command)) / max(float(np.std(self._inertial[:, 0])), 1e-300)
-        return max(abs(found), _LEAST_INERTIA * largest, 1e-300)
+        acceleration, command = self._inertial[:, 0], self._mean_command
+        return log_density(acceleration, scale_of(acceleration)) - log_density(command, scale_of(command))
 
     @cached_property
     def reliability(self) -> float:
