@@ -39,7 +39,7 @@ _RULED, LEAST_UNEXPLAINED = 0.1, 0.01
 # Sensors of one body whose velocities are further apart than this part of them show something of their own.
 _DISAGREE = 0.02
 # Least part of the acceleration, as power, that must not be noise: inertia comes out too small by as much.
-_RELIABLE = 0.9
+_RELIABLE = 0.8
 # A fit to prediction errors that leaves so many times the force that a disturbance may be has forces in that.
 _HIDDEN = 1.5
 # ... in windows of at most so many times those that resolve the motion: a period of the motion's band.
