@@ -39,7 +39,8 @@ _RULED, LEAST_UNEXPLAINED = 0.1, 0.01
 # Sensors of one body whose velocities are further apart than this part of them show something of their own.
 _DISAGREE = 0.02
 # Least part of the acceleration, as power, that must not be noise: inertia comes out too small by as much.
-_RELIABLE = 0.8
+# Where it is to speak against predictions, it must be nearly all.
+_RELIABLE, _CERTAIN = 0.8, 0.95
 # A fit to prediction errors that leaves so many times the force that a disturbance may be has forces in that.
 _HIDDEN = 1.5
 # ... in windows of at most so many times those that resolve the motion: a period of the motion's band.
@@ -148,7 +149,7 @@ class WeakFit:
         predicted : Model
             The same model, fitted to prediction errors.
         """
-        if not self.serves or self.form.width > _PERIOD * self.form.widest:
+        if not self.serves or self.form.reliability < _CERTAIN or self.form.width > _PERIOD * self.form.widest:
             return False
         # A disturbance that moves the axis leaves more of the force than the least squares of it do: they count what it
         # accelerates as inertia.
