@@ -35,7 +35,7 @@ MOST_NOISE = 0.3
 _WIDER = 1.4
 # Model error rules where a balance leaves ten times what sensor noise makes, and at least this part of the drive's
 # force; elsewhere finer views tell more.
-_RULED, LEAST_UNEXPLAINED = 0.1, 0.01
+_RULED, _LEAST_UNEXPLAINED = 0.1, 0.01
 # Sensors of one body whose velocities are further apart than this part of them show something of their own.
 _DISAGREE = 0.02
 # Least part of the acceleration, as power, that must not be noise: inertia comes out too small by as much.
@@ -124,12 +124,12 @@ class WeakFit:
     @cached_property
     def model_error_rules(self) -> bool:
         """Whether it is the model, and not sensor noise, that limits the balance."""
-        return self.reliable and model_error_rules(self.form, self.theta, self.shift)
+        return self.resolved and model_error_rules(self.form, self.theta, self.shift)
 
     @property
     def serves(self) -> bool:
         """Whether what it leaves may show what the model lacks: it is reliable and leaves a part of the force."""
-        return self.reliable and LEAST_UNEXPLAINED <= self.relative < 1.0
+        return self.reliable and _LEAST_UNEXPLAINED <= self.relative < 1.0
 
     def decides_against(self, predicted: Model) -> bool:
         """Whether these values are to be trusted rather than those of a fit to prediction errors.
@@ -168,7 +168,7 @@ class WeakFit:
     @property
     def reliable(self) -> bool:
         """Whether the motion shows in these windows: sensors agree, and the acceleration is not mostly their noise."""
-        return self.form.disagreement <= _DISAGREE and self.form.reliability >= _RELIABLE and self.resolved
+        return _motion_shows(self.form) and self.resolved
 
     @property
     def noise_share(self) -> Array:
@@ -289,14 +289,21 @@ def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
     -------
     bool
     """
+    if not _motion_shows(form):
+        return False
     inertia = np.asarray(form.engine.layout(theta).axis.inertia, dtype=float)
     wide: WeakForm | None = form
     while wide is not None and wide.width <= form.widest:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
         if np.all(inertia * wide.noise <= _RULED * left):
-            return relative_error(wide, theta, shift) >= LEAST_UNEXPLAINED
+            return relative_error(wide, theta, shift) >= _LEAST_UNEXPLAINED
         wide = weak_form(form.engine, form.data, _wider(wide.width))
     return False
+
+
+def _motion_shows(form: WeakForm) -> bool:
+    """Whether sensors agree on the motion, and its acceleration is not mostly their noise."""
+    return form.disagreement <= _DISAGREE and form.reliability >= _RELIABLE
 
 
 def _limits(form: WeakForm) -> tuple[Array, Array]:
