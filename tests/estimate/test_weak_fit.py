@@ -10,6 +10,7 @@ from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.weak_fit import cost_at, fit_by_force, fit_weak
 from idloop.physics import load_model
+from idloop.records import Record
 
 from .test_weak_form import form_of, recorded
 
@@ -105,3 +106,34 @@ def test_a_prediction_that_has_the_force_in_its_disturbance_is_told() -> None:
     assert balance.serves
     assert not balance.hides_from(balance.model)
     assert balance.hides_from(plain.with_values({"axis.inertia": 30.0 * balance.model.values["axis.inertia"]}))
+
+
+def held_at_two_speeds(seed: int) -> Record:
+    """A loop that holds the speed against a friction which wanders: the command tells it, the acceleration does not."""
+    rng, model = np.random.default_rng(seed), load_model("axis")
+    inertia, viscous = model.values["axis.inertia"], model.values["axis.viscous_friction"]
+    step, count, substeps = 0.002, 5000, 5
+    velocity = position = integral = wander = 0.0
+    command, output = np.zeros(count), np.zeros((count, 2))
+    for k in range(count):
+        error = 2.0 * (-1) ** (k // 500) - velocity
+        output[k] = position, velocity
+        integral += error * step
+        command[k] = inertia * (60.0 * error + 600.0 * integral)
+        wander = 0.99 * wander + 0.02 * rng.normal()
+        for _ in range(substeps):
+            free = velocity + (command[k] - viscous * velocity) / inertia * step / substeps
+            velocity = np.sign(free) * max(abs(free) - (0.3 + wander) / inertia * step / substeps, 0.0)
+            position += velocity * step / substeps
+    time, names, units = step * np.arange(count), [o.name for o in model.outputs], [o.unit for o in model.outputs]
+    return Record("held", time, command, time, output, "axis.effort", model.input.unit, tuple(names), tuple(units))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_loop_that_holds_the_speed_does_not_make_it_likely_that_the_command_is_cut_off(seed: int) -> None:
+    record = held_at_two_speeds(seed)
+    limited = load_model("axis").with_effects(["coulomb_friction@axis(level=0.3)", "saturation@input(limit=0.3)"])
+    form = form_of(limited, record)
+    starts = [limited.with_values({"saturation@input.limit": limit}).theta for limit in (0.05, 0.2, 0.4)]
+    best = max((fit_weak(form, start) for start in starts), key=lambda found: found.log_likelihood)
+    assert best.model.values["saturation@input.limit"] > 0.5
