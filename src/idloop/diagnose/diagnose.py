@@ -9,20 +9,19 @@ import numpy as np
 
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
+from idloop.diagnose.deciding_view import NOTHING, Views, asked_fit
 from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView
 from idloop.diagnose.prediction_view import PredictionView
-from idloop.diagnose.refit import refit, refit_or_none
-from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.diagnose.refit import refit
+from idloop.diagnose.setting import prepare_setting
 from idloop.diagnose.split_bodies import split_bodies
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
-from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -78,11 +77,16 @@ def diagnose(
     together = common_scale(RememberingEngine(model), prepare(model, records))
     if together is not None:
         model = together.fixed(model)
-    diagnosis = None
+    found = None
     if criterion in ("auto", FORCE):
-        diagnosis = _by_force(model, records, criterion, level, minimum_improvement, effects, seed, tell)
-    if diagnosis is None:
+        found = _by_force(model, records, criterion, level, minimum_improvement, effects, seed, tell)
+    if found is None:
         diagnosis = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell)
+    else:
+        diagnosis, beside = found
+        if beside:
+            other = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell, model)
+            diagnosis = diagnosis.seconded(other) if other.best is None else other
     reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
     told = [] if together is None else [together]
     if diagnosis.best is not None and diagnosis.best.model is not None:
@@ -105,8 +109,8 @@ def _by_force(
     effects: Sequence[str] | None,
     seed: int,
     tell: Progress,
-) -> Diagnosis | None:
-    """By the force balance; None where another view is to decide."""
+) -> tuple[Diagnosis, bool] | None:
+    """By the force balance, and whether predictions are asked for what it does not show; None where they decide all."""
     setting, asked = with_common_whitening(prepare_setting(model, records, "prediction")), criterion == FORCE
     forms: dict[int, WeakForm] = {}
     views = None if asked else Views(model, setting, forms)
@@ -116,33 +120,21 @@ def _by_force(
     tell(0.3, "weighing effects")
     step = ForceView(setting, level, least, effects, forms=forms).weigh(fit)
     shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
-    if views is not None:
-        if (shown is None and not views.blind) or (shown or fit).relative >= NOTHING:
-            return None
-        if step.tied and views.contradict(step.tied[0].fit.model, level):
-            return None
+    if views is not None and (shown or fit).relative >= NOTHING:
+        return None
+    if views is not None and step.tied and views.contradict(step.tied[0].fit.model, level):
+        return None
     found = diagnosis_of(step)
     if not asked and found.best is not None and found.pair is None and found.best.model is not None:
         told = delay_or_lag(found.best.model, found.best.name, setting, level, seed)
         if told:
             names = tuple(one.name for one in told)
             found = replace(found, candidates=(*told, *(c for c in found.candidates if c.name not in names)), set=names)
-        elif step.tied:
-            found = _valued(found, step.tied[0].fit, setting)
-    tell(1.0, "done")
-    return found
-
-
-def _valued(found: Diagnosis, fit: WeakFit, setting: Setting) -> Diagnosis:
-    """The same effects with the values that `fit` gives them: of predictions, where these are the finer ones."""
-    if fit.model_error_rules:
-        return found
-    candidates = []
-    for one in found.candidates:
-        predicted = None if one.model is None or one.name not in found.set else refit_or_none(setting, one.model)
-        finer = predicted is not None and not fit.hides_from(predicted.model)
-        candidates.append(as_predicted(one, predicted, setting.records) if predicted is not None and finer else one)
-    return replace(found, candidates=tuple(candidates))
+    # What a balance leaves beyond its noise predictions would take for noise: they weigh what it does not see.
+    beside = not asked and shown is None
+    if not beside:
+        tell(1.0, "done")
+    return found, beside
 
 
 def _by_errors(
@@ -154,10 +146,11 @@ def _by_errors(
     effects: Sequence[str] | None,
     seed: int,
     tell: Progress,
+    weighed: Model | None = None,
 ) -> Diagnosis:
     """By one-step or free-run errors."""
     setting = with_common_whitening(prepare_setting(model, records, kind))
-    view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell)
+    view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell, weighed=weighed)
     found = diagnosis_of(view.weigh(refit(setting, model)))
     tell(1.0, "done")
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from idloop.validate.measures import fit_percent, nrmse, rmse
 # Relative force error that the sensors' noise alone may make: beyond, the error says little about the model.
 _RULED_BY_NOISE = 0.2
 _STRETCHES = 5
+_CUT: WeakKeyDictionary[Record, list[Record]] = WeakKeyDictionary()
 
 
 def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
@@ -67,11 +69,9 @@ def _anew(model: Model, record: Record) -> dict[str, float]:
 
     Empty where a fifth is too short to be run.
     """
-    ends = np.linspace(record.time[0], record.time[-1], _STRETCHES + 1)
     powers = []
     try:
-        for start, end in pairwise(ends):
-            part = record.cut(float(start), float(end))
+        for part in _stretches(record):
             with np.errstate(over="ignore", invalid="ignore"):
                 simulated = free_run(RememberingEngine(model), prepare(model, [part])[0])
                 powers.append(np.nanmean((part.output - simulated) ** 2, axis=0))
@@ -80,6 +80,14 @@ def _anew(model: Model, record: Record) -> dict[str, float]:
     spread = np.nanstd(record.output, axis=0)
     errors = np.sqrt(np.mean(powers, axis=0)) / np.where(spread > 0.0, spread, np.nan)
     return {o.name: float(error) for o, error in zip(model.outputs, errors, strict=True) if np.isfinite(error)}
+
+
+def _stretches(record: Record) -> list[Record]:
+    """Fifths of a record, which keeps them: what is known of them is asked for by every model."""
+    if record not in _CUT:
+        ends = np.linspace(record.time[0], record.time[-1], _STRETCHES + 1)
+        _CUT[record] = [record.cut(float(start), float(end)) for start, end in pairwise(ends)]
+    return _CUT[record]
 
 
 def _mean(several: list[dict[str, Any]]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ explains.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.predictive import FOLDS, Evidence, Scores, deal
 from idloop.diagnose.step import Weighed
-from idloop.diagnose.unknown import DRIVE_CURVES, UnknownStructure
+from idloop.diagnose.unknown import DRIVE_CURVES, UnknownStructure, curve_sentence
 from idloop.estimate.student import log_density, scale_of
 from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import BLOCKS
@@ -82,9 +82,21 @@ class ForceCurve:
     scores: Scores
     evidence: Evidence
 
-    def imitated_by(self, one: Weighed[WeakFit]) -> bool:
+    @property
+    def imitated(self) -> bool:
         """Whether waves and springs may stand in for it: what depends on where the axis is, and not on how it moves."""
         return self.curve.of in ("force", "inertia") and "position" in self.curve.over
+
+    def imitated_by(self, one: Weighed[WeakFit]) -> bool:
+        """Whether an effect may stand in for it."""
+        return self.imitated and not self.beside(one).evidence.told
+
+    def beside(self, one: Weighed[WeakFit]) -> Weighed[WeakFit]:
+        """An effect as it is weighed beside the curve, by the change of force that it makes alone."""
+        columns = np.column_stack([_beside(self.fit, self.curve), one.fit.residual[:, 0] - self.fit.residual[:, 0]])
+        folds, blocks = deal(self.fit.form.starts)
+        scores = Scores(_scores(self.fit, columns, folds), blocks)
+        return replace(one, scores=scores, evidence=scores.against(self.scores))
 
     @property
     def of_the_drive(self) -> bool:
@@ -128,7 +140,6 @@ class ForceCurve:
             value, spread = np.append(value, value[0]), np.append(spread, spread[0])
         if curve.of != "force":
             value = value - float(np.mean(value))
-        size = float(np.max(np.abs(value)))
         return UnknownStructure(
             variable=curve.over,
             unit=curve.unit,
@@ -137,8 +148,7 @@ class ForceCurve:
             force=value,
             band=1.96 * spread,
             share=float(np.clip(1.0 - np.exp(-2.0 * self.evidence.difference / self.evidence.samples), 0.0, 1.0)),
-            text=f"the unexplained force follows {curve.text} of up to {size:.3g} {curve.of_unit} (p = {p_value:.1g}), "
-            "which no effect looked for explains",
+            text=curve_sentence("the unexplained force", curve.of, curve.of_unit, curve.over, p_value, value),
             of=curve.of,
         )
 

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.choice import FORCE
-from idloop.diagnose.force_structure import structures
+from idloop.diagnose.force_structure import ForceCurve, structures
 from idloop.diagnose.gate import Gate, excitation_findings
 from idloop.diagnose.parallel import in_parallel
-from idloop.diagnose.predictive import scores_of
+from idloop.diagnose.predictive import Scores, scores_of, seen_scores
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.setting import Setting
-from idloop.diagnose.step import Step, View, Weighed
+from idloop.diagnose.step import FAR_MORE, Step, View, Weighed
 from idloop.diagnose.verdict import ADEQUATE, UNKNOWN
 from idloop.diagnose.waves import harmonics
 from idloop.errors import IdloopError
@@ -30,10 +30,9 @@ from idloop.estimate.weak_fit import (
     TOLERANCE,
     WeakFit,
     cost_at,
-    draft_of,
     fit_by_force,
     fit_weak,
-    relative_error,
+    relative_errors,
     with_rest_speed,
 )
 from idloop.estimate.weak_form import WeakForm, weak_form
@@ -44,9 +43,13 @@ from idloop.physics.trial import Trial
 Array = NDArray[np.float64]
 # Effects, and the model that has them fitted.
 _Fitted = tuple[tuple[Proposal, ...], WeakFit]
+# The same, and how it is scored.
+_Scored = tuple[tuple[Proposal, ...], WeakFit, Callable[[WeakFit], Scores]]
 
 # Effects that are fitted: those whose trace promises most.
 FITTED = 10
+# ... of these so many, and others that promise this part of the best.
+_FEWEST, _WORTH_A_FIT = 4, 0.02
 # Alternatives of one effect from which a fit begins, and pairs that are tried of the best effects.
 _STARTS, _IN_PAIRS = 2, 4
 # Two effects that show only together explain this part of the error: a patch of two makes any error a little smaller.
@@ -60,6 +63,8 @@ _OWN_PART = 3e-3
 # Effects are weighed in so many windows at most: what makes their errors smaller by 1 % is worth 500 units of
 # log-likelihood there, fifty times what a name asks for.
 _ENOUGH = 50_000
+# ... and at a glance, where these are more, in so many: the best few go on to all.
+_GLANCE = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 _ADEQUATE = 0.1
 # Least log-likelihood that a trace must promise.
@@ -74,9 +79,12 @@ class ForceStep(Step[WeakFit]):
     ----------
     thinned : WeakFit
         The parent, fitted to the windows in which the effects are weighed.
+    beside : tuple of Weighed
+        The same effects beside a curve that explains far more than any of them; empty where there is none.
     """
 
     thinned: WeakFit = field(kw_only=True)
+    beside: tuple[Weighed[WeakFit], ...] = ()
 
     @property
     def criterion(self) -> str:
@@ -88,9 +96,19 @@ class ForceStep(Step[WeakFit]):
 
         The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing.
         """
-        relative = 1.0 - one.fit.relative / max(self.thinned.relative, 1e-300)
+        relative = 1.0 - math.exp(_typical(one.fit.relatives) - _typical(self.thinned.relatives))
         parts = (one.evidence.improvement, relative, one.held_out)
         return min(part for part in parts if part is not None)
+
+    @cached_property
+    def eligible(self) -> list[Weighed[WeakFit]]:
+        """What shows and is worth naming, beside a curve that explains far more where there is one."""
+        return self.worthy(self.beside) if self.beside else super().eligible
+
+    def _stands_in(self, one: Weighed[WeakFit]) -> bool:
+        if self.beside:
+            return all(one.names != other.names for other in self.eligible)
+        return super()._stands_in(one)
 
     def only_together(self, pair: Weighed[WeakFit]) -> bool:
         """Whether two effects explain together what neither does alone."""
@@ -117,11 +135,13 @@ class ForceStep(Step[WeakFit]):
         fit = self.parent
         if self.structure is not None:
             return UNKNOWN, ()
-        if fit.relative < _ADEQUATE or not fit.model_error_rules:
+        worst = int(np.argmax(fit.relatives))
+        if fit.relatives[worst] < _ADEQUATE or not fit.model_error_rules:
             return ADEQUATE, ()
+        force = "drive force" if worst == 0 else f"force on {fit.model.bodies[worst]}"
         text = (
-            f"{100.0 * fit.relative:.3g} % of the drive force stays unexplained, which sensor noise does not account "
-            "for: no effect that was looked for explains more of it on samples that the fit has not seen"
+            f"{100.0 * fit.relatives[worst]:.3g} % of the {force} stays unexplained, which sensor noise does not "
+            "account for: no effect that was looked for explains more of it on samples that the fit has not seen"
         )
         return UNKNOWN, (text,)
 
@@ -167,36 +187,40 @@ class ForceView(View[WeakFit]):
     def weigh(self, parent: WeakFit) -> Step[WeakFit]:
         """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
         whole, parent = parent, parent.thinned(_ENOUGH)
-        model = parent.model
-        screen = _Screen(self.setting, parent, model)
+        model, glance = parent.model, parent.thinned(_GLANCE)
+        screen = _Screen(self.setting, parent, glance)
         asked = proposals(model, self.effects, self.setting.conditions)
         choices = [one for one in asked if _balances(one)]
         screened = list(in_parallel(screen, choices))
         promising = [found for found in screened if found.starts]
         promising.sort(key=lambda found: -found.promise)
-        chosen = promising[:FITTED]
+        worth = _WORTH_A_FIT * promising[0].promise if promising else 0.0
+        chosen = promising[:_FEWEST] + [found for found in promising[_FEWEST:FITTED] if found.promise >= worth]
         parts = {part for found in chosen for part in found.proposal.effect.contains}
-        chosen += [found for found in promising[FITTED:] if found.proposal.effect.name in parts]
-        weigher = _Weigher(self.setting, parent, self.held_out)
-        weighed = weigher(in_parallel(partial(_fitted, parent, draft_of(parent.form)), chosen))
+        chosen += [found for found in promising if found.proposal.effect.name in parts and found not in chosen]
+        weigher = _Weigher(self.setting, parent, glance, self.held_out)
+        weighed = weigher(in_parallel(partial(_fitted, glance), chosen), self.level)
         step = ForceStep(
             whole, tuple(weighed), len(choices) + screen.waves, self.level, self.least, tuple(asked), thinned=parent
         )
         design = min((one.evidence.design_effect for one in weighed), default=1.0)
         testable, why = _testable(asked, screened, design * step.threshold())
-        pairs = weigher(in_parallel(partial(_pair, parent), _pairs(step)))
+        curves = structures(parent)
+        beside = _beside(curves, weighed)
+        pairs = [] if beside else weigher(in_parallel(partial(_pair, glance), _pairs(step)), self.level)
         return replace(
             step,
             weighed=(*weighed, *pairs),
             gate=Gate(excitation_findings(model, self.setting), testable, why),
-            structures=tuple(structures(parent)),
+            structures=tuple(curves),
+            beside=tuple(beside),
         )
 
     def best_with(self, parent: WeakFit, name: str, at: str) -> WeakFit | None:
         """The model with one effect, from where the unexplained force promises most of it; None where it does not."""
-        screen = _Screen(self.setting, parent, parent.model)
+        screen = _Screen(self.setting, parent, parent)
         for proposal in proposals(parent.model, [f"{name}@{at}"], self.setting.conditions):
-            fitted = _fitted(parent, draft_of(parent.form), screen(proposal)) if _balances(proposal) else None
+            fitted = _fitted(parent, screen(proposal)) if _balances(proposal) else None
             if fitted is not None:
                 return fitted[1]
         return None
@@ -204,9 +228,11 @@ class ForceView(View[WeakFit]):
     def again(self, fit: WeakFit) -> WeakFit:
         """The same model in windows as wide as its noise asks for."""
         form = fit.form
+        # The less a model leaves, the wider are the windows in which sensor noise is a small part of that.
         found = fit_by_force(
-            form.engine, self.setting.data, fit.theta, self._forms, insist=True, rest_speed=form.rest_speed
-        )
+            form.engine, self.setting.data, fit.theta, self._forms, insist=True, rest_speed=form.rest_speed,
+            narrowest=form.width,
+        )  # fmt: skip
         return found or fit
 
     def without(self, fit: WeakFit, name: str) -> WeakFit | None:
@@ -240,9 +266,40 @@ def _pairs(step: Step[WeakFit]) -> list[tuple[Weighed[WeakFit], Weighed[WeakFit]
     return [(a, b) for a in plain for b in others if b is not a and b.proposals[0].replaces is None]
 
 
+def _beside(curves: Sequence[ForceCurve], weighed: Sequence[Weighed[WeakFit]]) -> list[Weighed[WeakFit]]:
+    """Effects beside a curve over the position that explains far more than any of them: they may stand in for it."""
+    if not curves or not weighed or not curves[0].imitated:
+        return []
+    curve, best = curves[0], max(weighed, key=lambda one: one.evidence.difference)
+    if curve.evidence.difference < FAR_MORE * best.evidence.difference or not curve.scores.against(best.scores).told:
+        return []
+    return [curve.beside(one) for one in weighed]
+
+
 def _balances(proposal: Proposal) -> bool:
     """Whether a force balance along the measured motion can show an effect."""
     return proposal.effect.site != OUTPUT and not proposal.effect.splits
+
+
+def unbalanced(model: Model, effects: Sequence[str] | None, conditions: Mapping[str, str], weighed: Model) -> list[str]:
+    """Names of the effects that could be added to a model and that the balance of another one does not show.
+
+    Parameters
+    ----------
+    model, effects, conditions
+        As of `proposals`.
+    weighed : Model
+        The other one: without the bodies and couplings that the model has gained since.
+
+    Returns
+    -------
+    list of str
+    """
+    return [
+        one.name
+        for one in proposals(model, effects, conditions)
+        if not _balances(one) or one.at not in weighed.sites(one.effect.site)
+    ]
 
 
 @dataclass(frozen=True)
@@ -255,10 +312,20 @@ class _Promising:
 
 
 class _Screen:
-    """Correlates the traces that effects would leave in a balance with what it leaves unexplained."""
+    """Correlates the traces that effects would leave in a balance with what it leaves unexplained.
 
-    def __init__(self, setting: Setting, parent: WeakFit, model: Model) -> None:
-        self.parent, self.model = parent, model
+    Parameters
+    ----------
+    setting : Setting
+    whole : WeakFit
+        The balance, in all windows.
+    parent : WeakFit
+        The same in those in which traces are computed.
+    """
+
+    def __init__(self, setting: Setting, whole: WeakFit, parent: WeakFit) -> None:
+        self.parent, self.model = parent, (model := parent.model)
+        self._share = len(parent.rows) / len(whole.rows)
         self.sizes = Sizes(model, setting)
         _, slopes = parent.linear
         self._size = np.sqrt(np.mean(parent.residual**2, axis=0))
@@ -274,7 +341,7 @@ class _Screen:
         if name in model.free:
             place = model.free.index(name)
             self._inertia = self.basis @ (right[known, place] / weight[known]) / (norms[place] * model.values[name])
-        found = {body: harmonics(parent, index) for index, body in enumerate(model.bodies)}
+        found = {body: harmonics(whole, index) for index, body in enumerate(model.bodies)}
         self._harmonics = {body: several for body, (several, _) in found.items()}
         self.waves = sum(tried for _, tried in found.values())
 
@@ -290,7 +357,7 @@ class _Screen:
             raw = np.stack([column for column in columns if column is not None]).T
             own = raw - self.basis @ (self.basis.T @ raw)
             powers = np.sum(own**2, axis=0)
-            worth = max(worth, 0.5 * float(np.max(powers)))
+            worth = max(worth, 0.5 * float(np.max(powers)) / self._share)
             part = max(part, float(np.max(powers / np.maximum(np.sum(raw**2, axis=0), 1e-300))))
             size, *_ = np.linalg.lstsq(own, -self.errors, rcond=1e-6)
             if len(trials) == 1 and proposal.one_sided:
@@ -310,13 +377,13 @@ class _Screen:
     def _promise(self, change: Array) -> float:
         """Log-likelihood that a change of the errors is worth."""
         left = self.errors + change
-        return 0.5 * float(self.errors @ self.errors - left @ left)
+        return 0.5 * float(self.errors @ self.errors - left @ left) / self._share
 
     def _promise_of_all(self, raw: Array, own: Array) -> float:
         """The same for all that an effect does: what switches the command off leaves the whole acceleration."""
         inertia = max(1.0 - float(self._inertia @ raw), _LEAST_INERTIA)
         left = (self.errors + own) / inertia
-        return 0.5 * float(self.errors @ self.errors - left @ left)
+        return 0.5 * float(self.errors @ self.errors - left @ left) / self._share
 
     def _trace(self, proposal: Proposal, trial: Trial) -> Array | None:
         model = proposal.model(trial)
@@ -397,24 +464,21 @@ def _cost_in(form: WeakForm, shift: float, model: Model) -> float:
     return cost_at(form, np.append(model.theta, shift) if form.free_timing else model.theta)
 
 
-def _fitted(parent: WeakFit, draft: WeakForm, promising: _Promising) -> _Fitted | None:
-    """The model with an effect, searched for in a draft of the windows and then fitted to those of its parent."""
-    shift = parent.shift
+def _fitted(parent: WeakFit, promising: _Promising) -> _Fitted | None:
+    """The model with an effect, fitted in the windows of its parent."""
+    form, shift = parent.form, parent.shift
     models = [promising.proposal.model(trial) for trial in promising.starts]
-    models.sort(key=partial(_cost_in, draft, shift))
-    fits = [fit_in(draft, model, shift, rounds=_FIRST_ROUNDS) for model in models[:_STARTS]]
+    models.sort(key=partial(_cost_in, form, shift))
+    fits = [fit_in(form, model, shift, rounds=_FIRST_ROUNDS) for model in models[:_STARTS]]
     found = [fit for fit in fits if fit is not None]
     if not found:
         return None
     best = max(found, key=lambda fit: fit.log_likelihood)
     if not best.converged:
-        best = _again(best, draft) or best
+        best = _again(best, form) or best
     if promising.proposal.effect.friction is not None:
         best = with_rest_speed(best, RANKING)
-    if draft is parent.form:
-        return (promising.proposal,), best
-    whole = _again(best, parent.form)
-    return None if whole is None else ((promising.proposal,), whole)
+    return (promising.proposal,), best
 
 
 def _again(fit: WeakFit, form: WeakForm, tolerance: float = RANKING) -> WeakFit | None:
@@ -423,10 +487,19 @@ def _again(fit: WeakFit, form: WeakForm, tolerance: float = RANKING) -> WeakFit 
 
 
 class _Weigher:
-    """Weighs fitted models against one without what they have."""
+    """Weighs fitted models against one without what they have: at a glance all, in all windows the best of them.
 
-    def __init__(self, setting: Setting, parent: WeakFit, held_out: Sequence[Data]) -> None:
+    Parameters
+    ----------
+    setting : Setting
+    parent, glance : WeakFit
+        The one without, in all windows and in few of them, evenly spread.
+    held_out : sequence of Data
+    """
+
+    def __init__(self, setting: Setting, parent: WeakFit, glance: WeakFit, held_out: Sequence[Data]) -> None:
         self.setting, self.parent, self.base = setting, parent, scores_of(parent)
+        self.glance = glance
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
         self._held_out = None if form is None else form.thinned(_ENOUGH)
         self._before = self._errors(parent)
@@ -437,21 +510,49 @@ class _Weigher:
             return np.zeros(2)
         form = self._held_out.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
         typical = -float(np.mean(fit.log_densities(form)))
-        return np.array([typical, math.log(relative_error(form, fit.theta, fit.shift))])
+        return np.array([typical, _typical(relative_errors(form, fit.theta, fit.shift))])
 
-    def __call__(self, fits: Iterable[_Fitted | None]) -> list[Weighed[WeakFit]]:
-        """Those that explain anything, with their evidence."""
-        return [one for one in in_parallel(self._weigh, list(fits)) if one is not None]
+    def __call__(self, fits: Iterable[_Fitted | None], level: float) -> list[Weighed[WeakFit]]:
+        """Those that explain anything, with their evidence.
 
-    def _weigh(self, fitted: _Fitted | None) -> Weighed[WeakFit] | None:
-        if fitted is None:
-            return None
-        chosen, fit = fitted
+        Parameters
+        ----------
+        fits : iterable
+            Effects, and the models that have them fitted at a glance.
+        level : float
+            Probability of naming an effect where nothing is missing.
+        """
+        fitted = [one for one in fits if one is not None]
+        if self.glance is self.parent:
+            return self._weighed((*one, scores_of) for one in fitted)
+        seen = [(chosen, fit, _scores_or_none(fit)) for chosen, fit in fitted]
+        known = [scores for *_, scores in seen if scores is not None]
+        best = max(known, key=lambda scores: float(np.sum(scores.log_density)), default=None)
+
+        def on(one: tuple[tuple[Proposal, ...], WeakFit, Scores | None]) -> _Scored | None:
+            chosen, fit, scores = one
+            if scores is None or best is None:
+                return None
+            ahead = best.against(scores)
+            if ahead.told and ahead.log > math.log(1.0 / level):
+                # Far behind: its values are those of the glance, and the other windows have not seen them.
+                form = self.parent.form.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
+                return chosen, fit.along(form), seen_scores
+            further = _again(fit, self.parent.form)
+            return None if further is None else (chosen, further, scores_of)
+
+        return self._weighed(one for one in in_parallel(on, seen) if one is not None)
+
+    def _weighed(self, scored: Iterable[_Scored]) -> list[Weighed[WeakFit]]:
+        return [one for one in in_parallel(self._weigh, list(scored)) if one is not None]
+
+    def _weigh(self, scored: _Scored) -> Weighed[WeakFit] | None:
+        chosen, fit, scores_of_fit = scored
         gain = fit.log_likelihood - self.parent.log_likelihood
         if gain < _LEAST_PROMISE or not self.setting.shows(fit.model):
             return None
         try:
-            scores = scores_of(fit)
+            scores = scores_of_fit(fit)
             after = self._errors(fit)
         except (IdloopError, np.linalg.LinAlgError):
             return None
@@ -459,6 +560,19 @@ class _Weigher:
             return None
         held_out = None if self._held_out is None else float(np.min(1.0 - np.exp(after - self._before)))
         return Weighed(chosen, fit, scores, scores.against(self.base), gain, held_out)
+
+
+def _typical(relatives: Array) -> float:
+    """Logarithm of the relative force error of a typical body."""
+    return float(np.mean(np.log(np.maximum(relatives, 1e-300))))
+
+
+def _scores_or_none(fit: WeakFit) -> Scores | None:
+    try:
+        scores = scores_of(fit)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+    return scores if np.all(np.isfinite(scores.log_density)) else None
 
 
 def _pair(parent: WeakFit, pair: tuple[Weighed[WeakFit], Weighed[WeakFit]]) -> _Fitted | None:

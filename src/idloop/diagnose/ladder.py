@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from idloop.diagnose.candidate import Candidate
+from idloop.diagnose.candidate import Candidate, second_views
 from idloop.diagnose.detection import DetectionLimit
 from idloop.diagnose.unknown import UnknownStructure
+from idloop.diagnose.verdict import ADEQUATE
 from idloop.diagnose.worsened import Worsened, worsened
 from idloop.errors import InputError
 from idloop.physics.model import Model
@@ -158,6 +159,30 @@ class Ladder:
         if name in self.added:
             return f"in place of {name}, which it contains"
         return f"it contains {name}, which was added before it and is no step of its own any more"
+
+    def seconded(self, other: Ladder) -> Ladder:
+        """The same, where another view of its last model has found nothing to add: the stricter verdict of both.
+
+        Parameters
+        ----------
+        other : Ladder
+            Of the other view.
+
+        Returns
+        -------
+        Ladder
+        """
+        shown = {one.name for one in other.candidates} - set(other.untestable)
+        return replace(
+            self,
+            verdict=self.verdict if self.verdict != ADEQUATE else other.verdict,
+            candidates=second_views(self.candidates, other.candidates),
+            untestable=tuple(name for name in self.untestable if name not in shown),
+            findings=tuple(dict.fromkeys((*self.findings, *other.findings))),
+            unknown=self.unknown or other.unknown,
+            passed_over={**other.passed_over, **self.passed_over},
+            limits={**other.limits, **self.limits},
+        )
 
     def undo(self) -> Ladder:
         """The ladder without its last step.

@@ -15,6 +15,7 @@ from idloop.diagnose.errors import model_errors
 from idloop.diagnose.far_searches import beside_bare, far_searches, white
 from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
 from idloop.diagnose.footing import beside_the_noise_of, same_footing
+from idloop.diagnose.force_view import unbalanced
 from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import gate
 from idloop.diagnose.held_out import holds
@@ -153,6 +154,8 @@ class PredictionView(View[Refit]):
         As of `Step`.
     effects : sequence of str, optional
         Choose from these only.
+    weighed : Model, optional
+        A model of which a force balance has weighed all that it shows: this is not weighed again.
     held_out : Setting, optional
         Validation records, on which an effect must do no harm.
     seed : int
@@ -170,12 +173,22 @@ class PredictionView(View[Refit]):
         held_out: Setting | None = None,
         seed: int = 0,
         tell: Progress | None = None,
+        weighed: Model | None = None,
     ) -> None:
-        self.setting, self.start, self.level, self.least, self.effects = setting, start, level, least, effects
+        self.setting, self.start, self.level, self.least = setting, start, level, least
+        self._asked, self._weighed = effects, weighed
+        self.effects = effects
         self.held_out, self.seed, self._tell = held_out, seed, tell or (lambda share, text: None)
+
+    def choices(self, model: Model) -> Sequence[str] | None:
+        """What there is to choose from beside a model; None for the whole catalogue."""
+        if self._weighed is None:
+            return self._asked
+        return unbalanced(model, self._asked, self.setting.conditions, self._weighed)
 
     def weigh(self, parent: Refit) -> Step[Refit]:
         """Weigh the effects of the catalogue that a score test finds promising, and pairs of them."""
+        self.effects = self.choices(parent.model)
         asked = proposals(parent.model, self.effects, self.setting.conditions)
         screen = Screen(self.setting, parent, self.seed)
         screened = screen.all(asked, lambda share, text: self._tell(0.15 + 0.4 * share, f"screening {text}"))
@@ -200,7 +213,7 @@ class PredictionView(View[Refit]):
             better = {one.proposal.name: one for one in more}
             kept = [one for one in step.weighed if one.names[0] not in better]
             return self._judged(replace(step, weighed=(*kept, *weigher.singles(more))), moved)
-        if self.setting.kind == PREDICTION and not step.stand_ins:
+        if self.setting.kind == PREDICTION and self._weighed is None and not step.stand_ins:
             pairs = weigher.pairs(self._pairs(screen, screened, confirmed, bar))
             step = self._with_first(self._judged(replace(step, weighed=(*step.weighed, *pairs)), moved), weigher)
         if moved or step.tied:
@@ -216,7 +229,8 @@ class PredictionView(View[Refit]):
 
     def _confirmed(self, parent: Refit, screened: list[Screened], bar: float) -> list[Confirmed]:
         """Refits of what the score test does not rule out."""
-        swallowed = _swallowed(parent)
+        # What a balance has left is known to colour the noise.
+        swallowed = self._weighed is None and _swallowed(parent)
         # What the noise model has swallowed a score test does not see.
         chance = 2.0 * math.log(max(len(screened), 1))
         chosen = promising(screened, chance) if swallowed else promising(screened, bar, fewest=0)

@@ -184,3 +184,18 @@ def scores_of(fit: WeakFit) -> Scores:
         others = np.sort(np.concatenate([fold for place, fold in enumerate(folds) if place != index]))
         found.append(fit.refitted(others).log_densities()[folds[index]])
     return Scores(np.concatenate(found), blocks)
+
+
+def seen_scores(fit: WeakFit) -> Scores:
+    """Scores of a model as it is, for all rows: of values that most of these rows had no part in.
+
+    Parameters
+    ----------
+    fit : WeakFit
+
+    Returns
+    -------
+    Scores
+    """
+    folds, blocks = deal(fit.form.starts)
+    return Scores(fit.log_densities()[np.concatenate(folds)], blocks)

@@ -178,7 +178,7 @@ class _Task:
         if views is None:
             return found, last
         nothing = len(found.steps) == (1 if ladder is None else len(ladder.steps))
-        if last.relative >= NOTHING or (not views.blind if nothing else views.contradict(found.model, self.level)):
+        if last.relative >= NOTHING or (not nothing and views.contradict(found.model, self.level)):
             return ladder, None
         return (found if ladder is not None else self._as_predicted(found, 0, views.finer)), last
 
@@ -202,16 +202,21 @@ class _Task:
             held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
         on = None if last is None or ladder is None else self._told_apart(setting, ladder)
         given = self.model if on is None else on.model
-        view = PredictionView(setting, given, self.level, self.least, self.effects, held_out, self.seed, self.tell)
+        # What a balance leaves beyond its noise is no noise, which predictions take it for: they weigh what it does not
+        # see, and all where it has come down to that.
+        weighed = given if last is not None and last.serves else None
+        view = PredictionView(
+            setting, given, self.level, self.least, self.effects, held_out, self.seed, self.tell, weighed
+        )
         climb = self._climb(view, kind)
         if on is None or last is None:
             found, _ = climb(refit(setting, start), ladder)
         else:
-            found, fit = on, refit_or_none(setting, on.model)
-            # A disturbance that is free may take a part of the force for its own: such predictions see no better.
-            if fit is not None and not self._spoils(on.model, fit.model):
+            found, fit = on, refit_or_none(setting, on.model, near=True)
+            if view.choices(given) != [] and fit is not None and not self._blind(fit.model, on, last):
                 on = self._as_predicted(on, -1, None if last.decides_against(fit.model) else fit)
-                found, _ = replace(climb, spoils=self._spoils)(fit, on)
+                more, _ = replace(climb, spoils=self._spoils)(fit, on)
+                found = more if weighed is None or more.added != on.added else on.seconded(more)
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)
@@ -236,6 +241,10 @@ class _Task:
             )  # fmt: skip
             ladder = replace(ladder, steps=(*(one for one in ladder.steps if one is not step), rung))
         return ladder
+
+    def _blind(self, predicted: Model, ladder: Ladder, last: WeakFit) -> bool:
+        """Whether a free disturbance has taken a part of the force for its own: such predictions see no better."""
+        return self._spoils(ladder.model, predicted) if ladder.added else last.hides_from(predicted)
 
     def _spoils(self, before: Model, after: Model) -> bool:
         """Whether a model leaves more of the drive's force unexplained than another one.

@@ -184,6 +184,7 @@ def refit(
     orders: list[int] | None = None,
     limits: Disturbance = (MOST_EXPONENT, WALK),
     calm: bool = False,
+    near: bool = False,
 ) -> Refit:
     """Maximise the likelihood of a model's free parameters and its noise.
 
@@ -208,6 +209,8 @@ def refit(
     calm : bool
         Start as well from where the model is best without any disturbance, should that be better: a missing
         effect makes its neighbour's disturbance strong, and from there parameters and disturbance creep.
+    near : bool
+        The model's values are those of another view: the machine without its effects is no better place to start from.
 
     Returns
     -------
@@ -219,7 +222,7 @@ def refit(
         The model gives no finite errors at any start.
     """
     fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders, limits, calm)
-    if beside is None:
+    if beside is None and not near:
         fit = _by_way_of_the_plain_machine(setting, model, fit, rounds, orders, limits)
     if orders is not None or not (beside is None or reconsider):
         return fit
@@ -411,10 +414,11 @@ def refit_or_none(
     scale: Array | None = None,
     rounds: int = _MOST_ROUNDS,
     calm: bool = False,
+    near: bool = False,
 ) -> Refit | None:
     """As `refit`; None where the model cannot be simulated."""
     try:
-        return refit(setting, model, starts, beside, scale, rounds, calm=calm)
+        return refit(setting, model, starts, beside, scale, rounds, calm=calm, near=near)
     except (IdloopError, np.linalg.LinAlgError):
         return None
 

@@ -15,8 +15,11 @@ from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.unknown import UnknownStructure
 from idloop.physics.model import Model
 
-# A curve that explains so many times as much as an effect is what that stands in for.
-FAR_MORE = 2.0
+# A curve that explains so many times as much as an effect is what that stands in for: of three effects that are
+# missing together the largest explains more.
+FAR_MORE = 4.0
+# What explains this part of what a richer effect does is most of that.
+_MOST = 0.5
 
 
 class Fitted(Protocol):
@@ -203,11 +206,15 @@ class Step(ABC, Generic[FitT]):
     @cached_property
     def eligible(self) -> list[Weighed[FitT]]:
         """What shows and is worth naming."""
-        return [
-            one for one in self.significant
-            if not one.hollow and not self.refused.keys() & set(one.names) and not self._stands_in(one)
-            and self.worth(one)
+        return [one for one in self.worthy(self.significant) if not self._stands_in(one)]
+
+    def worthy(self, several: Sequence[Weighed[FitT]]) -> list[Weighed[FitT]]:
+        """Of some choices those that show beyond doubt and are worth naming, best first."""
+        found = [
+            one for one in several
+            if self._shows(one) and not one.hollow and not self.refused.keys() & set(one.names) and self.worth(one)
         ]  # fmt: skip
+        return sorted(found, key=lambda one: -one.merit)
 
     def worth(self, one: Weighed[FitT]) -> bool:
         """Whether it makes errors on samples not seen enough smaller, and two effects show only together."""
@@ -251,7 +258,7 @@ class Step(ABC, Generic[FitT]):
 
     def _nearly_becomes(self, rich: Weighed[FitT], plain: Weighed[FitT]) -> bool:
         """Whether most of what an effect explains is what another one does, as which it ends at its edge."""
-        return rich.becomes(plain) and FAR_MORE * plain.evidence.difference >= rich.evidence.difference
+        return rich.becomes(plain) and plain.evidence.difference >= _MOST * rich.evidence.difference
 
     def _equal(self, best: Weighed[FitT], other: Weighed[FitT]) -> bool:
         """Whether the odds of two choices are less than those of a false alarm."""

@@ -128,6 +128,8 @@ def unknown_structure(screen: Screen, best: Learnt, p_value: float, rivals: tupl
     mean = 0.0 if not shape.coefficient else float(np.mean(best.value[best.known]))
     curve = _closed(shape, best.value - mean)
     length = float(shape.knots[-1] - shape.knots[0]) if shape.repeats else None
+    repeats = f"{length:.5g} {shape.unit}" if length else ""
+    alike = f"; this data cannot tell it from {', '.join(rivals)}" if rivals else ""
     return UnknownStructure(
         variable=shape.over,
         unit=shape.unit,
@@ -136,28 +138,45 @@ def unknown_structure(screen: Screen, best: Learnt, p_value: float, rivals: tupl
         force=curve[known],
         band=float(norm.ppf(0.975)) * _closed(shape, best.spread)[known],
         share=best.share,
-        text=_sentence(shape, length, max(p_value, 1e-300), curve[known], rivals),
+        text=curve_sentence("the errors", shape.of, shape.of_unit, shape.over, p_value, curve[known], repeats) + alike,
         period=length,
         of=shape.of,
         rivals=rivals,
     )
 
 
-def _sentence(shape: Shape, length: float | None, p_value: float, curve: Array, rivals: tuple[str, ...]) -> str:
-    by = f"(p = {p_value:.1g}) in a way that no effect looked for explains"
-    if not shape.coefficient:
-        what = (
-            f"repeat every {length:.5g} {shape.unit} of the position"
-            if length
-            else f"still follow the {shape.variable}"
-        )
+def curve_sentence(
+    errors: str, of: str, of_unit: str, over: str, p_value: float, curve: Array, repeats: str = ""
+) -> str:
+    """What to say of a curve that something follows.
+
+    Parameters
+    ----------
+    errors : str
+        What follows it, such as "the errors".
+    of, of_unit, over : str
+        As of `UnknownStructure`.
+    p_value : float
+    curve : array
+        Its heights.
+    repeats : str
+        The period after which it repeats, with its unit; empty where it does not.
+
+    Returns
+    -------
+    str
+    """
+    over = over.partition(".")[2] or over
+    by = f"(p = {max(p_value, 1e-300):.1g}) in a way that no effect looked for explains"
+    if of in (FORCE, COMMAND):
+        follow = "follows" if not errors.endswith("s") else "follow"
+        repeat = "repeats" if not errors.endswith("s") else "repeat"
+        what = f"{repeat} every {repeats} of the position" if repeats else f"still {follow} the {over}"
         largest = float(np.max(np.abs(curve)))
-        text = f"the errors {what} {by}: a learnt {shape.of} of up to {largest:.3g} {shape.of_unit} remains"
-    else:
-        apart = float(np.ptp(curve))
-        size = f"{100.0 * apart:.3g} %" if shape.of_unit == "-" else f"{apart:.3g} {shape.of_unit}"
-        text = f"the {shape.of} changes with the {shape.variable} {by}: by {size} from its least to its most, as learnt"
-    return text + (f"; this data cannot tell it from {', '.join(rivals)}" if rivals else "")
+        return f"{errors} {what} {by}: a learnt {of} of up to {largest:.3g} {of_unit} remains"
+    apart = float(np.ptp(curve))
+    size = f"{100.0 * apart:.3g} %" if of_unit == "-" else f"{apart:.3g} {of_unit}"
+    return f"the {of} changes with the {over} {by}: by {size} from its least to its most, as learnt"
 
 
 def _closed(shape: Shape, values: NDArray[Any]) -> NDArray[Any]:

@@ -21,7 +21,7 @@ from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.levenberg import box_step, difference_jacobian
 from idloop.estimate.solve import typical_size
 from idloop.estimate.student import log_density, scale_of
-from idloop.estimate.weak_form import BLOCKS, NARROWEST, WeakForm, weak_form
+from idloop.estimate.weak_form import BLOCKS, NARROWEST, Shares, WeakForm, weak_form
 from idloop.physics import Engine, Model, kernel
 from idloop.physics.effect import INPUT
 
@@ -117,9 +117,14 @@ class WeakFit:
         return self.form.residual(self.theta, self.shift)
 
     @cached_property
+    def relatives(self) -> Array:
+        """As `relative_errors`, of the records that were fitted."""
+        return relative_errors(self.form, self.theta, self.shift)
+
+    @property
     def relative(self) -> float:
         """Unexplained force over the drive's, both as rms over all windows."""
-        return relative_error(self.form, self.theta, self.shift)
+        return float(self.relatives[0])
 
     @cached_property
     def model_error_rules(self) -> bool:
@@ -129,7 +134,7 @@ class WeakFit:
     @property
     def serves(self) -> bool:
         """Whether what it leaves may show what the model lacks: it is reliable and leaves a part of the force."""
-        return self.reliable and _LEAST_UNEXPLAINED <= self.relative < 1.0
+        return self.reliable and float(np.max(self.relatives)) >= _LEAST_UNEXPLAINED and self.relative < 1.0
 
     def decides_against(self, predicted: Model) -> bool:
         """Whether these values are to be trusted rather than those of a fit to prediction errors.
@@ -155,7 +160,7 @@ class WeakFit:
         # accelerates as inertia.
         disturbed = self.relative / np.sqrt(1.0 - self.relative**2)
         try:
-            left = relative_error(self.form.with_engine(RememberingEngine(predicted)), predicted.theta, self.shift)
+            left = relative_errors(self.form.with_engine(RememberingEngine(predicted)), predicted.theta, self.shift)[0]
         except IdloopError:
             return True
         return not left <= _HIDDEN * disturbed
@@ -180,6 +185,13 @@ class WeakFit:
         """Log-density of every window of these records or others, with the values that were fitted, shape (rows,)."""
         one = self.form if form is None else form
         return _log_densities(one, self.point, self.scale)
+
+    def along(self, form: WeakForm) -> WeakFit:
+        """The same values in other windows of the same records, not fitted to these."""
+        residual = form.residual(*_split(form, self.point))
+        scale, rows = _scales(form, self.point, residual), np.arange(form.starts[-1])
+        likelihood = -_cost(_Target(form)(self.point))
+        return WeakFit(form, self.point, scale, rows, likelihood, self.iterations, self.converged, np.zeros((0, 0)))
 
     def thinned(self, most: int) -> WeakFit:
         """The fit to about so many of the windows, evenly spread; itself where there are less."""
@@ -258,8 +270,8 @@ class WeakFit:
         return WeakFit(self.form, point, scale, rows, np.nan, self.iterations, self.converged, self.jacobian)
 
 
-def relative_error(form: WeakForm, theta: Array, shift: float) -> float:
-    """Unexplained force over the drive's, both as rms over all windows.
+def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
+    """Unexplained force of every body over what acts on it, both as rms over all windows.
 
     Parameters
     ----------
@@ -269,11 +281,13 @@ def relative_error(form: WeakForm, theta: Array, shift: float) -> float:
 
     Returns
     -------
-    float
+    array, shape (bodies,)
+        Of the driven body over the force of the drive.
     """
-    left = form.residual(theta, shift)[:, 0]
-    applied = form.drive(theta, shift)
-    return float(np.linalg.norm(left) / max(float(np.linalg.norm(applied)), 1e-300))
+    left = form.residual(theta, shift)
+    acting = np.asarray(form.engine.layout(theta).axis.inertia, dtype=float) * form.inertial - left
+    acting[:, 0] = form.drive(theta, shift)
+    return np.asarray(np.linalg.norm(left, axis=0) / np.maximum(np.linalg.norm(acting, axis=0), 1e-300))
 
 
 def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
@@ -296,7 +310,7 @@ def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
     while wide is not None and wide.width <= form.widest:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
         if np.all(inertia * wide.noise <= _RULED * left):
-            return relative_error(wide, theta, shift) >= _LEAST_UNEXPLAINED
+            return float(np.max(relative_errors(wide, theta, shift))) >= _LEAST_UNEXPLAINED
         wide = weak_form(form.engine, form.data, _wider(wide.width))
     return False
 
@@ -324,34 +338,15 @@ def _split(form: WeakForm, point: Array) -> tuple[Array, float]:
     return (point[:-1], float(point[-1])) if form.free_timing else (point, 0.0)
 
 
-@dataclass(frozen=True)
-class _Shares:
-    """By what every window is told.
-
-    By its command, given the motion, as far as the balance depends on that; else by its motion, given the command: in a
-    dead zone, beyond a limit, at standstill.
-
-    Attributes
-    ----------
-    told : array, shape (rows,)
-        Share of the command.
-    standing : array, shape (rows,)
-        Share of a body that a friction holds, whatever the command.
-    strength : array, shape (rows,)
-        Log of the force per input where the command is told.
-    """
-
-    told: Array
-    standing: Array
-    strength: Array
-
-
-def _shares(form: WeakForm, point: Array, residual: Array) -> _Shares:
+def _shares(form: WeakForm, point: Array, residual: Array) -> Shares:
     """By what every window is told.
 
     What shapes the command is measured by what the drive does of it over all windows: on a command of two levels an
     uneven gain is an offset. A friction that takes a part of what the drive gives is measured window by window.
     """
+    known = form.shares.get(key := point.tobytes())
+    if known is not None:
+        return known
     theta, shift = _split(form, point)
     slope = form.slope(theta, shift, residual)
     least = _TELLS * _gain(form, theta)
@@ -359,7 +354,10 @@ def _shares(form: WeakForm, point: Array, residual: Array) -> _Shares:
     passed = np.where(each > 0.0, slope / np.maximum(each, 1e-300), 1.0)
     cut_off = (1.0 - np.minimum(each / least, 1.0)) * (1.0 - form.standing)
     told = np.minimum(np.minimum(slope / least, 1.0), 1.0 - cut_off)
-    return _Shares(told, 1.0 - told - cut_off, np.log(overall * np.maximum(passed, 1e-300)))
+    found = Shares(told, 1.0 - told - cut_off, np.log(overall * np.maximum(passed, 1e-300)))
+    form.shares.clear()
+    form.shares[key] = found
+    return found
 
 
 def _errors(form: WeakForm, theta: Array, residual: Array, standing: Array) -> Array:
@@ -573,6 +571,7 @@ def fit_by_force(
     *,
     insist: bool = False,
     rest_speed: float | None = None,
+    narrowest: int = NARROWEST,
 ) -> WeakFit | None:
     """Fit a model to records by its force balance, in the narrowest windows in which sensor noise does not rule.
 
@@ -587,6 +586,8 @@ def fit_by_force(
         Take the widest windows where sensor noise rules in all.
     rest_speed : float, optional
         Speed below which a body counts as standing to search from [m/s or rad/s].
+    narrowest : int
+        Samples in the windows to begin with.
 
     Returns
     -------
@@ -598,7 +599,7 @@ def fit_by_force(
     IdloopError
         The balance cannot be evaluated at the start.
     """
-    width, point = NARROWEST, start
+    width, point = narrowest, start
     forms = {} if known is None else known
     found: WeakFit | None = None
     while True:
@@ -607,7 +608,7 @@ def fit_by_force(
             return found if insist else None
         forms.setdefault(width, form)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
-        found = with_rest_speed(fit_anew(form, point) if width == NARROWEST else fit_weak(form, point))
+        found = with_rest_speed(fit_anew(form, point) if width == narrowest else fit_weak(form, point))
         if found.resolved:
             return found
         width, point = _wider(width), found.theta

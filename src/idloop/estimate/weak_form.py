@@ -95,6 +95,28 @@ class Track:
 
 
 @dataclass(frozen=True)
+class Shares:
+    """By what every window is told.
+
+    By its command, given the motion, as far as the balance depends on that; else by its motion, given the command: in a
+    dead zone, beyond a limit, at standstill.
+
+    Attributes
+    ----------
+    told : array, shape (rows,)
+        Share of the command.
+    standing : array, shape (rows,)
+        Share of a body that a friction holds, whatever the command.
+    strength : array, shape (rows,)
+        Log of the force per input where the command is told.
+    """
+
+    told: Array
+    standing: Array
+    strength: Array
+
+
+@dataclass(frozen=True)
 class _Run:
     """The motion of records that are evaluated in one call, one after the other."""
 
@@ -279,6 +301,8 @@ class WeakForm:
         First row of each track, and the number of all.
     free_timing : bool
         Whether the time from the stamp of a command to its action is estimated: not where the model has it itself.
+    shares : dict of bytes to Shares
+        By what every window is told at the point that was asked for last, by its bytes.
     """
 
     def __init__(
@@ -349,8 +373,9 @@ class WeakForm:
         return float(np.sqrt(np.mean(np.concatenate([track.motion.velocity[:, 0] for track in self.tracks]) ** 2)))
 
     def forget(self) -> None:
-        """Keep no residual of another model."""
+        """Keep nothing of another model."""
         self._known = b"", np.zeros(0)
+        self.shares: dict[bytes, Shares] = {}
 
     def thinned(self, most: int) -> WeakForm:
         """About so many of the windows, in stretches evenly spread over the records; all where these are less."""
