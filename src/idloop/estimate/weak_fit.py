@@ -167,8 +167,8 @@ class WeakFit:
 
     @property
     def resolved(self) -> bool:
-        """Whether the windows are so wide that sensor noise is a small part of what is unexplained."""
-        return bool(np.all(self.noise_share <= MOST_NOISE))
+        """Whether the windows are so wide that sensor noise is a small part of what is unexplained of some body."""
+        return bool(np.any(self.noise_share <= MOST_NOISE))
 
     @property
     def reliable(self) -> bool:
@@ -575,6 +575,8 @@ def fit_by_force(
 ) -> WeakFit | None:
     """Fit a model to records by its force balance, in the narrowest windows in which sensor noise does not rule.
 
+    Of any body; where there are none, of some body.
+
     Parameters
     ----------
     engine : Engine
@@ -602,15 +604,18 @@ def fit_by_force(
     width, point = narrowest, start
     forms = {} if known is None else known
     found: WeakFit | None = None
+    # Of a body that lacks nothing noise is all that is left, at any width.
+    for_some: WeakFit | None = None
     while True:
         form = forms[width].with_engine(engine) if width in forms else weak_form(engine, data, width)
         if form is None or form.starts[-1] < FEWEST_ROWS:
-            return found if insist else None
+            return for_some or (found if insist else None)
         forms.setdefault(width, form)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
         found = with_rest_speed(fit_anew(form, point) if width == narrowest else fit_weak(form, point))
-        if found.resolved:
+        if np.all(found.noise_share <= MOST_NOISE):
             return found
+        for_some = for_some or (found if found.resolved else None)
         width, point = _wider(width), found.theta
 
 
