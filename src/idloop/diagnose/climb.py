@@ -66,7 +66,7 @@ class Climb(Generic[FitT]):
             Of its last model.
         """
         given, spoilt = ladder, False
-        stays, seen = set[str](), set[str]()
+        stays, seen, looked = set[str](), set[str](), False
         step: Step[FitT] | None = None
         while True:
             count = 0 if ladder is None else len(ladder.added)
@@ -76,6 +76,12 @@ class Climb(Generic[FitT]):
             if ladder is None:
                 ladder = Ladder((self._rise(None, step.reported(fit)),))
             ladder = replace(ladder, criterion=self.criterion, level=self.level)
+            if given is not None and self.spoils is not None and not looked:
+                # What another view has found may be needless in this one.
+                looked, before = True, ladder
+                ladder, fit = self._without_needless(ladder, fit, step, stays, ladder.steps[1:])
+                if ladder is not before:
+                    continue
             if not step.tied or count + len(step.tied[0].proposals) > self.most:
                 break
             rungs, further = self._taken(step)

@@ -85,7 +85,7 @@ def diagnose(
     else:
         diagnosis, beside = found
         if beside:
-            other = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell, model)
+            other = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell, balanced=True)
             diagnosis = diagnosis.seconded(other) if other.best is None else other
     reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
     told = [] if together is None else [together]
@@ -146,11 +146,14 @@ def _by_errors(
     effects: Sequence[str] | None,
     seed: int,
     tell: Progress,
-    weighed: Model | None = None,
+    *,
+    balanced: bool = False,
 ) -> Diagnosis:
-    """By one-step or free-run errors."""
+    """By one-step or free-run errors; without what the force balance shows where that has weighed it."""
     setting = with_common_whitening(prepare_setting(model, records, kind))
-    view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell, weighed=weighed)
-    found = diagnosis_of(view.weigh(refit(setting, model)))
+    view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell)
+    fit = refit(setting, model)
+    # Predictions that need not whiten anything are the finer view of all.
+    found = diagnosis_of(view.beside(model, balanced=balanced and any(fit.problem.orders)).weigh(fit))
     tell(1.0, "done")
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -154,13 +155,16 @@ class PredictionView(View[Refit]):
         As of `Step`.
     effects : sequence of str, optional
         Choose from these only.
-    weighed : Model, optional
-        A model of which a force balance has weighed all that it shows: this is not weighed again.
     held_out : Setting, optional
         Validation records, on which an effect must do no harm.
     seed : int
     tell : callable, optional
         Called with the share done and a text.
+
+    Attributes
+    ----------
+    weighed : Model or None
+        One of which a force balance has weighed all that it shows: this is not weighed again.
     """
 
     def __init__(
@@ -173,18 +177,31 @@ class PredictionView(View[Refit]):
         held_out: Setting | None = None,
         seed: int = 0,
         tell: Progress | None = None,
-        weighed: Model | None = None,
     ) -> None:
         self.setting, self.start, self.level, self.least = setting, start, level, least
-        self._asked, self._weighed = effects, weighed
-        self.effects = effects
+        self._asked = self.effects = effects
+        self.weighed: Model | None = None
         self.held_out, self.seed, self._tell = held_out, seed, tell or (lambda share, text: None)
+
+    def beside(self, model: Model, *, balanced: bool) -> PredictionView:
+        """The same view after a force balance.
+
+        Parameters
+        ----------
+        model : Model
+            Where it has led.
+        balanced : bool
+            Whether what the balance shows of that model is not weighed again.
+        """
+        other = copy(self)
+        other.start, other.weighed = model, model if balanced else None
+        return other
 
     def choices(self, model: Model) -> Sequence[str] | None:
         """What there is to choose from beside a model; None for the whole catalogue."""
-        if self._weighed is None:
+        if self.weighed is None:
             return self._asked
-        return unbalanced(model, self._asked, self.setting.conditions, self._weighed)
+        return unbalanced(model, self._asked, self.setting.conditions, self.weighed)
 
     def weigh(self, parent: Refit) -> Step[Refit]:
         """Weigh the effects of the catalogue that a score test finds promising, and pairs of them."""
@@ -213,7 +230,7 @@ class PredictionView(View[Refit]):
             better = {one.proposal.name: one for one in more}
             kept = [one for one in step.weighed if one.names[0] not in better]
             return self._judged(replace(step, weighed=(*kept, *weigher.singles(more))), moved)
-        if self.setting.kind == PREDICTION and self._weighed is None and not step.stand_ins:
+        if self.setting.kind == PREDICTION and self.weighed is None and not step.stand_ins:
             pairs = weigher.pairs(self._pairs(screen, screened, confirmed, bar))
             step = self._with_first(self._judged(replace(step, weighed=(*step.weighed, *pairs)), moved), weigher)
         if moved or step.tied:
@@ -230,7 +247,7 @@ class PredictionView(View[Refit]):
     def _confirmed(self, parent: Refit, screened: list[Screened], bar: float) -> list[Confirmed]:
         """Refits of what the score test does not rule out."""
         # What a balance has left is known to colour the noise.
-        swallowed = self._weighed is None and _swallowed(parent)
+        swallowed = self.weighed is None and _swallowed(parent)
         # What the noise model has swallowed a score test does not see.
         chance = 2.0 * math.log(max(len(screened), 1))
         chosen = promising(screened, chance) if swallowed else promising(screened, bar, fewest=0)
@@ -319,7 +336,7 @@ class PredictionView(View[Refit]):
 
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
-        if self.setting.kind != PREDICTION:
+        if self.setting.kind != PREDICTION or self.weighed is not None:
             # Where model error is what is left, a step that helped stays for the reader to see.
             return None
         smaller = fit.model.without_effect(name)

@@ -200,27 +200,32 @@ class _Task:
         held_out = None
         if self.validation:
             held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
-        on = None if last is None or ladder is None else self._told_apart(setting, ladder)
-        given = self.model if on is None else on.model
-        # What a balance leaves beyond its noise is no noise, which predictions take it for: they weigh what it does not
-        # see, and all where it has come down to that.
-        weighed = given if last is not None and last.serves else None
         view = PredictionView(
-            setting, given, self.level, self.least, self.effects, held_out, self.seed, self.tell, weighed
-        )
-        climb = self._climb(view, kind)
-        if on is None or last is None:
-            found, _ = climb(refit(setting, start), ladder)
+            setting, self.model, self.level, self.least, self.effects, held_out, self.seed, self.tell
+        )  # fmt: skip
+        if ladder is None or last is None:
+            found, _ = self._climb(view, kind)(refit(setting, start), ladder)
         else:
-            found, fit = on, refit_or_none(setting, on.model, near=True)
-            if view.choices(given) != [] and fit is not None and not self._blind(fit.model, on, last):
-                on = self._as_predicted(on, -1, None if last.decides_against(fit.model) else fit)
-                more, _ = replace(climb, spoils=self._spoils)(fit, on)
-                found = more if weighed is None or more.added != on.added else on.seconded(more)
+            found = self._go_on(view, self._told_apart(setting, ladder), last)
         for candidate in quantised(found.model, setting, self.effects):
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)
         return found
+
+    def _go_on(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:
+        """Climb on by predictions from what the force balance has found."""
+        fit = refit_or_none(view.setting, ladder.model, near=True)
+        if fit is None or self._blind(fit.model, ladder, last):
+            return ladder
+        # What a balance leaves beyond its noise predictions would take for noise: they weigh what it does not see.
+        # Where they need not whiten anything they are the finer view of all.
+        ruled = last.serves and any(fit.problem.orders)
+        view = view.beside(ladder.model, balanced=ruled)
+        if view.choices(ladder.model) == []:
+            return ladder
+        ladder = self._as_predicted(ladder, -1, None if last.decides_against(fit.model) else fit)
+        more, _ = replace(self._climb(view, PREDICTION), spoils=self._spoils)(fit, ladder)
+        return ladder.seconded(more) if ruled and more.added == ladder.added else more
 
     def _climb(self, view: View[FitT], criterion: str) -> Climb[FitT]:
         return Climb(view, self.records, self.validation, criterion, self.level, self.most, self.tell, self.on_step)
