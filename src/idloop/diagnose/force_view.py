@@ -36,7 +36,7 @@ from idloop.estimate.weak_fit import (
     with_rest_speed,
 )
 from idloop.estimate.weak_form import WeakForm, weak_form
-from idloop.physics.effect import OUTPUT
+from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 
@@ -298,7 +298,10 @@ def unbalanced(model: Model, effects: Sequence[str] | None, conditions: Mapping[
     return [
         one.name
         for one in proposals(model, effects, conditions)
-        if not _balances(one) or one.at not in weighed.sites(one.effect.site)
+        if not _balances(one)
+        # A balance finds the time at which commands act by itself, and sees little of their quick changes.
+        or (one.effect.site == INPUT and one.effect.lags)
+        or one.at not in weighed.sites(one.effect.site)
     ]
 
 

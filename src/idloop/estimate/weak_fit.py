@@ -28,8 +28,9 @@ from idloop.physics.effect import INPUT
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-# The time from stamp to action is found within these limits, in samples.
-_EARLIEST, _LATEST = -1.0, 2.0
+# The time from stamp to action is found within these limits, in samples: a sampled loop has one by itself, and a
+# differenced velocity half of one; what is later is a delay.
+_EARLIEST, _LATEST = -1.0, 1.5
 # A window is wide enough when sensor noise is at most this part of the unexplained force [standard deviations].
 MOST_NOISE = 0.3
 _WIDER = 1.4
