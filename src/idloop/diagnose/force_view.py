@@ -32,7 +32,6 @@ from idloop.estimate.weak_fit import (
     cost_at,
     fit_by_force,
     fit_weak,
-    relative_errors,
     with_rest_speed,
 )
 from idloop.estimate.weak_form import WeakForm, weak_form
@@ -67,6 +66,8 @@ _ENOUGH = 50_000
 _GLANCE = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 _ADEQUATE = 0.1
+# An error that has grown by more than this [log] is as bad.
+_WORST = 50.0
 # Least log-likelihood that a trace must promise.
 _LEAST_PROMISE = 2.0
 
@@ -92,13 +93,15 @@ class ForceStep(Step[WeakFit]):
         return FORCE
 
     def smaller(self, one: Weighed[WeakFit]) -> float:
-        """Part by which it makes errors smaller: the least of those on samples not seen, held-out records and all.
+        """Part by which it makes errors smaller: the least of those on samples not seen and all.
 
-        The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing.
+        The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing. On
+        held-out records, whose motion need not show it, it must do no harm.
         """
+        if one.held_out is not None and one.held_out < 0.0:
+            return one.held_out
         relative = 1.0 - math.exp(_typical(one.fit.relatives) - _typical(self.thinned.relatives))
-        parts = (one.evidence.improvement, relative, one.held_out)
-        return min(part for part in parts if part is not None)
+        return min(one.evidence.improvement, relative)
 
     @cached_property
     def eligible(self) -> list[Weighed[WeakFit]]:
@@ -118,7 +121,7 @@ class ForceStep(Step[WeakFit]):
         """Why an effect that shows is not worth a name."""
         part = self.smaller(one)
         if one.held_out == part and part <= 0.0:
-            return "it explains nothing of the held-out records"
+            return "it makes the errors on the held-out records larger"
         return (
             f"it makes the unexplained force smaller by {100.0 * max(part, 0.0):.2g} % only, and "
             f"{100.0 * self.least:g} % is asked for"
@@ -505,15 +508,14 @@ class _Weigher:
         self.glance = glance
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
         self._held_out = None if form is None else form.thinned(_ENOUGH)
-        self._before = self._errors(parent)
+        self._before = self._typical_error(parent)
 
-    def _errors(self, fit: WeakFit) -> Array:
-        """Logarithms of the typical and of the rms error on the held-out records."""
+    def _typical_error(self, fit: WeakFit) -> float:
+        """Logarithm of the typical error on the held-out records, whose scale is their own."""
         if self._held_out is None:
-            return np.zeros(2)
+            return 0.0
         form = self._held_out.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
-        typical = -float(np.mean(fit.log_densities(form)))
-        return np.array([typical, _typical(relative_errors(form, fit.theta, fit.shift))])
+        return -float(np.mean(fit.along(form).log_densities()))
 
     def __call__(self, fits: Iterable[_Fitted | None], level: float) -> list[Weighed[WeakFit]]:
         """Those that explain anything, with their evidence.
@@ -556,12 +558,12 @@ class _Weigher:
             return None
         try:
             scores = scores_of_fit(fit)
-            after = self._errors(fit)
+            after = self._typical_error(fit)
         except (IdloopError, np.linalg.LinAlgError):
             return None
         if not np.all(np.isfinite(scores.log_density)):
             return None
-        held_out = None if self._held_out is None else float(np.min(1.0 - np.exp(after - self._before)))
+        held_out = None if self._held_out is None else 1.0 - math.exp(min(after - self._before, _WORST))
         return Weighed(chosen, fit, scores, scores.against(self.base), gain, held_out)
 
 

@@ -336,7 +336,9 @@ class PredictionView(View[Refit]):
 
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
-        if self.setting.kind != PREDICTION or self.weighed is not None:
+        # Once a body is split the balance along its measured motion is no longer that of the machine.
+        balanced = self.weighed is not None and not fit.model.inner_couplings
+        if self.setting.kind != PREDICTION or balanced:
             # Where model error is what is left, a step that helped stays for the reader to see.
             return None
         smaller = fit.model.without_effect(name)
