@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,11 @@ def turned(machine: Model, seed: int = 1, rate: float = 500.0, seconds: float = 
     output = simulate(machine, time, command, time, noise=noise).output
     names, units = tuple(o.name for o in machine.outputs), tuple(o.unit for o in machine.outputs)
     return Record(f"run{seed}", time, command, time, output, "motor.effort", machine.input.unit, names, units)
+
+
+def simulated(machine: Model, time: np.ndarray, command: np.ndarray) -> np.ndarray:
+    noise = np.random.default_rng(5).normal(size=(len(time), len(machine.outputs)))
+    return simulate(machine, time, command, time, noise=noise * [float(o.noise or 0.0) for o in machine.outputs]).output
 
 
 def weighed(model: Model, record: Record, effects: list[str] | None = None) -> force_view.ForceStep:
@@ -123,7 +130,7 @@ def test_an_effect_beside_a_curve_is_judged_by_what_it_adds(start: Model):
 def test_held_out_records_that_move_otherwise_do_not_hide_an_effect():
     """Their errors are larger, for the model lacks more there; they are smaller with the effect all the same."""
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
-    rough = machine.with_effects(["coulomb_friction@axis(level=0.3)"])
+    rough = machine.with_effects(["coulomb_friction@axis(level=0.03)"])
     setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
     held_out = prepare(load_model("axis"), [turned(rough, 2)])
     step = ForceView(setting, 0.01, 0.01, ["load_torque"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
@@ -138,4 +145,15 @@ def test_an_effect_that_held_out_records_do_not_have_is_not_named():
     held_out = prepare(load_model("axis"), [turned(load_model("axis"), 2)])
     step = ForceView(setting, 0.01, 0.01, ["load_torque"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
     assert not step.tied
-    assert step.passed_over == {"load_torque@axis": "it makes the errors on the held-out records larger"}
+    assert "does not carry over" in step.passed_over["load_torque@axis"]
+
+
+def test_a_limit_that_held_out_records_do_not_reach_is_judged_without_them():
+    machine = load_model("axis").with_effects(["saturation@input(limit=1.2)"])
+    setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
+    gentle = turned(machine, 2)
+    gentle = replace(gentle, input=0.5 * gentle.input, output=simulated(machine, gentle.time, 0.5 * gentle.input))
+    held_out = prepare(load_model("axis"), [gentle])
+    step = ForceView(setting, 0.01, 0.01, ["saturation"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
+    assert step.names == ("saturation@input",)
+    assert step.tied[0].held_out is None

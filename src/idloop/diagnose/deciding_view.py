@@ -152,7 +152,7 @@ def _beginnings(setting: Setting, start: Model) -> Setting | None:
 def _denies(plain: Refit | None, found: Model, setting: Setting, level: float) -> bool:
     if plain is None:
         return False
-    after = refit_or_none(setting, found, near=True)
+    after = refit_or_none(setting, found)
     return after is not None and after.log_likelihood - plain.log_likelihood < math.log(1.0 / level)
 
 

@@ -66,6 +66,10 @@ _ENOUGH = 50_000
 _GLANCE = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 _ADEQUATE = 0.1
+# Held-out records must show this part of what an effect does where it was fitted.
+_CARRIES_OVER = 0.25
+# ... where it changes the forces by this part of what is unexplained.
+_ACTS = 0.1
 # An error that has grown by more than this [log] is as bad.
 _WORST = 50.0
 # Least log-likelihood that a trace must promise.
@@ -95,13 +99,17 @@ class ForceStep(Step[WeakFit]):
     def smaller(self, one: Weighed[WeakFit]) -> float:
         """Part by which it makes errors smaller: the least of those on samples not seen and all.
 
-        The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing. On
-        held-out records, whose motion need not show it, it must do no harm.
+        The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing.
         """
-        if one.held_out is not None and one.held_out < 0.0:
-            return one.held_out
         relative = 1.0 - math.exp(_typical(one.fit.relatives) - _typical(self.thinned.relatives))
         return min(one.evidence.improvement, relative)
+
+    def worth(self, one: Weighed[WeakFit]) -> bool:
+        """Whether it makes errors enough smaller, on held-out records as well."""
+        return super().worth(one) and self._carries_over(one)
+
+    def _carries_over(self, one: Weighed[WeakFit]) -> bool:
+        return one.held_out is None or one.held_out >= max(_CARRIES_OVER * self.smaller(one), self.least)
 
     @cached_property
     def eligible(self) -> list[Weighed[WeakFit]]:
@@ -120,8 +128,11 @@ class ForceStep(Step[WeakFit]):
     def too_small(self, one: Weighed[WeakFit]) -> str:
         """Why an effect that shows is not worth a name."""
         part = self.smaller(one)
-        if one.held_out == part and part <= 0.0:
-            return "it makes the errors on the held-out records larger"
+        if part >= self.least and one.held_out is not None:
+            return (
+                f"it makes the unexplained force smaller by {100.0 * part:.2g} % where it was fitted, and by "
+                f"{100.0 * one.held_out:.2g} % on the held-out records: it does not carry over"
+            )
         return (
             f"it makes the unexplained force smaller by {100.0 * max(part, 0.0):.2g} % only, and "
             f"{100.0 * self.least:g} % is asked for"
@@ -563,8 +574,20 @@ class _Weigher:
             return None
         if not np.all(np.isfinite(scores.log_density)):
             return None
-        held_out = None if self._held_out is None else 1.0 - math.exp(min(after - self._before, _WORST))
+        held_out = 1.0 - math.exp(min(after - self._before, _WORST)) if self._acts(chosen, fit) else None
         return Weighed(chosen, fit, scores, scores.against(self.base), gain, held_out)
+
+    def _acts(self, chosen: tuple[Proposal, ...], fit: WeakFit) -> bool:
+        """Whether effects do anything on the held-out records: a limit may not be reached there."""
+        if self._held_out is None:
+            return False
+        form = self._held_out.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
+        model = fit.model
+        for proposal in chosen:
+            model = model.without_effect(proposal.name)
+        without = form.with_engine(RememberingEngine(model))
+        left, other = form.residual(fit.theta, fit.shift), without.residual(model.theta, fit.shift)
+        return bool(np.linalg.norm(other - left) >= _ACTS * np.linalg.norm(left))
 
 
 def _typical(relatives: Array) -> float:
