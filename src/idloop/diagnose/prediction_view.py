@@ -29,7 +29,7 @@ from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.predictive import Scores
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.reach import at_its_bound
-from idloop.diagnose.refit import Refit, refit, refit_or_none
+from idloop.diagnose.refit import MANY_LAGS, Refit, refit, refit_or_none
 from idloop.diagnose.restarts import has_contacts, searched_anew
 from idloop.diagnose.rivals import from_the_best
 from idloop.diagnose.same_motion import same_from_another_start, same_motion, within_rounding
@@ -47,8 +47,8 @@ from idloop.validate.measures import NEGLIGIBLE
 
 Progress = Callable[[float, str], None]
 
-# A whitening of so many lags that makes the errors' deviations smaller by more than this [log] has swallowed an effect.
-_MANY_LAGS, _MUCH_COLOUR = 6, 0.05
+# A whitening of many lags that makes the errors' deviations smaller by more than this [log] has swallowed an effect.
+_MUCH_COLOUR = 0.05
 # Fewer lags that do so by this much: noise with a memory of a hundred samples would not.
 _ANY_COLOUR = 2.5
 # Part of what shows that the first round of a search must reach.
@@ -413,7 +413,7 @@ def _swallowed(fit: Refit) -> bool:
         return False
     if fit.coloured <= _MUCH_COLOUR or fit.coloured > _ANY_COLOUR:
         return fit.coloured > _ANY_COLOUR
-    return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= _MANY_LAGS
+    return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
 
 
 def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:

@@ -217,6 +217,7 @@ class _Task:
         fit = refit_or_none(view.setting, ladder.model, near=True)
         if fit is None or self._blind(fit.model, ladder, last):
             return ladder
+        fit = fit if fit.whitens_much else view.again(fit)
         # What a balance leaves beyond its noise predictions would take for noise: they weigh what it does not see.
         # Where they need not whiten anything they are the finer view of all.
         ruled = last.serves and any(fit.problem.orders)

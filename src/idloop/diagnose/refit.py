@@ -37,6 +37,8 @@ from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
 
+# Noise asks for fewer lags of whitening than this.
+MANY_LAGS = 6
 _MOST_ROUNDS = 10
 _ITERATIONS_PER_ROUND = 6
 # Gain of one round below which the search ends, as part of what the model has gained on the one beside it:
@@ -131,6 +133,11 @@ class Refit:
             found = max(found, float(0.5 * log_determinant / len(weight)) if sign > 0 else 0.0)
         return found
 
+    @property
+    def whitens_much(self) -> bool:
+        """Whether the whitening has more lags than noise asks for."""
+        return max(self.problem.orders, default=0) >= MANY_LAGS
+
     @cached_property
     def at_start(self) -> float:
         """Log-likelihood of the first instants, beyond what `log_likelihood` counts for them."""
@@ -210,7 +217,7 @@ def refit(
         Start as well from where the model is best without any disturbance, should that be better: a missing
         effect makes its neighbour's disturbance strong, and from there parameters and disturbance creep.
     near : bool
-        The model's values are those of another view: the machine without its effects is no better place to start from.
+        The model's values are those of another view: one search from there, with the noise that it finds.
 
     Returns
     -------
@@ -222,7 +229,9 @@ def refit(
         The model gives no finite errors at any start.
     """
     fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders, limits, calm)
-    if beside is None and not near:
+    if near:
+        return fit
+    if beside is None:
         fit = _by_way_of_the_plain_machine(setting, model, fit, rounds, orders, limits)
     if orders is not None or not (beside is None or reconsider):
         return fit
