@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from idloop.diagnose.candidate import Candidate, second_views
-from idloop.diagnose.gate import Gate
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.physics import load_model
 
@@ -41,12 +40,3 @@ def test_the_stricter_verdict_stands(first: str, second: str, both: str):
     found = ladder(first, *BALANCE).seconded(ladder(second, *PREDICTIONS))
     assert found.verdict == both
     assert found.untestable == ()
-
-
-def test_what_neither_can_show_stays_untestable():
-    found = Gate(("motion",), {"a@x": "no", "b@x": "yes", "c@x": "no"}, {"a@x": "1", "b@x": "1", "c@x": "1"}).seconded(
-        Gate(("motion", "command"), {"a@x": "yes", "b@x": "no"}, {"a@x": "2", "b@x": "2"})
-    )
-    assert found.testable == {"a@x": "yes", "b@x": "yes", "c@x": "no"}
-    assert found.why == {"a@x": "2", "b@x": "1", "c@x": "1"}
-    assert found.findings == ("motion", "command")

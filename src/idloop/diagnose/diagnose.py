@@ -9,19 +9,20 @@ import numpy as np
 
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
 from idloop.diagnose.common_noise import with_common_whitening
-from idloop.diagnose.deciding_view import NOTHING, Views, asked_fit
+from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
 from idloop.diagnose.delay_or_lag import delay_or_lag
 from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView
 from idloop.diagnose.prediction_view import PredictionView
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
+from idloop.diagnose.refit import refit, refit_or_none
+from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.split_bodies import split_bodies
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
+from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -80,13 +81,7 @@ def diagnose(
     found = None
     if criterion in ("auto", FORCE):
         found = _by_force(model, records, criterion, level, minimum_improvement, effects, seed, tell)
-    if found is None:
-        diagnosis = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell)
-    else:
-        diagnosis, beside = found
-        if beside:
-            other = _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell, balanced=True)
-            diagnosis = diagnosis.seconded(other) if other.best is None else other
+    diagnosis = found or _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell)
     reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
     told = [] if together is None else [together]
     if diagnosis.best is not None and diagnosis.best.model is not None:
@@ -109,8 +104,8 @@ def _by_force(
     effects: Sequence[str] | None,
     seed: int,
     tell: Progress,
-) -> tuple[Diagnosis, bool] | None:
-    """By the force balance, and whether predictions are asked for what it does not show; None where they decide all."""
+) -> Diagnosis | None:
+    """By the force balance; None where another view is to decide."""
     setting, asked = with_common_whitening(prepare_setting(model, records, "prediction")), criterion == FORCE
     forms: dict[int, WeakForm] = {}
     views = None if asked else Views(model, setting, forms)
@@ -120,7 +115,7 @@ def _by_force(
     tell(0.3, "weighing effects")
     step = ForceView(setting, level, least, effects, forms=forms).weigh(fit)
     shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
-    if views is not None and (shown or fit).relative >= NOTHING:
+    if views is not None and ((shown is None and not views.blind) or (shown or fit).relative >= NOTHING):
         return None
     if views is not None and step.tied and views.contradict(step.tied[0].fit.model, level):
         return None
@@ -130,11 +125,24 @@ def _by_force(
         if told:
             names = tuple(one.name for one in told)
             found = replace(found, candidates=(*told, *(c for c in found.candidates if c.name not in names)), set=names)
-    # What a balance leaves beyond its noise predictions would take for noise: they weigh what it does not see.
-    beside = not asked and shown is None
-    if not beside:
-        tell(1.0, "done")
-    return found, beside
+        elif step.tied:
+            found = _valued(found, step.tied[0].fit, setting)
+    tell(1.0, "done")
+    return found
+
+
+def _valued(found: Diagnosis, fit: WeakFit, setting: Setting) -> Diagnosis:
+    """The same effects with the values that `fit` gives them: of predictions, where these are the finer ones."""
+    if fit.model_error_rules:
+        return found
+    candidates = []
+    for one in found.candidates:
+        predicted = (
+            None if one.model is None or one.name not in found.set else refit_or_none(setting, one.model, near=True)
+        )
+        finer = predicted is not None and not fit.hides_from(predicted.model)
+        candidates.append(as_predicted(one, predicted, setting.records) if predicted is not None and finer else one)
+    return replace(found, candidates=tuple(candidates))
 
 
 def _by_errors(
@@ -146,14 +154,10 @@ def _by_errors(
     effects: Sequence[str] | None,
     seed: int,
     tell: Progress,
-    *,
-    balanced: bool = False,
 ) -> Diagnosis:
-    """By one-step or free-run errors; without what the force balance shows where that has weighed it."""
+    """By one-step or free-run errors."""
     setting = with_common_whitening(prepare_setting(model, records, kind))
     view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell)
-    fit = refit(setting, model)
-    # Predictions that need not whiten anything are the finer view of all.
-    found = diagnosis_of(view.beside(model, balanced=balanced and any(fit.problem.orders)).weigh(fit))
+    found = diagnosis_of(view.weigh(refit(setting, model)))
     tell(1.0, "done")
     return found

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from idloop.diagnose.candidate import Candidate, Rung, effect_parameters, second_views
+from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
 from idloop.diagnose.follows import REVERSED
 from idloop.diagnose.gate import Gate
 from idloop.diagnose.step import FitT, Step, Weighed
 from idloop.diagnose.twins import Twins, find_twins
 from idloop.diagnose.unknown import UnknownStructure
-from idloop.diagnose.verdict import ADEQUATE, MISSING, NOT_EXCITED, UNKNOWN
+from idloop.diagnose.verdict import MISSING, NOT_EXCITED, UNKNOWN
 from idloop.physics.model import Model
 
 
@@ -105,27 +105,6 @@ class Diagnosis:
         alike = (part for group in self.twins for part in group.parts)
         shown = {*self.set, *(self.pair or ()), *self.passed_over, *alike}
         return tuple(name for name in self.gate.untestable if name not in shown)
-
-    def seconded(self, other: Diagnosis) -> Diagnosis:
-        """The same, where another view of the same model has found nothing either: the stricter verdict of both.
-
-        Parameters
-        ----------
-        other : Diagnosis
-            Of the other view.
-
-        Returns
-        -------
-        Diagnosis
-        """
-        return replace(
-            self,
-            verdict=self.verdict if self.verdict != ADEQUATE else other.verdict,
-            candidates=second_views(self.candidates, other.candidates),
-            gate=self.gate.seconded(other.gate),
-            unknown=self.unknown or other.unknown,
-            passed_over={**other.passed_over, **self.passed_over},
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, schema ``idloop/diagnose/1``."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -61,17 +61,6 @@ class Gate:
     def untestable(self) -> tuple[str, ...]:
         """Effects that this data cannot show, or not beyond the level that it has reached."""
         return tuple(name for name, answer in self.testable.items() if answer == "no" or name in self.from_a_level)
-
-    def seconded(self, other: Gate) -> Gate:
-        """What this view of the data can show, and another one of what this cannot."""
-        there = {name: answer for name, answer in other.testable.items() if self.testable.get(name, "no") == "no"}
-        return replace(
-            self,
-            findings=tuple(dict.fromkeys((*self.findings, *other.findings))),
-            testable={**self.testable, **there},
-            why={**self.why, **{name: other.why[name] for name in there}},
-            limits={**other.limits, **self.limits},
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

@@ -178,7 +178,7 @@ class _Task:
         if views is None:
             return found, last
         nothing = len(found.steps) == (1 if ladder is None else len(ladder.steps))
-        if last.relative >= NOTHING or (not nothing and views.contradict(found.model, self.level)):
+        if last.relative >= NOTHING or (not views.blind if nothing else views.contradict(found.model, self.level)):
             return ladder, None
         return (found if ladder is not None else self._as_predicted(found, 0, views.finer)), last
 

@@ -12,9 +12,9 @@ Array = NDArray[np.float64]
 
 # The strongest so many are worth a fit.
 STRONGEST = 3
-# A wave shows when the motion spans so many of its periods, and a period lasts so many windows at typical speed: of one
-# of a single window two thirds are left.
-_PERIODS, _WINDOWS = 2.0, 1.0
+# A wave shows when the motion spans so many of its periods, and a period lasts so many windows at typical speed: then
+# five sixths of it are left.
+_PERIODS, _WINDOWS = 2.0, 1.5
 _HIGHEST = 400
 # Rows beyond which every n-th tells the same.
 _ENOUGH = 20_000
