@@ -215,9 +215,10 @@ class _Task:
     def _go_on(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:
         """Climb on by predictions from what the force balance has found."""
         fit = refit_or_none(view.setting, ladder.model, near=True)
+        if fit is not None and not fit.whitens_much:
+            fit = refit_or_none(view.setting, ladder.model)
         if fit is None or self._blind(fit.model, ladder, last):
             return ladder
-        fit = fit if fit.whitens_much else view.again(fit)
         # What a balance leaves beyond its noise predictions would take for noise: they weigh what it does not see.
         # Where they need not whiten anything they are the finer view of all.
         ruled = last.serves and any(fit.problem.orders)
