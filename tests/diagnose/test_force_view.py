@@ -157,3 +157,16 @@ def test_a_limit_that_held_out_records_do_not_reach_is_judged_without_them():
     step = ForceView(setting, 0.01, 0.01, ["saturation"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
     assert step.names == ("saturation@input",)
     assert step.tied[0].held_out is None
+
+
+def test_a_pair_whose_second_effect_takes_the_place_of_the_first_acts_on_held_out_records():
+    model = load_model("axis")
+    machine = model.with_effects(["coulomb_friction@axis(level=0.1)"])
+    setting = prepare_setting(model, [turned(machine, 1)], "prediction")
+    parent = asked_fit(model, setting, {})
+    weigher = force_view._Weigher(setting, parent, parent, prepare(model, [turned(machine, 2)]))
+    (first,) = proposals(model, ["coulomb_friction"])
+    (second,) = proposals(first.model({"level": 0.1}), ["asymmetric_friction"])
+    fit = asked_fit(second.model({"level": 0.1, "ratio": 0.1}), setting, {})
+    assert "coulomb_friction@axis" not in fit.model.effect_names
+    assert weigher._acts((first, second), fit)

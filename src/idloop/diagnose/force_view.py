@@ -582,9 +582,9 @@ class _Weigher:
         if self._held_out is None:
             return False
         form = self._held_out.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
-        model = fit.model
-        for proposal in chosen:
-            model = model.without_effect(proposal.name)
+        # The second of a pair may have taken the place of the first.
+        there = [proposal.name for proposal in chosen if proposal.name in fit.model.effect_names]
+        model = fit.model.without_effects(there)
         without = form.with_engine(RememberingEngine(model))
         left, other = form.residual(fit.theta, fit.shift), without.residual(model.theta, fit.shift)
         return bool(np.linalg.norm(other - left) >= _ACTS * np.linalg.norm(left))
