@@ -148,7 +148,7 @@ class ForceCurve:
             force=value,
             band=1.96 * spread,
             share=float(np.clip(1.0 - np.exp(-2.0 * self.evidence.difference / self.evidence.samples), 0.0, 1.0)),
-            text=curve_sentence("the unexplained force", curve.of, curve.of_unit, curve.over, p_value, value),
+            text=curve_sentence("the errors of the force", curve.of, curve.of_unit, curve.over, p_value, value),
             of=curve.of,
         )
 

@@ -169,9 +169,7 @@ def curve_sentence(
     over = over.partition(".")[2] or over
     by = f"(p = {max(p_value, 1e-300):.1g}) in a way that no effect looked for explains"
     if of in (FORCE, COMMAND):
-        follow = "follows" if not errors.endswith("s") else "follow"
-        repeat = "repeats" if not errors.endswith("s") else "repeat"
-        what = f"{repeat} every {repeats} of the position" if repeats else f"still {follow} the {over}"
+        what = f"repeat every {repeats} of the position" if repeats else f"still follow the {over}"
         largest = float(np.max(np.abs(curve)))
         return f"{errors} {what} {by}: a learnt {of} of up to {largest:.3g} {of_unit} remains"
     apart = float(np.ptp(curve))
