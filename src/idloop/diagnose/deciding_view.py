@@ -22,6 +22,8 @@ from idloop.records import Record
 NOTHING = 0.9
 # With the command turned a model explains far more where it leaves less than this part of what it leaves otherwise.
 _FAR_LESS = 0.5
+# Windows that leave out more of the motion than so many times the sensors' noise leave out forces.
+_LEFT_OUT = 3.0
 # Samples that mostly tell whether predictions are better with an effect that the force balance shows.
 _BEGINNINGS = 4000
 
@@ -41,14 +43,20 @@ class Views:
     ----------
     balance : WeakFit or None
         The model fitted by its force balance; None where it cannot decide: where some body is not measured, where
-        sensor noise is what it would show, where it leaves next to nothing, where the command is turned, and where what
-        it shows is a feedback.
+        sensor noise is what it would show, where it leaves next to nothing, where windows that are wide enough for that
+        leave out much of the motion, where the command is turned, and where what it shows is a feedback.
     """
 
     def __init__(self, model: Model, setting: Setting, forms: dict[int, WeakForm]) -> None:
         self.model, self.setting = model, setting
         fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms)
-        serves = fit is not None and fit.serves and setting.shows(fit.model) and not _against_the_command(fit)
+        serves = (
+            fit is not None
+            and fit.serves
+            and fit.form.left_out <= _LEFT_OUT
+            and setting.shows(fit.model)
+            and not _against_the_command(fit)
+        )
         self.balance = fit if serves else None
 
     @cached_property
@@ -152,8 +160,12 @@ def _beginnings(setting: Setting, start: Model) -> Setting | None:
 def _denies(plain: Refit | None, found: Model, setting: Setting, level: float) -> bool:
     if plain is None:
         return False
-    after = refit_or_none(setting, found)
-    return after is not None and after.log_likelihood - plain.log_likelihood < math.log(1.0 / level)
+    # One search from the values of the balance mostly shows that predictions are better for it.
+    for near in (True, False):
+        after = refit_or_none(setting, found, near=near)
+        if after is not None and after.log_likelihood - plain.log_likelihood >= math.log(1.0 / level):
+            return False
+    return after is not None
 
 
 def _against_the_command(fit: WeakFit) -> bool:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.far_searches import beside_bare, far_searches, white
 from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
-from idloop.diagnose.footing import beside_the_noise_of, same_footing
+from idloop.diagnose.footing import DOUBTFUL, beside_the_noise_of, same_footing
 from idloop.diagnose.force_view import unbalanced
 from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import gate
@@ -71,12 +73,15 @@ class PredictionStep(Step[Refit]):
         What to say where the motion does not follow the command; empty where it does.
     known : dict
         Fits whose free runs have been compared with the parent's, and the part by which each makes errors smaller.
+    held : dict
+        Fits that have been tried on the held-out records, and whether each holds there.
     """
 
     setting: Setting = field(kw_only=True)
     unseen: tuple[Record, ...] = field(kw_only=True)
     unfollowed: str = ""
     known: dict[int, tuple[Refit, float]] = field(default_factory=dict, compare=False)
+    held: dict[int, tuple[Refit, bool]] = field(default_factory=dict, compare=False)
 
     @property
     def criterion(self) -> str:
@@ -96,8 +101,13 @@ class PredictionStep(Step[Refit]):
             return 0.0
         return part if part >= self.least else max(part, self._of_the_free_run(one))
 
+    @cached_property
+    def _before(self) -> dict[str, Any]:
+        """Errors of the free run without any of the effects."""
+        return model_errors(self.parent.model, self.unseen)
+
     def _of_the_free_run(self, one: Weighed[Refit]) -> float:
-        before, after = (model_errors(fit.model, self.unseen) for fit in (self.parent, one.fit))
+        before, after = self._before, model_errors(one.fit.model, self.unseen)
         parts = [0.0]
         for label in ("nrmse", "anew"):
             was = np.array([before[label][name] for name in before[label]])
@@ -308,11 +318,19 @@ class PredictionView(View[Refit]):
                 refused[proposal.name] = "it moves the reading by less than half a step of its rounding"
             elif self._of_the_start(one.fit.model, proposal):
                 refused[proposal.name] = "another start does the same"
-            elif self.held_out is not None and not holds(self.held_out, step.parent, proposal, one.fit):
+            elif not self._holds(step, proposal, one.fit):
                 refused[proposal.name] = "it does harm on the unseen data"
             elif not moved and not follows(self.setting, one.fit):
                 refused[proposal.name] = REFUSED
         return replace(step, refused=refused)
+
+    def _holds(self, step: PredictionStep, proposal: Proposal, fit: Refit) -> bool:
+        """Whether an effect does no harm on the held-out records; a step is judged several times."""
+        if self.held_out is None:
+            return True
+        if id(fit) not in step.held:
+            step.held[id(fit)] = fit, holds(self.held_out, step.parent, proposal, fit)
+        return step.held[id(fit)][1]
 
     def _rounded_off(self, model: Model, proposal: Proposal) -> bool:
         """Whether all that an effect does to a reading is less than the sensor's rounding."""
@@ -341,13 +359,18 @@ class PredictionView(View[Refit]):
         if self.setting.kind != PREDICTION or balanced:
             # Where model error is what is left, a step that helped stays for the reader to see.
             return None
-        smaller = fit.model.without_effect(name)
-        tries = in_parallel(lambda beside: refit_or_none(self.setting, smaller, None, beside), (fit, None))
-        found = max((one for one in tries if one is not None), key=lambda one: one.log_likelihood, default=None)
-        if found is None:
-            return None
-        evidence = InnovationScores(fit).scores().against(InnovationScores(found).scores())
-        return found if evidence.log < math.log(1.0 / self.level) else None
+        smaller, scores = fit.model.without_effect(name), InnovationScores(fit).scores()
+        # A search from the fit's own noise mostly ends far behind; where it does not, one that begins anew decides.
+        for beside in (fit, None):
+            found = refit_or_none(self.setting, smaller, None, beside)
+            if found is None:
+                continue
+            evidence = scores.against(InnovationScores(found).scores())
+            if evidence.log < math.log(1.0 / self.level):
+                return found
+            if evidence.log > DOUBTFUL:
+                break
+        return None
 
 
 class _Weigher:

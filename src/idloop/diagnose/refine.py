@@ -33,7 +33,7 @@ from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.undetermined import common_scale, effect_scales
-from idloop.estimate.weak_fit import WeakFit
+from idloop.estimate.weak_fit import LEAST_UNEXPLAINED, WeakFit
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
@@ -261,7 +261,10 @@ class _Task:
         was, now = (model_errors(one, self.validation or self.records) for one in (before, after))
         if after.inner_couplings:
             return any(error > _SPOILT * was["anew"].get(name, np.inf) for name, error in now["anew"].items())
-        return was["force"] is not None and (now["force"] is None or now["force"] > _SPOILT * was["force"])
+        # Below its own error a balance tells no model from another.
+        if was["force"] is None:
+            return False
+        return now["force"] is None or now["force"] > _SPOILT * max(was["force"], LEAST_UNEXPLAINED)
 
 
 def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:

@@ -76,11 +76,6 @@ class CommandAround:
             np.concatenate([part.late for part in parts]),
         )
 
-    def plus(self, change: Array) -> CommandAround:
-        """The same with something added, shape (n,)."""
-        own = change[self.jumps]
-        return replace(self, mean=self.mean + change, before=self.before + own, after=self.after + own)
-
 
 class HeldCommand:
     """A command, with its integral, from which its mean over any time follows exactly.

@@ -36,9 +36,11 @@ MOST_NOISE = 0.3
 _WIDER = 1.4
 # Model error rules where a balance leaves ten times what sensor noise makes, and at least this part of the drive's
 # force; elsewhere finer views tell more.
-_RULED, _LEAST_UNEXPLAINED = 0.1, 0.01
+_RULED, LEAST_UNEXPLAINED = 0.1, 0.01
 # Sensors of one body whose velocities are further apart than this part of them show something of their own.
 _DISAGREE = 0.02
+# Values of narrower windows agree with wider ones where they are less likely there by no more than this.
+_AS_LIKELY = 3.0
 # Least part of the acceleration, as power, that must not be noise: inertia comes out too small by as much.
 # Where it is to speak against predictions, it must be nearly all.
 _RELIABLE, _CERTAIN = 0.8, 0.95
@@ -53,6 +55,8 @@ FEWEST_ROWS = 100
 TOLERANCE, RANKING = 1e-4, 0.05
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
+# Slopes are kept as long as they foretell what a step does to the errors but for this part of it.
+_FORETOLD = 0.25
 # Slopes are differences over this part of a parameter's size.
 _SLOPE_STEP = 1e-4
 # Parts of a linear step that are tried where values must suit each other, such as two levels of friction.
@@ -135,7 +139,7 @@ class WeakFit:
     @property
     def serves(self) -> bool:
         """Whether what it leaves may show what the model lacks: it is reliable and leaves a part of the force."""
-        return self.reliable and float(np.max(self.relatives)) >= _LEAST_UNEXPLAINED and self.relative < 1.0
+        return self.reliable and float(np.max(self.relatives)) >= LEAST_UNEXPLAINED and self.relative < 1.0
 
     def decides_against(self, predicted: Model) -> bool:
         """Whether these values are to be trusted rather than those of a fit to prediction errors.
@@ -311,7 +315,7 @@ def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
     while wide is not None and wide.width <= form.widest:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
         if np.all(inertia * wide.noise <= _RULED * left):
-            return float(np.max(relative_errors(wide, theta, shift))) >= _LEAST_UNEXPLAINED
+            return float(np.max(relative_errors(wide, theta, shift))) >= LEAST_UNEXPLAINED
         wide = weak_form(form.engine, form.data, _wider(wide.width))
     return False
 
@@ -507,42 +511,46 @@ def fit_weak(
         raise IdloopError("the force balance cannot be evaluated at the starting values")
     target = _Target(form, alike=alike)
     damping, converged, iteration = 1e-3, False, 0
-    size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
+    error = target(point)
+    slopes, kept, fresh = np.zeros((*error.shape, len(point))), False, False
     while iteration < rounds and not converged:
         iteration += 1
-        error = target(point)
-        size_of_errors = scale = _rms(error)
-        cost = _cost(error)
+        scale, cost = _rms(error), _cost(error)
         base = (error / scale).ravel()
+        if not kept:
 
-        def scaled(at: Array, scale: Array = scale) -> Array:
-            return (target(at) / scale).ravel()
+            def scaled(at: Array, scale: Array = scale) -> Array:
+                return (target(at) / scale).ravel()
 
-        jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
-        jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
+            jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
+            jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
+            slopes, kept, fresh = jacobian.reshape(*error.shape, -1) * scale[:, None], True, True
+        else:
+            jacobian, fresh = (slopes / scale[:, None]).reshape(len(base), -1), False
         gradient, hessian = jacobian.T @ base, jacobian.T @ jacobian
-        accepted = False
-        while damping <= _MOST_DAMPING:
+        accepted = settled = False
+        while not accepted and damping <= _MOST_DAMPING:
             move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
-            if predicted <= tolerance:
-                converged = True
+            if settled := predicted <= tolerance:
                 break
             trial = np.clip(point + move, lower, upper)
             left = target(trial)
-            if np.all(np.isfinite(left)):
-                now = _cost(left)
-                if now < cost:
-                    accepted, converged, point = True, cost - now < tolerance, trial
-                    damping = max(0.1 * damping, 1e-9)
-                    break
-            damping *= 8.0
-        if not accepted:
-            converged = converged or damping > _MOST_DAMPING
-            break
+            if np.all(np.isfinite(left)) and _cost(left) < cost:
+                accepted, settled, change = True, cost - _cost(left) < tolerance, ((left - error) / scale).ravel()
+                missed = change - jacobian @ (trial - point)
+                kept = bool(np.linalg.norm(missed) <= _FORETOLD * np.linalg.norm(change))
+                point, error, damping = trial, left, max(0.1 * damping, 1e-9)
+            elif not fresh:
+                break
+            else:
+                damping *= 8.0
+        # Slopes of another point have the last word only where models are ranked.
+        converged = settled and tolerance > TOLERANCE or fresh and (settled or not accepted)
+        kept = kept and accepted and not settled
         size = np.maximum(size, np.abs(point))
     scale = _scales(form, point, form.residual(*_split(form, point)))
     likelihood = -_cost(target(point))
-    unscaled = (jacobian.reshape(form.starts[-1], -1, len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
+    unscaled = slopes.reshape(-1, len(point))
     return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, unscaled)
 
 
@@ -576,7 +584,8 @@ def fit_by_force(
 ) -> WeakFit | None:
     """Fit a model to records by its force balance, in the narrowest windows in which sensor noise does not rule.
 
-    Of any body; where there are none, of some body.
+    Of any body; where there are none, of some body. Where it is much of the acceleration, the inertia comes out too
+    small, and with it the noise in units of force: windows that are widened for that must agree with yet wider ones.
 
     Parameters
     ----------
@@ -607,6 +616,7 @@ def fit_by_force(
     found: WeakFit | None = None
     # Of a body that lacks nothing noise is all that is left, at any width.
     for_some: WeakFit | None = None
+    ruled, narrower = False, None
     while True:
         form = forms[width].with_engine(engine) if width in forms else weak_form(engine, data, width)
         if form is None or form.starts[-1] < FEWEST_ROWS:
@@ -614,10 +624,24 @@ def fit_by_force(
         forms.setdefault(width, form)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
         found = with_rest_speed(fit_anew(form, point) if width == narrowest else fit_weak(form, point))
-        if np.all(found.noise_share <= MOST_NOISE):
-            return found
-        for_some = for_some or (found if found.resolved else None)
+        if narrower is not None and _agrees(narrower, found):
+            return narrower
+        narrower = None
+        if form.reliability < _RELIABLE:
+            ruled = True
+        elif np.all(found.noise_share <= MOST_NOISE):
+            if not ruled:
+                return found
+            # Coloured noise is no white one, and only wider windows show how much it has been.
+            narrower = found
+        elif not ruled:
+            for_some = for_some or (found if found.resolved else None)
         width, point = _wider(width), found.theta
+
+
+def _agrees(narrower: WeakFit, wider: WeakFit) -> bool:
+    """Whether the values of narrower windows are nearly as likely in wider ones as their own."""
+    return cost_at(wider.form, narrower.point) + wider.log_likelihood <= _AS_LIKELY
 
 
 def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby
 
 import numpy as np
@@ -49,6 +49,8 @@ _SHORTEST = 100
 _LEAD_IN = 0.1
 # A change of the command by this part of its rms shows how far the balance still depends on it.
 _PROBE = 1e-3
+# Instants at which a friction is asked whether the load raises it, and how exactly two slopes are the same then.
+_FEW_INSTANTS, _SAME_SLOPE = 64, 1e-6
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,8 @@ class Track:
     disagreement : float
         Where two sensors see a body: their velocities' difference over the velocity as rms, the largest of all bodies;
         0 where it is no more than their noise.
+    left_out : float
+        What the sensors see of the motion and the band leaves out, over their noise, the largest of all bodies.
     """
 
     motion: Motion
@@ -78,6 +82,7 @@ class Track:
     rows: NDArray[np.int64]
     held: HeldCommand
     disagreement: float
+    left_out: float
     conditions: Conditions | None = None
 
     def stretches(self, count: int, part: float, width: int) -> list[Track]:
@@ -127,13 +132,14 @@ class _Run:
     conditions: Conditions | None
 
     def at(self, places: NDArray[np.int64]) -> _Run:
-        """The motion at some instants."""
+        """The motion at some instants, in any order, as if they followed each other."""
+        before, time = self.time[places], np.arange(len(places), dtype=float)
         return _Run(
-            self.time[places],
+            time,
             self.position[places],
             self.velocity[places],
             self.acceleration[places],
-            self.conditions,
+            None if self.conditions is None else self.conditions.sampled(before, time),
         )
 
     @classmethod
@@ -152,6 +158,62 @@ class _Run:
             np.concatenate([motion.acceleration for motion in motions]),
             Conditions.joined(conditions) if len(conditions) == len(tracks) else None,
         )
+
+
+@dataclass(frozen=True)
+class _Course:
+    """What is evaluated in one call: n instants of a motion with their commands, then both sides of every jump.
+
+    Attributes
+    ----------
+    run : _Run
+    command : array
+    count : int
+        n.
+    jumps : array of int, shape (k,)
+        Instants around which the command jumps once.
+    late : array, shape (k,)
+        Part of the sample time around them after the jump.
+    """
+
+    run: _Run
+    command: Array
+    count: int
+    jumps: NDArray[np.int64]
+    late: Array
+
+    @classmethod
+    def of(cls, run: _Run, command: CommandAround, *, jumps: bool) -> _Course:
+        """A run under a command; jumps are taken for their mean where only that is asked for."""
+        count = len(command.mean)
+        if not jumps or not len(command.jumps):
+            return cls(run, command.mean, count, np.zeros(0, dtype=np.int64), np.zeros(0))
+        places = np.concatenate([np.arange(count), command.jumps, command.jumps])
+        values = np.concatenate([command.mean, command.before, command.after])
+        return cls(run.at(places), values, count, command.jumps, command.late)
+
+    def plus(self, change: Array) -> _Course:
+        """The same with something added to the command, shape (n,)."""
+        return replace(self, command=self.command + np.concatenate([change, change[self.jumps], change[self.jumps]]))
+
+    def at(self, places: NDArray[np.int64]) -> _Course:
+        """Some of the instants, in any order."""
+        order = np.full(self.count, -1)
+        order[places] = np.arange(len(places))
+        kept = np.flatnonzero(order[self.jumps] >= 0)
+        sides = self.count + kept
+        every = np.concatenate([places, sides, sides + len(self.jumps)])
+        return _Course(self.run.at(every), self.command[every], len(places), order[self.jumps[kept]], self.late[kept])
+
+    def along(self, force: Callable[[_Run, Array], Array]) -> Array:
+        """A force at the n instants; where the command jumps it is the mean of those on either side."""
+        found = force(self.run, self.command)
+        if not len(self.jumps):
+            return found
+        before, after = found[self.count : self.count + len(self.jumps)], found[self.count + len(self.jumps) :]
+        late, found = self.late.reshape(-1, *np.ones(found.ndim - 1, dtype=int)), found[: self.count]
+        found[self.jumps] = (1.0 - late) * before + late * after
+        return found
 
 
 def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:
@@ -221,7 +283,18 @@ def track_of(engine: Engine, data: Data, width: int) -> Track | None:
         columns.append(_windows(quietest[1][:, None], rows, quietest[2])[:, 0])
     held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
     disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
-    return Track(motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, data.conditions)
+    return Track(
+        motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, _left_out(motion), data.conditions
+    )
+
+
+def _left_out(motion: Motion) -> float:
+    """What a band leaves out of a measured motion, over the sensors' noise: the largest of all bodies."""
+    found = []
+    for kept, sensed in zip(zip(motion.position.T, motion.velocity.T, strict=True), motion.measured, strict=True):
+        pairs = [(series, values) for series, values in zip(sensed, kept, strict=True) if series is not None]
+        found.append(min(float(np.std(series - values)) / max(noise_std(series), 1e-300) for series, values in pairs))
+    return max(found)
 
 
 def _disagreement(
@@ -324,7 +397,7 @@ class WeakForm:
         self._rows = np.concatenate([track.rows + first for track, first in zip(tracks, samples[:-1], strict=True)])
         self._inertial = np.concatenate([track.inertial for track in tracks])
         self._acceleration = np.concatenate([track.motion.acceleration for track in tracks])
-        self._command: tuple[float, list[CommandAround]] = (np.nan, [])
+        self._course: tuple[float, list[_Course]] = (np.nan, [])
         self._known: tuple[bytes, Array]
         self.forget()
         self.free_timing = _free_timing(engine)
@@ -332,17 +405,21 @@ class WeakForm:
         self._remembers = _remembers(engine)
         self._runs = [[track] for track in tracks] if self._remembers else [list(tracks)]
         self._motion = [_Run.of(run) for run in self._runs]
-        mean = np.concatenate([command.mean for command in self._commands(0.0)])
+        mean = np.concatenate([course.command[: course.count] for course in self._courses(0.0)])
         self.rms = float(np.sqrt(np.mean(mean**2)))
         self._mean_command = _windows(mean[:, None], self._rows, self._value)[:, 0]
 
-    def _commands(self, shift: float) -> list[CommandAround]:
-        """Command around every instant of every run."""
-        known, commands = self._command
+    def _courses(self, shift: float) -> list[_Course]:
+        """Motion and command of every run, the command so much earlier [s]."""
+        known, courses = self._course
         if known != shift:
-            commands = [_command(run, shift) for run in self._runs]
-            self._command = shift, commands
-        return commands
+            courses = [
+                _Course.of(motion, _command(run, shift), jumps=not self._remembers)
+                for motion, run in zip(self._motion, self._runs, strict=True)
+            ]
+            self._course = shift, courses
+            self.__dict__.pop("_moving_and_standing", None)
+        return courses
 
     @property
     def inertial(self) -> Array:
@@ -364,6 +441,7 @@ class WeakForm:
         other = copy(self)
         other.rest_speed = rest_speed
         other.__dict__.pop("_slow", None)
+        other.__dict__.pop("_moving_and_standing", None)
         other.forget()
         return other
 
@@ -420,7 +498,7 @@ class WeakForm:
         key = np.append(theta, shift).tobytes()
         known, residual = self._known
         if known != key:
-            residual = self._residual(theta, self._commands(self._timing(theta, shift)))
+            residual = self._residual(theta, self._courses(self._timing(theta, shift)))
             residual.flags.writeable = False
             self._known = key, residual
         return residual
@@ -429,23 +507,12 @@ class WeakForm:
         """From the stamp of a command to its action, with what the model has of it."""
         return shift + float(self.engine.layout(theta).axis.constants[kernel.DELAY])
 
-    def _residual(self, theta: Array, commands: Sequence[CommandAround]) -> Array:
+    def _residual(self, theta: Array, courses: Sequence[_Course]) -> Array:
         inertia = np.asarray(self.engine.layout(theta).axis.inertia, dtype=float)
-        found = [self._along(self._equation_error, theta, *pair) for pair in zip(self._motion, commands, strict=True)]
+        found = [course.along(partial(self._equation_error, theta)) for course in courses]
         # The acceleration is there for a body that stands, whose friction takes what the motion needs.
         left = np.concatenate(found) - inertia * self._acceleration
         return np.asarray(_windows(left, self._rows, self._value) + inertia * self._inertial)
-
-    def _along(
-        self, force: Callable[[Array, _Run, Array], Array], theta: Array, run: _Run, command: CommandAround
-    ) -> Array:
-        """A force along a run; where the command jumps it is the mean of those on either side."""
-        found = force(theta, run, command.mean)
-        if len(command.jumps) and not self._remembers:
-            there, late = run.at(command.jumps), command.late.reshape(-1, *np.ones(found.ndim - 1, dtype=int))
-            before, after = force(theta, there, command.before), force(theta, there, command.after)
-            found[command.jumps] = (1.0 - late) * before + late * after
-        return found
 
     def _equation_error(self, theta: Array, run: _Run, command: Array) -> Array:
         return self.engine.equation_error(
@@ -478,24 +545,59 @@ class WeakForm:
         -------
         array, shape (rows,)
         """
+        gain = abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN]))
         if not any(_shapes_command(active, self.engine.model.bodies[0]) for active in self.engine.model.effects):
-            return np.full(len(self._rows), abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN])))
-        return self._slope(lambda commands: self._residual(theta, commands)[:, 0], residual[:, 0], theta, shift)
+            return np.full(len(self._rows), gain)
+        courses = self._courses(self._timing(theta, shift))
+        if self._remembers:
+            return self._slope(lambda probed: self._residual(theta, probed)[:, 0], residual[:, 0], courses)
+        applied, driven = (partial(force, theta) for force in (self._drive_force, self._force_on_driven))
+        found = []
+        for course, (places, moving, standing) in zip(courses, self._moving_and_standing, strict=True):
+            slopes = self._passed_on(applied, course)
+            # What a friction takes of the command, it takes where a body stands; one that the load raises, everywhere.
+            here = self._passed_on(driven, places)
+            if np.allclose(here[len(standing) :], slopes[moving], rtol=_SAME_SLOPE, atol=0.0):
+                slopes[standing] = here[: len(standing)]
+            else:
+                slopes = self._passed_on(driven, course)
+            found.append(slopes)
+        return np.asarray(np.abs(_windows(np.concatenate(found)[:, None], self._rows, self._value)[:, 0]))
 
-    def _slope(
-        self, force: Callable[[Sequence[CommandAround]], Array], base: Array, theta: Array, shift: float
-    ) -> Array:
+    def _passed_on(self, force: Callable[[_Run, Array], Array], course: _Course) -> Array:
+        """How a force changes with the command, at every instant [force per input]."""
+        probe = _PROBE * self.rms
+        return (course.plus(np.full(course.count, probe)).along(force) - course.along(force)) / probe
+
+    def _force_on_driven(self, theta: Array, run: _Run, command: Array) -> Array:
+        return -self._equation_error(theta, run, command)[:, 0]
+
+    @cached_property
+    def _moving_and_standing(self) -> list[tuple[_Course, NDArray[np.int64], NDArray[np.int64]]]:
+        """Of every run, instants at which the driven body moves, a few, and counts as standing, all, and their course.
+
+        In the course those that stand come first.
+        """
+        found = []
+        for course in self._course[1]:
+            stands = np.abs(course.run.velocity[: course.count, 0]) < self.rest_speed
+            moving, standing = np.flatnonzero(~stands), np.flatnonzero(stands)
+            moving = moving[:: max(len(moving) // _FEW_INSTANTS, 1)]
+            found.append((course.at(np.concatenate([standing, moving])), moving, standing))
+        return found
+
+    def _slope(self, force: Callable[[Sequence[_Course]], Array], base: Array, courses: Sequence[_Course]) -> Array:
         """How far a force in every window, which is ``base``, depends on the command, at least 0."""
-        probe, commands = _PROBE * self.rms, self._commands(self._timing(theta, shift))
+        probe = _PROBE * self.rms
         if self.free_timing:
-            changed = force([command.plus(np.full(len(command.mean), probe)) for command in commands])
+            changed = force([course.plus(np.full(course.count, probe)) for course in courses])
             return np.asarray(np.abs(changed - base) / probe)
         # What has a memory passes slow changes and not quick ones: two square waves, a quarter of a period apart.
         response, sent = np.zeros(len(base)), np.zeros(len(base))
         for late in (0.0, 0.5):
-            counts = [np.arange(len(c.mean)) / self.width + late for c in commands]
+            counts = [np.arange(course.count) / self.width + late for course in courses]
             waves = [np.where(count % 2.0 < 1.0, probe, -probe) for count in counts]
-            changed = force([c.plus(wave) for c, wave in zip(commands, waves, strict=True)])
+            changed = force([course.plus(wave) for course, wave in zip(courses, waves, strict=True)])
             response += (changed - base) ** 2
             sent += _windows(np.concatenate(waves)[:, None], self._rows, self._value)[:, 0] ** 2
         return np.asarray(np.sqrt(response / np.maximum(sent, 1e-300)))
@@ -520,8 +622,9 @@ class WeakForm:
         if not any(active.effect.site == INPUT for active in self.engine.model.effects):
             gain = max(abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN])), 1e-300)
             return gain, np.full(len(self._rows), gain)
-        drive = self.drive(theta, shift)
-        each = self._slope(lambda commands: self._drive(theta, commands), drive, theta, shift)
+        courses = self._courses(self._timing(theta, shift))
+        drive = self._drive(theta, courses)
+        each = self._slope(partial(self._drive, theta), drive, courses)
         passed = np.minimum(each / least, 1.0)
         return max(_deviation(drive, passed) / max(_deviation(self._mean_command, passed), 1e-300), 1e-300), each
 
@@ -575,6 +678,11 @@ class WeakForm:
         """Largest difference of two sensors' velocities of one body, over the velocity; 0 within their noise."""
         return max(track.disagreement for track in self.tracks)
 
+    @property
+    def left_out(self) -> float:
+        """What sensors see of the motion and these windows leave out, over the sensors' noise; of the worst record."""
+        return max(track.left_out for track in self.tracks)
+
     @cached_property
     def widest(self) -> int:
         """Samples in the widest windows that still resolve the motion: about a period of four times its band."""
@@ -594,10 +702,10 @@ class WeakForm:
         -------
         array, shape (rows,)
         """
-        return self._drive(theta, self._commands(self._timing(theta, shift)))
+        return self._drive(theta, self._courses(self._timing(theta, shift)))
 
-    def _drive(self, theta: Array, commands: Sequence[CommandAround]) -> Array:
-        found = [self._along(self._drive_force, theta, *pair) for pair in zip(self._motion, commands, strict=True)]
+    def _drive(self, theta: Array, courses: Sequence[_Course]) -> Array:
+        found = [course.along(partial(self._drive_force, theta)) for course in courses]
         return np.asarray(_windows(np.concatenate(found)[:, None], self._rows, self._value)[:, 0])
 
     def along(self, what: str, body: int = 0) -> Array:
