@@ -4,14 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
-from hypothesis import strategies as st
 
 from idloop.diagnose import Ladder, add_effect, diagnose, refine
-from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refit import refit
-from idloop.diagnose.rivals import alike
-from idloop.diagnose.screen import SKETCH, Screened, Trace
 from idloop.diagnose.setting import prepare_setting
 from idloop.errors import InputError
 from idloop.physics import Model, load_model
@@ -79,33 +74,6 @@ def test_the_only_sensor_may_be_what_is_late(start: Model) -> None:
         fitted = next(c for c in found.candidates if c.name == name)
         assert fitted.model is not None
         assert fitted.parameters["delay"]["value"] == pytest.approx(0.03, rel=0.1)
-
-
-def leaving(name: str, *directions: np.ndarray) -> Screened:
-    """An effect of which every alternative leaves one direction in the errors, or spans several."""
-    (proposal,) = proposals(load_model("axis"), [name])
-    traces = [
-        Trace([{}], 0.0, np.zeros(d.shape[1]), 0.0, 1.0, False, sketch=d, scores=np.zeros(d.shape[1]))
-        for d in directions
-    ]
-    return Screened(proposal, traces)
-
-
-@example(0.94, 1.0)
-@example(-0.96, 1.0)
-@given(st.floats(-1.0, 1.0), st.floats(1e-3, 1e3))
-def test_only_effects_that_leave_the_trace_of_the_best_one_are_alike(correlation: float, length: float) -> None:
-    # Rounding decides at the very edge.
-    assume(abs(abs(correlation) - 0.95) > 1e-9)
-    own, across, besides = np.split(np.eye(SKETCH, 5), [1, 3], axis=1)
-    other = length * (correlation * own + np.sqrt(1.0 - correlation**2) * across[:, :1])
-    best = leaving("dead_zone", across[:, 1:], own)
-    rival = leaving("load_torque", across[:, :1], other)
-    plane = leaving("imbalance", np.hstack([own, across[:, :1]]))
-    aside = leaving("cogging", besides)
-    found = alike("dead_zone@input", [best, rival, plane, aside, leaving("saturation")])
-    # The side to which a trace points is its sign's; a plane can leave every trace that lies in it.
-    assert found == ([rival, plane] if abs(correlation) > 0.95 else [plane])
 
 
 def test_the_ladder_climbs_to_both_effects_and_back(start: Model) -> None:

@@ -77,6 +77,30 @@ def test_the_slope_along_the_command_is_the_gain_and_nothing_beyond_a_limit() ->
         assert np.max(cut.slope(model.theta, 0.0, cut.residual(model.theta, 0.0))) < largest
 
 
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "coulomb_friction@axis(level=0.2)",
+        "stribeck_friction@axis(coulomb=0.1,static=0.2,velocity=0.5)",
+        "load_dependent_friction@axis(ratio=0.3)",
+        "dead_zone@input(width=0.3)",
+        "saturation@input(limit=0.4)",
+    ],
+)
+def test_the_slope_is_what_a_small_change_of_the_command_does(effect: str) -> None:
+    # Of a friction it is asked only where a body stands, unless the load raises it.
+    plain, probe = load_model("axis"), 1e-6
+    model, record = plain.with_effects([effect]), recorded(plain)
+    form = form_of(model, record).with_rest_speed(0.3)
+    other = form_of(model, replace(record, input=record.input + probe)).with_rest_speed(0.3)
+    before, after = (one.residual(model.theta, 0.0)[:, 0] for one in (form, other))
+    found = form.slope(model.theta, 0.0, form.residual(model.theta, 0.0))
+    # A corner lies between the one probe and the other in a window or two.
+    near = np.isclose(found, np.abs(after - before) / probe, rtol=1e-3, atol=1e-3)
+    assert np.mean(near) > 0.99
+    assert np.ptp(found) > 0.1 or effect.startswith("load")
+
+
 def test_a_long_lag_passes_little_of_the_command() -> None:
     plain = load_model("axis")
     form = form_of(plain, recorded(plain))

@@ -9,14 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.refit import FAN, Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screened, Trace
 from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
-from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
+from idloop.estimate.innovations import WALK
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 
@@ -32,8 +31,6 @@ MOST_REFITS, MUCH_THE_SAME = 20, 0.5
 WORTH_FINISHING, CLEARLY_WORSE, MORE_ROUNDS = 0.5, 50.0, 8
 # Trial values from which a search starts: of effects with a strength to scale, and without.
 _FEW, _MANY = 2, 12
-# Memory of a disturbance that cannot stand for a constant force [decades of a sample].
-SHORT_MEMORY = 1.5
 # Rounds of a search that only leads to the neighbourhood.
 _ROUGH_ROUNDS = 2
 # Intensity of a disturbance that cannot make up for a missing effect [decades].
@@ -207,25 +204,7 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
             break
     if best is None:
         return None
-    if proposal.effect.slow:
-        best = without_long_memory(setting, parent, best)
     return Confirmed(proposal, best, 0.0, screened.statistic).refitted(best, parent)
-
-
-def without_long_memory(setting: Setting, parent: Refit, found: Refit) -> Refit:
-    """A better fit by way of one whose disturbance forgets soon.
-
-    A walk takes a constant force for its own: neither the force alone nor a shorter memory alone explains more.
-    """
-    criterion = parent.criterion
-    if not isinstance(criterion, InnovationCriterion) or criterion.memory < LONG_MEMORY:
-        return found
-    try:
-        rough = refit(setting, found.model, None, found, rounds=_ROUGH_ROUNDS, limits=(MOST_EXPONENT, SHORT_MEMORY))
-        again = refit(setting, rough.model, None, rough, rounds=1)
-    except (IdloopError, np.linalg.LinAlgError):
-        return found
-    return max(found, again, key=lambda fit: fit.log_likelihood)
 
 
 @np.errstate(all="ignore")

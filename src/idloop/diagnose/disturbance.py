@@ -45,11 +45,6 @@ GLIMPSE = 10_000
 SETTLED = 0.05
 # Decades of samples from which on a disturbance passes for a random walk.
 LONG_MEMORY = 2.0
-# Steps of intensity at which a second summit is looked for, and how many [decades].
-_STRIDE, _STRIDES = 0.25, 8
-# How much lower that summit may be for each parameter that has not been moved to suit it: a move of four
-# standard errors costs this much log-likelihood.
-_UNSUITED = 8.0
 
 
 def tune(
@@ -163,55 +158,6 @@ def elsewhere(
     if near and found[best] <= max(near) + SETTLED:
         return None
     return best
-
-
-def second_summit(
-    setting: Setting, model: Model, theta: Array, here: Disturbance, orders: list[int]
-) -> tuple[Disturbance, list[int]] | None:
-    """A stronger disturbance with a whitening of more lags, where the two together are best among their like.
-
-    The strong disturbance leaves innovations that alternate, which the whitening takes; either alone explains less
-    than neither. The model's parameters suit the present noise: the other may be the better one after they have moved.
-
-    Parameters
-    ----------
-    setting : Setting
-    model : Model
-    theta : array, shape (k,)
-        Free parameters of the model.
-    here : Disturbance
-        The present one.
-    orders : list of int
-        Orders of the present whitening, one for each group of outputs.
-
-    Returns
-    -------
-    tuple or None
-        The disturbance and the orders of the whitening beside it; None where there is no other summit, or none that
-        is near enough.
-    """
-    criterion = setting.criterion(model)
-    if not isinstance(criterion, InnovationCriterion):
-        return None
-    criterion.retune(theta)
-    problem = setting.problem(criterion, len(theta))
-    _, _, high, _ = criterion.nuisance()
-    seen = [(weigh(problem, np.append(theta, here), orders), here, orders)]
-    for stride in range(1, _STRIDES + 1):
-        at = here[0] + stride * _STRIDE, here[1]
-        if at[0] > high[0]:
-            break
-        value = weigh(problem, np.append(theta, at))
-        seen.append((value, at, list(problem.orders)))
-    summits = [
-        one
-        for before, one, after in zip(seen, seen[1:], seen[2:], strict=False)
-        if before[0] < one[0] > after[0] and sum(one[2]) > sum(orders)
-    ]
-    if not summits:
-        return None
-    best = max(summits, key=lambda one: one[0])
-    return (best[1], best[2]) if best[0] > seen[0][0] - _UNSUITED * len(theta) else None
 
 
 def glimpsed(

@@ -17,7 +17,6 @@ from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.far_searches import beside_bare, far_searches, white
 from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
-from idloop.diagnose.footing import DOUBTFUL, beside_the_noise_of, same_footing
 from idloop.diagnose.force_view import unbalanced
 from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import gate
@@ -32,8 +31,6 @@ from idloop.diagnose.predictive import Scores
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.reach import at_its_bound
 from idloop.diagnose.refit import MANY_LAGS, Refit, refit, refit_or_none
-from idloop.diagnose.restarts import has_contacts, searched_anew
-from idloop.diagnose.rivals import from_the_best
 from idloop.diagnose.same_motion import same_from_another_start, same_motion, within_rounding
 from idloop.diagnose.screen import Screen, Screened
 from idloop.diagnose.setting import Setting
@@ -55,6 +52,8 @@ _MUCH_COLOUR = 0.05
 _ANY_COLOUR = 2.5
 # Part of what shows that the first round of a search must reach.
 _FIRST_ROUND = 0.5
+# Evidence for an effect beyond which no other search finds a model that does without.
+_BEYOND_DOUBT = 60.0
 # Least log-likelihood that is worth weighing.
 _LEAST_GAIN = 2.0
 
@@ -221,7 +220,6 @@ class PredictionView(View[Refit]):
         screened = screen.all(asked, lambda share, text: self._tell(0.15 + 0.4 * share, f"screening {text}"))
         bar = 2.0 * math.log(max(len(asked), 1) / self.level)
         confirmed = self._confirmed(parent, screened, bar)
-        parent, confirmed = same_footing(self.setting, parent, confirmed, bar)
         confirmed = _best_of_each(
             [*confirmed, *far_searches(self.setting, parent, self.start, self.effects, self.seed)]
         )
@@ -235,12 +233,7 @@ class PredictionView(View[Refit]):
         step = self._judged(step, moved)
         left = remaining(screen, self.level)
         step = replace(step, structures=tuple(LearntCurve.weighed(screen, left, weigher.innovations)))
-        if step.tied:
-            more = from_the_best(self.setting, parent, step.tied[0], screened, confirmed)
-            better = {one.proposal.name: one for one in more}
-            kept = [one for one in step.weighed if one.names[0] not in better]
-            return self._judged(replace(step, weighed=(*kept, *weigher.singles(more))), moved)
-        if self.setting.kind == PREDICTION and self.weighed is None and not step.stand_ins:
+        if self.setting.kind == PREDICTION and self.weighed is None and not step.tied and not step.stand_ins:
             pairs = weigher.pairs(self._pairs(screen, screened, confirmed, bar))
             step = self._with_first(self._judged(replace(step, weighed=(*step.weighed, *pairs)), moved), weigher)
         if moved or step.tied:
@@ -277,8 +270,6 @@ class PredictionView(View[Refit]):
                 lambda share, text: self._tell(0.75 + 0.1 * share, f"looking behind noise: {text}"),
             )
             found = _best_of_each(found)
-        if found:
-            found = beside_the_noise_of(max(found, key=lambda c: c.gain), self.setting, parent, found)
         return found
 
     def _pairs(
@@ -349,8 +340,7 @@ class PredictionView(View[Refit]):
         if self.setting.kind != PREDICTION:
             return fit
         # The order of the whitening that suited the model before need not suit it now.
-        fit = refit(self.setting, fit.model, None, fit, reconsider=True)
-        return searched_anew(self.setting, fit) if has_contacts(fit.model) else fit
+        return refit(self.setting, fit.model, None, fit, reconsider=True)
 
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
@@ -368,7 +358,7 @@ class PredictionView(View[Refit]):
             evidence = scores.against(InnovationScores(found).scores())
             if evidence.log < math.log(1.0 / self.level):
                 return found
-            if evidence.log > DOUBTFUL:
+            if evidence.log > _BEYOND_DOUBT:
                 break
         return None
 

@@ -21,7 +21,6 @@ from idloop.diagnose.disturbance import (
     aside,
     elsewhere,
     glimpsed,
-    second_summit,
     tune,
 )
 from idloop.diagnose.setting import Setting
@@ -242,9 +241,7 @@ def refit(
     if any(fit.problem.orders):
         # A whitening of few lags and a disturbance that remembers explain much the same: which is the plainer way?
         found.append(_search(setting, fit.model, None, found[-1], scale, rounds, False, [0] * len(fit.problem.orders)))
-    best = max(found, key=lambda one: one.log_likelihood)
-    summit = _from_a_second_summit(setting, best, scale, rounds)
-    return best if summit is None else max(best, summit, key=lambda one: one.log_likelihood)
+    return max(found, key=lambda one: one.log_likelihood)
 
 
 def _search(
@@ -391,28 +388,6 @@ def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
     theta = fit.point[: fit.parameters]
     found = elsewhere(setting, fit.model, theta, (float(fit.nuisance[0]), float(fit.nuisance[1])), fit.problem.orders)
     return None if found is None else replace(fit, point=np.append(theta, found))
-
-
-def _from_a_second_summit(setting: Setting, fit: Refit, scale: Array | None, rounds: int) -> Refit | None:
-    """The model searched from a stronger disturbance with more whitening beside it, where the two have a summit."""
-    if not isinstance(fit.criterion, InnovationCriterion):
-        return None
-    theta = fit.point[: fit.parameters]
-    here = float(fit.nuisance[0]), float(fit.nuisance[1])
-    found = second_summit(setting, fit.model, theta, here, fit.problem.orders)
-    if found is None:
-        return None
-    disturbance, orders = found
-    # Under the disturbance of the one summit, parameters that suit the other would have the search fall back to it.
-    criterion = setting.criterion(fit.model)
-    problem = setting.problem(criterion, len(theta))
-    _, theta = _under_disturbance(criterion, problem, theta, fit.model.bounds, np.abs(theta), disturbance, orders)
-    model = fit.model.with_values(dict(zip(fit.model.free, map(float, theta), strict=True)))
-    there = replace(fit, model=model, point=np.append(theta, disturbance))
-    try:
-        return _search(setting, model, None, there, scale, rounds, False, orders)
-    except (IdloopError, np.linalg.LinAlgError):
-        return None
 
 
 def refit_or_none(

@@ -55,8 +55,6 @@ FEWEST_ROWS = 100
 TOLERANCE, RANKING = 1e-4, 0.05
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
-# Slopes are kept as long as they foretell what a step does to the errors but for this part of it.
-_FORETOLD = 0.25
 # Slopes are differences over this part of a parameter's size.
 _SLOPE_STEP = 1e-4
 # Parts of a linear step that are tried where values must suit each other, such as two levels of friction.
@@ -511,46 +509,42 @@ def fit_weak(
         raise IdloopError("the force balance cannot be evaluated at the starting values")
     target = _Target(form, alike=alike)
     damping, converged, iteration = 1e-3, False, 0
-    error = target(point)
-    slopes, kept, fresh = np.zeros((*error.shape, len(point))), False, False
+    size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
     while iteration < rounds and not converged:
         iteration += 1
-        scale, cost = _rms(error), _cost(error)
+        error = target(point)
+        size_of_errors = scale = _rms(error)
+        cost = _cost(error)
         base = (error / scale).ravel()
-        if not kept:
 
-            def scaled(at: Array, scale: Array = scale) -> Array:
-                return (target(at) / scale).ravel()
+        def scaled(at: Array, scale: Array = scale) -> Array:
+            return (target(at) / scale).ravel()
 
-            jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
-            jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
-            slopes, kept, fresh = jacobian.reshape(*error.shape, -1) * scale[:, None], True, True
-        else:
-            jacobian, fresh = (slopes / scale[:, None]).reshape(len(base), -1), False
+        jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
+        jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
         gradient, hessian = jacobian.T @ base, jacobian.T @ jacobian
-        accepted = settled = False
-        while not accepted and damping <= _MOST_DAMPING:
+        accepted = False
+        while damping <= _MOST_DAMPING:
             move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
-            if settled := predicted <= tolerance:
+            if predicted <= tolerance:
+                converged = True
                 break
             trial = np.clip(point + move, lower, upper)
             left = target(trial)
-            if np.all(np.isfinite(left)) and _cost(left) < cost:
-                accepted, settled, change = True, cost - _cost(left) < tolerance, ((left - error) / scale).ravel()
-                missed = change - jacobian @ (trial - point)
-                kept = bool(np.linalg.norm(missed) <= _FORETOLD * np.linalg.norm(change))
-                point, error, damping = trial, left, max(0.1 * damping, 1e-9)
-            elif not fresh:
-                break
-            else:
-                damping *= 8.0
-        # Slopes of another point have the last word only where models are ranked.
-        converged = settled and tolerance > TOLERANCE or fresh and (settled or not accepted)
-        kept = kept and accepted and not settled
+            if np.all(np.isfinite(left)):
+                now = _cost(left)
+                if now < cost:
+                    accepted, converged, point = True, cost - now < tolerance, trial
+                    damping = max(0.1 * damping, 1e-9)
+                    break
+            damping *= 8.0
+        if not accepted:
+            converged = converged or damping > _MOST_DAMPING
+            break
         size = np.maximum(size, np.abs(point))
     scale = _scales(form, point, form.residual(*_split(form, point)))
     likelihood = -_cost(target(point))
-    unscaled = slopes.reshape(-1, len(point))
+    unscaled = (jacobian.reshape(form.starts[-1], -1, len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
     return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, unscaled)
 
 
