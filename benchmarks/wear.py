@@ -104,7 +104,7 @@ def setting(name: str) -> Setting:
 def record(case: Case, made: Setting, model: Any, seconds: float, seed: int) -> Any:
     """A machine in motion for some time, from rest."""
     from idloop.control import build_controller
-    from idloop.diagnose.experiment_loop import simulate_closed_loop
+    from idloop.design.experiment_loop import simulate_closed_loop
     from idloop.physics import Engine
     from idloop.records import record_from_model
 

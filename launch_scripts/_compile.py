@@ -14,8 +14,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from idloop.control import build_controller
+from idloop.design.suggest import suggest
 from idloop.diagnose import diagnose
-from idloop.diagnose.suggest import suggest
 from idloop.estimate.identification import identify
 from idloop.estimate.method import Choices
 from idloop.estimate.recursive import RecursiveEstimator

@@ -408,8 +408,8 @@ def _read_next(path: Path, target: Path) -> object:
 
 def _nexts() -> list[bytes]:
     from idloop.cli._common import to_json
-    from idloop.diagnose.suggest import Limits, Suggestion
-    from idloop.diagnose.suggest_words import Outcome
+    from idloop.design.suggest import Limits, Suggestion
+    from idloop.design.words import Outcome
     from idloop.physics import load_model
     from idloop.report.next_file import next_document
 

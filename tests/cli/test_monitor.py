@@ -16,7 +16,7 @@ LEVEL = "coulomb_friction@motor.level"
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory) -> SimpleNamespace:
     """A motor's model file, and bags of it: healthy ones, a worn one, and one in which half is healthy."""
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.physics import load_model
     from idloop.records import write_bag
 

@@ -4,8 +4,8 @@ import pytest
 
 from idloop.diagnose import diagnose
 from idloop.diagnose.anchor import left_behind
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model
 
 from .conftest import record_of

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from idloop.diagnose import diagnose
 from idloop.diagnose.confirm import confirm_behind_noise
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import FAN, refit
 from idloop.diagnose.screen import Screen
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.refit import FAN, refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, catalogue, load_model
 
 from .conftest import record_of

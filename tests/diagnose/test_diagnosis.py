@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from idloop.diagnose import Ladder, add_effect, diagnose, refine
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
 from idloop.errors import InputError
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record

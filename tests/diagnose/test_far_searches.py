@@ -7,8 +7,8 @@ import pytest
 
 from idloop.diagnose import refine
 from idloop.diagnose.far_searches import far_searches
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model
 from idloop.physics.effect import catalogue
 from idloop.physics.simulation import simulate

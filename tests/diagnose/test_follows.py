@@ -9,9 +9,9 @@ import pytest
 
 from idloop.diagnose import diagnose, refine
 from idloop.diagnose.follows import REVERSED, UNMOVED, follows, unmoved, unrelated
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
 from idloop.diagnose.verdict import NOT_EXCITED
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model
 from idloop.records import Record
 from idloop.report.verdicts import conclusion, ending

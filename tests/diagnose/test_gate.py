@@ -10,8 +10,8 @@ from idloop.diagnose.gate import _reversals, gate
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.reach import Reach
 from idloop.diagnose.screen import Screened, Trace
-from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.estimate.dataset import prepare
+from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.physics import load_model
 from idloop.records import Record
 from idloop.validate.doing import doing_of

@@ -8,8 +8,8 @@ import pytest
 from idloop.diagnose.innovation_scores import InnovationScores
 from idloop.diagnose.predictive import Evidence
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import Refit, refit
-from idloop.diagnose.setting import Setting, prepare_setting
+from idloop.estimate.likelihood.refit import Refit, refit
+from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.physics import Model, load_model
 
 from .conftest import record_of

@@ -7,9 +7,9 @@ from idloop.diagnose import Ladder, diagnose, refine
 from idloop.diagnose.diagnosis import tied_members
 from idloop.diagnose.pairs import MOST_TRACES, Pairs
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import refit
 from idloop.diagnose.screen import Screen, Screened, Trace
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model
 from idloop.physics.effect import BODY, Effect, ParameterSpec
 from idloop.physics.simulation import simulate

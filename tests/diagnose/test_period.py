@@ -6,7 +6,7 @@ import pytest
 from idloop.diagnose import diagnose
 from idloop.diagnose.curves import CURVES, KNOTS, Curve
 from idloop.diagnose.period import remaining_period
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model
 
 from .conftest import record_of

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import refit
 from idloop.diagnose.screen import Screen, Trace
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record

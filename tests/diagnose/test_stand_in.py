@@ -8,9 +8,9 @@ from idloop.diagnose import diagnose, refine
 from idloop.diagnose.factors import factor_shapes
 from idloop.diagnose.learnt import remaining
 from idloop.diagnose.predicted_motion import predicted_motion
-from idloop.diagnose.refit import refit
 from idloop.diagnose.screen import Screen
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model
 
 from .conftest import RATE, record_of

@@ -6,8 +6,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from idloop.diagnose.setting import prepare_setting
 from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Engine, load_model, simulate
 from idloop.physics.engine import Linear
 from idloop.records import Record

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.estimate.translated import TranslatedCriterion
 from idloop.physics import load_model, simulate
 from idloop.records import Record

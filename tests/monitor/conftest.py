@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from idloop.diagnose.experiment import Experiment
+from idloop.design.experiment import Experiment
 from idloop.monitor import Baseline, choose_watches, learn
 from idloop.physics import Model, load_model
 from idloop.records import Record

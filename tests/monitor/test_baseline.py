@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose.experiment import Experiment
+from idloop.design.experiment import Experiment
 from idloop.errors import InputError
 from idloop.monitor import choose_watches, learn
 from idloop.monitor.baseline import step_sizes

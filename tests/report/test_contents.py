@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idloop.design.experiment import Experiment
 from idloop.diagnose import Candidate, Ladder, Step
 from idloop.diagnose.errors import model_errors
-from idloop.diagnose.experiment import Experiment
 from idloop.physics import load_model
 from idloop.report.contents import driven_step, gather, labelled_models, noise_floor
 from idloop.report.figures.describing import describing_figures

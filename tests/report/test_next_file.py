@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from idloop.diagnose.suggest import Limits, Suggestion
-from idloop.diagnose.suggest_words import Outcome
+from idloop.design.suggest import Limits, Suggestion
+from idloop.design.words import Outcome
 from idloop.physics import load_model
 from idloop.report.experiment_rows import rows_of
 from idloop.report.figures.next_experiment import experiment_figures

@@ -10,8 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 
 from idloop import drawing
-from idloop.diagnose.suggest import Limits, Suggestion
-from idloop.diagnose.suggest_words import Outcome
+from idloop.design.suggest import Limits, Suggestion
+from idloop.design.words import Outcome
 from idloop.physics import load_model
 from idloop.report.suggestion import plot_suggestion
 

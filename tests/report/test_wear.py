@@ -12,7 +12,7 @@ LEVEL = "coulomb_friction@motor.level"
 
 
 def test_it_shows_evidence_and_growth_with_units():
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
 
     model = load_model("dc_motor").with_effects(["coulomb_friction@motor(level=0.8)"])
 

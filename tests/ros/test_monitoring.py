@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop.diagnose.experiment import Experiment
+from idloop.design.experiment import Experiment
 from idloop.errors import IdloopError
 from idloop.physics import load_model
 from idloop_nodes.codec import (

@@ -16,8 +16,8 @@ from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_text
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
+    from idloop.design.suggest import Suggestion
     from idloop.diagnose import Ladder
-    from idloop.diagnose.suggest import Suggestion
     from idloop.records import Record
     from idloop.report.contents import Contents
 

@@ -39,8 +39,8 @@ from idloop.report.verdicts import basis, conclusion
 
 if TYPE_CHECKING:
     from idloop.cli._next_experiment import Next
+    from idloop.design.suggest import Limits
     from idloop.diagnose import Ladder
-    from idloop.diagnose.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
     from idloop.report.remains import Remainder

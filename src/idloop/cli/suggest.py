@@ -32,7 +32,7 @@ from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.cli._next_experiment import Next
-    from idloop.diagnose.suggest import Limits
+    from idloop.design.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -180,8 +180,8 @@ def _refuse(
     show: str | None = None,
 ) -> None:
     """Raise now what would be raised after long work."""
-    from idloop.diagnose.suggest import prepare_setup
-    from idloop.diagnose.suggest_effect import find_proposal
+    from idloop.design.effect import find_proposal
+    from idloop.design.suggest import prepare_setup
 
     prepare_setup(models, records, limits, **{key: options[key] for key in ("duration", "seed", "start")})
     if show is not None:
@@ -199,8 +199,8 @@ def _of_models(
     fitted: bool,
 ) -> Next:
     from idloop.cli._next_experiment import Next, next_of_diagnosis, next_of_models
+    from idloop.design.effect import suggest_effect
     from idloop.diagnose import diagnose
-    from idloop.diagnose.suggest_effect import suggest_effect
     from idloop.estimate import fit
 
     _refuse(models, records, limits, options, show)

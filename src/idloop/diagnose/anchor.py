@@ -15,10 +15,10 @@ from dataclasses import replace
 from idloop.diagnose.confirm import Confirmed, confirm, promising
 from idloop.diagnose.ends import ends
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import Refit, refit_or_none
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.screen import Screen
-from idloop.diagnose.setting import Setting
+from idloop.estimate.likelihood.refit import Refit, refit_or_none
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.effect import COUPLING, INPUT
 from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter

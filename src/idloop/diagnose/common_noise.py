@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.diagnose.choice import SIMULATION
-from idloop.diagnose.setting import Setting
 from idloop.estimate.dataset import output_groups
+from idloop.estimate.likelihood.setting import Setting
 from idloop.estimate.whitening import Whitener
 
 

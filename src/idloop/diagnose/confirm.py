@@ -9,13 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import FAN, Refit, refit, refit_or_none
 from idloop.diagnose.screen import Screened, Trace
-from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
 from idloop.estimate.innovations import WALK
+from idloop.estimate.likelihood.parallel import in_parallel
+from idloop.estimate.likelihood.refit import FAN, Refit, refit, refit_or_none
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 

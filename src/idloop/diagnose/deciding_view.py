@@ -8,11 +8,11 @@ from dataclasses import replace
 from functools import cached_property
 
 from idloop.diagnose.candidate import Candidate, effect_parameters
-from idloop.diagnose.intervals import with_stderr
-from idloop.diagnose.refit import Refit, refit_or_none
-from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import InputError
 from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.likelihood.intervals import with_stderr
+from idloop.estimate.likelihood.refit import Refit, refit_or_none
+from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.estimate.weak_fit import WeakFit, draft_of, fit_anew, fit_by_force
 from idloop.estimate.weak_form import WeakForm
 from idloop.physics.model import Model

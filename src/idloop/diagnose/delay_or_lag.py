@@ -9,8 +9,8 @@ from __future__ import annotations
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.prediction_view import PredictionView
-from idloop.diagnose.refit import refit_or_none
-from idloop.diagnose.setting import Setting
+from idloop.estimate.likelihood.refit import refit_or_none
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.effect import INPUT
 from idloop.physics.model import Model
 

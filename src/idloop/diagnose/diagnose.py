@@ -15,12 +15,12 @@ from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView
 from idloop.diagnose.prediction_view import PredictionView
-from idloop.diagnose.refit import refit, refit_or_none
-from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.split_bodies import split_bodies
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.likelihood.refit import refit, refit_or_none
+from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import WeakForm

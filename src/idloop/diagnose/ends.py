@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from idloop.diagnose.confirm import MORE_ROUNDS
-from idloop.diagnose.parallel import in_parallel
-from idloop.diagnose.refit import Refit, refit_or_none
-from idloop.diagnose.setting import Setting
+from idloop.estimate.likelihood.parallel import in_parallel
+from idloop.estimate.likelihood.refit import Refit, refit_or_none
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.model import Model
 
 
@@ -29,7 +29,7 @@ def ends(
     choices : sequence of mapping
         Values to start from, the model's own for what they leave out.
     beside : Refit, optional
-        As in `idloop.diagnose.refit.refit`.
+        As in `idloop.estimate.likelihood.refit.refit`.
     most : int, optional
         After a first round no more than so many are carried on.
     """

@@ -18,10 +18,10 @@ from idloop.diagnose.confirm import USUAL_REFITS, Confirmed, starts
 from idloop.diagnose.ends import best_first, ends
 from idloop.diagnose.follows import follows
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import Refit
 from idloop.diagnose.screen import Screen, Screened
-from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
+from idloop.estimate.likelihood.refit import Refit
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.model import Model
 
 # Searches that are carried on after a first round.

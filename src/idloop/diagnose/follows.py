@@ -16,11 +16,11 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.diagnose.foretells import foretells
-from idloop.diagnose.likelihood_difference import distinguishable
-from idloop.diagnose.refit import Refit, refit, refit_or_none, transfer
-from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.errors import IdloopError
 from idloop.estimate.direction import AGAINST, TURN
+from idloop.estimate.likelihood.likelihood_difference import distinguishable
+from idloop.estimate.likelihood.refit import Refit, refit, refit_or_none, transfer
+from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.physics.model import Model
 from idloop.records import Record
 

@@ -15,8 +15,8 @@ from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.reach import Reach, reach_of
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.screen import Screened
-from idloop.diagnose.setting import Setting
 from idloop.estimate.dataset import Data
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales
 

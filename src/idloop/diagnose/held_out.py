@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from idloop.diagnose.confirm import points
-from idloop.diagnose.likelihood_difference import beyond_chance, distinguishable
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import Refit, refit_or_none, transfer
-from idloop.diagnose.setting import Setting
+from idloop.estimate.likelihood.likelihood_difference import beyond_chance, distinguishable
+from idloop.estimate.likelihood.refit import Refit, refit_or_none, transfer
+from idloop.estimate.likelihood.setting import Setting
 
 # Ratio within which a strength that is found on other records is the same.
 _ALIKE = 2.0

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.predictive import FOLDS, Scores, deal
-from idloop.diagnose.refit import Refit
-from idloop.diagnose.weighing import residual_or_infinite
 from idloop.estimate.levenberg import box_step
+from idloop.estimate.likelihood.refit import Refit
+from idloop.estimate.likelihood.weighing import residual_or_infinite
 from idloop.estimate.student import log_density, scale_of
 
 Array = NDArray[np.float64]

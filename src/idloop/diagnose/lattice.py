@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.detection import DetectionLimit
-from idloop.diagnose.setting import Setting
+from idloop.estimate.likelihood.setting import Setting
 from idloop.estimate.noise import resolution
 from idloop.physics.effect import OUTPUT, Effect, catalogue
 from idloop.physics.model import Model, effect_name

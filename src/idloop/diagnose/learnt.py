@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.curves import force_shapes
 from idloop.diagnose.factors import factor_shapes
-from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.shape import Shape
-from idloop.diagnose.unevenness import stretches
+from idloop.estimate.likelihood.parallel import in_parallel
+from idloop.estimate.likelihood.unevenness import stretches
 
 if TYPE_CHECKING:
     from idloop.diagnose.screen import Screen

@@ -11,10 +11,10 @@ from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.innovation_scores import InnovationScores
 from idloop.diagnose.learnt import Learnt
 from idloop.diagnose.predictive import Evidence, Scores
-from idloop.diagnose.refit import Refit
 from idloop.diagnose.screen import Screen
 from idloop.diagnose.step import Weighed
 from idloop.diagnose.unknown import DRIVE_CURVES, UnknownStructure, unknown_structure
+from idloop.estimate.likelihood.refit import Refit
 
 # Part of its trace's power beyond a force's curve from which on an effect is none of the curve's kind.
 _OF_ITS_KIND = 0.5

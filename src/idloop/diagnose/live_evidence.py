@@ -21,9 +21,9 @@ from idloop.diagnose.choice import MINIMUM_IMPROVEMENT
 from idloop.diagnose.deciding_view import asked_fit
 from idloop.diagnose.force_view import ForceView
 from idloop.diagnose.predictive import Evidence, evidence_of
-from idloop.diagnose.setting import prepare_setting
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import prepare
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.estimate.weak_fit import WeakFit
 from idloop.estimate.weak_form import WeakForm, weak_form
 from idloop.physics.model import Model

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from idloop.diagnose.confirm import Confirmed, points, search, starts
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.refit import refit
 from idloop.diagnose.screen import Screen, Screened, Trace
-from idloop.diagnose.setting import Setting
 from idloop.errors import IdloopError
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]

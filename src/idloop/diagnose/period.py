@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.setting import Setting
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.force import balance_of
+from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]

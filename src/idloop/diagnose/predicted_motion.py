@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.refit import Refit
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.likelihood.refit import Refit
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.physics.model import Model
 

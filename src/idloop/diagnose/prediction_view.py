@@ -13,7 +13,6 @@ import numpy as np
 
 from idloop.diagnose.choice import PREDICTION
 from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
-from idloop.diagnose.disturbance import LONG_MEMORY
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.far_searches import beside_bare, far_searches, white
 from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
@@ -22,22 +21,23 @@ from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import gate
 from idloop.diagnose.held_out import holds
 from idloop.diagnose.innovation_scores import InnovationScores
-from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.learnt import remaining
 from idloop.diagnose.learnt_curve import LearntCurve
 from idloop.diagnose.pairs import confirmed_pairs
-from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.predictive import Scores
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.reach import at_its_bound
-from idloop.diagnose.refit import MANY_LAGS, Refit, refit, refit_or_none
 from idloop.diagnose.same_motion import same_from_another_start, same_motion, within_rounding
 from idloop.diagnose.screen import Screen, Screened
-from idloop.diagnose.setting import Setting
 from idloop.diagnose.step import Step, View, Weighed
 from idloop.diagnose.verdict import ADEQUATE, NOT_EXCITED, UNKNOWN
 from idloop.errors import IdloopError
 from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.likelihood.disturbance import LONG_MEMORY
+from idloop.estimate.likelihood.intervals import with_stderr
+from idloop.estimate.likelihood.parallel import in_parallel
+from idloop.estimate.likelihood.refit import MANY_LAGS, Refit, refit, refit_or_none
+from idloop.estimate.likelihood.setting import Setting
 from idloop.estimate.whitening import choose_order
 from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model

@@ -18,20 +18,20 @@ from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView, fitted_model
-from idloop.diagnose.intervals import with_stderr
 from idloop.diagnose.ladder import Ladder
 from idloop.diagnose.ladder import Step as LadderStep
 from idloop.diagnose.lattice import quantised
 from idloop.diagnose.prediction_view import PredictionView
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.refit import Refit, refit, refit_or_none
-from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.diagnose.split_bodies import split_bodies
 from idloop.diagnose.step import FitT, View
 from idloop.diagnose.verdict import ADEQUATE, MISSING
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.likelihood.intervals import with_stderr
+from idloop.estimate.likelihood.refit import Refit, refit, refit_or_none
+from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.estimate.weak_fit import LEAST_UNEXPLAINED, WeakFit
 from idloop.estimate.weak_form import WeakForm

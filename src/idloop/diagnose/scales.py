@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.proposals import command_limit, dry_level
-from idloop.diagnose.setting import Setting
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
+from idloop.estimate.likelihood.setting import Setting
 from idloop.estimate.linear.propagate import respond
 from idloop.estimate.observer import discretise
 from idloop.physics.conditions import condition_name

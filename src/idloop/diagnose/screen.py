@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.parallel import in_parallel
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.refit import Refit
 from idloop.diagnose.scales import Sizes
-from idloop.diagnose.setting import Setting
-from idloop.diagnose.unevenness import unevenness
 from idloop.errors import IdloopError
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.innovations import InnovationCriterion
+from idloop.estimate.likelihood.parallel import in_parallel
+from idloop.estimate.likelihood.refit import Refit
+from idloop.estimate.likelihood.setting import Setting
+from idloop.estimate.likelihood.unevenness import unevenness
 from idloop.physics import kernel
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales, Trial

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
-from idloop.diagnose.suggest_words import listed
+from idloop.design.words import listed
 from idloop.physics.effect import BODY, INPUT, Effect, catalogue
 from idloop.physics.model import effect_and_site, effect_name
 

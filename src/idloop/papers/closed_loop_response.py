@@ -342,7 +342,7 @@ def harmonic_balance(case: LoopCase, omega: Array, feedback: float = FEEDBACK) -
 
 def _experiment(case: LoopCase, omega: Array, seed: int) -> tuple[Complex, Array, Array]:
     """First harmonic of the potentiometer [V], radius of its circle [V], and distortion at the elements."""
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.estimate.describing import dwells_of, measure_describing_function
 
     signal = {

@@ -359,7 +359,7 @@ def _compared(name: str, unit: str, element: ClosedForm, measured: MeasuredDescr
 
 def _sines(plant: Model, levels: Array, seed: int) -> tuple[list[Record], list[Sequence[Dwell]]]:
     """Sines of every amplitude sent into the machine: one record each, and where they are settled."""
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.estimate.describing import dwells_of
 
     records: list[Record] = []

@@ -108,7 +108,7 @@ def square_wave(model: Model, amplitude: float, count: int, seed: int) -> Record
         [V]
     count, seed : int
     """
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
 
     signal = {
         "name": "square",

@@ -198,7 +198,7 @@ def _element(loop: Loop) -> tuple[ClosedForm, str, str]:
 
 def _machine(loop: Loop) -> tuple[float, float]:
     """Amplitude at the element's input and frequency [Hz] of the machine, long after a step of its reference."""
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
 
     _, unit, effect = _element(loop)
     lag = [f"actuator_lag@input(time_constant={loop.lag})"] if loop.lag > 0.0 else []

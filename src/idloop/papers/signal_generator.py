@@ -118,7 +118,7 @@ def reproduce(seed: int, progress: Progress) -> SignalGenerator:
     -------
     SignalGenerator
     """
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.records import read_record, write_bag
 
     model = lehigh_motor.motor()

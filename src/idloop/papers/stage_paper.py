@@ -136,7 +136,7 @@ def measure(amplitude: float, seed: int, duration: float = DURATION) -> Record:
     -------
     Record
     """
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
 
     signal = {
         "name": "prbs",

@@ -298,7 +298,7 @@ def reproduce(seed: int, progress: Progress, samples: int = SAMPLES) -> ToolboxL
 
 def _bench(seed: int, samples: int) -> _Bench:
     import control
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.estimate.sampled import sampled
     from idloop.physics import Engine
 

@@ -256,7 +256,7 @@ def in_loop(
         All samples.
     """
     from idloop.control import build_controller
-    from idloop.diagnose.experiment_loop import simulate_closed_loop
+    from idloop.design.experiment_loop import simulate_closed_loop
     from idloop.physics import Engine
 
     count = len(wanted)

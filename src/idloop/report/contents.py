@@ -16,8 +16,8 @@ from idloop.report.use import FITTED, UNSEEN
 from idloop.validate import Comparison, compare
 
 if TYPE_CHECKING:
+    from idloop.design.suggest import Suggestion
     from idloop.diagnose import Ladder, Step
-    from idloop.diagnose.suggest import Suggestion
     from idloop.estimate.describing import MeasuredDescribingFunction
     from idloop.physics import Model
     from idloop.records import Record

@@ -15,7 +15,7 @@ from idloop import drawing
 from idloop.report.effect_names import in_words
 
 if TYPE_CHECKING:
-    from idloop.diagnose.suggest import Suggestion
+    from idloop.design.suggest import Suggestion
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -92,7 +92,7 @@ def rows_of(suggestion: Suggestion) -> list[Row]:
 
 def rival_name(suggestion: Suggestion, index: int, *, first: bool = True) -> str:
     """A rival, by how much it leads if it is right, and where `first` whether the differences are from it."""
-    from idloop.diagnose.suggest_words import lead_text
+    from idloop.design.words import lead_text
 
     label, lead = in_words(suggestion.rivals[index][0]), suggestion.outcomes[index].in_favour
     notes = [f"leads by {lead_text(lead)} if right"] if lead >= 1.0 else []

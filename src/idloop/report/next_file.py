@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from idloop.diagnose.suggest import Suggestion
+    from idloop.design.suggest import Suggestion
 
 SCHEMA = "idloop/next/1"
 
@@ -47,7 +47,7 @@ def read_next(document: dict[str, Any], folder: Path | None = None) -> Suggestio
     -------
     Suggestion
     """
-    from idloop.diagnose.suggest import Limits, Outcome, Suggestion
+    from idloop.design.suggest import Limits, Outcome, Suggestion
     from idloop.physics.model_file import from_text
 
     limits = document["limits"]

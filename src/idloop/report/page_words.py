@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop.design.words import describe_signal, listed
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.characteristic import shifts_in_time
-from idloop.diagnose.suggest_words import describe_signal, listed
 from idloop.diagnose.twins import Twins, ladder_twins
 from idloop.report.contents import driven_step, step_force
 from idloop.report.effect_names import in_words, words

@@ -130,7 +130,7 @@ def _several(part: Sequence[Remainder]) -> bool:
 
 def _errors(part: Sequence[Remainder], whole: Sequence[Remainder]) -> str:
     """Whose errors, and in how many of the records."""
-    from idloop.diagnose.suggest_words import listed
+    from idloop.design.words import listed
 
     names = list(dict.fromkeys(one.test.name for one in part))
     records, all_ = len({one.record for one in part}), len({one.record for one in whole})

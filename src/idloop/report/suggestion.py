@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from idloop.diagnose.suggest import Suggestion
+    from idloop.design.suggest import Suggestion
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def _new_page(suggestion: Suggestion, rows: list[Row], widths: tuple[float, ...]
 
 def _title(suggestion: Suggestion, wide: float) -> list[str]:
     """The experiment and what it is expected to tell, in lines that fit a width [inches]."""
-    from idloop.diagnose.suggest_words import lead_text
+    from idloop.design.words import lead_text
 
     signal, unit = suggestion.signal, sent_unit(suggestion)
     parts = [f"{signal['name']} on the {suggestion.adds_to}"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from idloop.design.words import listed
 from idloop.diagnose.ladder import Ladder
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.suggest_words import listed
 from idloop.report.effect_names import words
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from idloop.design.suggest import Suggestion
     from idloop.diagnose import Candidate, Ladder, UnknownStructure
     from idloop.diagnose.characteristic import Characteristic
-    from idloop.diagnose.suggest import Suggestion
     from idloop.report.figures.evidence import Decided
     from idloop.workbench.assessment import Assessment
     from idloop.workbench.signals import Signals

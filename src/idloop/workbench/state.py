@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
-from idloop.diagnose.suggest_words import describe_signal
+from idloop.design.words import describe_signal
 from idloop.diagnose.twins import find_twins, one_of_each
 from idloop.report.effect_names import in_words, words
 from idloop.report.estimates import with_interval

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from idloop.design.suggest import Limits, Suggestion
     from idloop.diagnose import Candidate, Diagnosis, Ladder, Step
     from idloop.diagnose.candidate import Rung
     from idloop.diagnose.characteristic import Characteristic
-    from idloop.diagnose.suggest import Limits, Suggestion
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -112,7 +112,7 @@ def add(
 
 def suggest(study: Study, found: Diagnosis, report: Report) -> Suggestion | None:
     """Choose the experiment that settles what a diagnosis has left open."""
-    from idloop.diagnose.suggest_next import suggest_next
+    from idloop.design.next import suggest_next
 
     return suggest_next(found, study.records, study.limits, duration=study.duration, seed=study.seed, progress=report)
 

@@ -143,8 +143,8 @@ class Notebook:
 
     def suggest(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Work out the experiment that settles what the newest diagnosis has left open."""
-        from idloop.diagnose.suggest import Limits
-        from idloop.diagnose.suggest_next import suggest_next
+        from idloop.design.next import suggest_next
+        from idloop.design.suggest import Limits
 
         if self.diagnosis is None:
             raise InputError("nothing is undecided: diagnose first")

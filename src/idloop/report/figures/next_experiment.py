@@ -13,7 +13,7 @@ from idloop.report.figures.theme import LIGHT, Theme, add_legend, new_figure, pa
 from idloop.report.figures.thinning import BUCKETS, thinned
 
 if TYPE_CHECKING:
-    from idloop.diagnose.suggest import Suggestion
+    from idloop.design.suggest import Suggestion
 
 _HEIGHTS = {"sent": 175, "output": 200, "difference": 204}
 

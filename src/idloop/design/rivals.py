@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.suggest_view import View
+from idloop.design.view import View
 from idloop.estimate.levenberg import difference_jacobian, minimise
 from idloop.estimate.solve import typical_size
 from idloop.estimate.whitening import autocovariances, left_by_orders

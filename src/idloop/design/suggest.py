@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.diagnose.experiment import COMMAND, REFERENCE, Experiment
-from idloop.diagnose.suggest_field import check_signals, prepare_rivals
-from idloop.diagnose.suggest_limits import Limits, follows_reference, motion
-from idloop.diagnose.suggest_rivals import Rival
-from idloop.diagnose.suggest_search import Choice, Search
-from idloop.diagnose.suggest_setup import Setup
-from idloop.diagnose.suggest_words import Outcome, describe, describe_signal, describe_visible, outcomes_of
+from idloop.design.experiment import COMMAND, REFERENCE, Experiment
+from idloop.design.field import check_signals, prepare_rivals
+from idloop.design.limits import Limits, follows_reference, motion
+from idloop.design.rivals import Rival
+from idloop.design.search import Choice, Search
+from idloop.design.setup import Setup
+from idloop.design.words import Outcome, describe, describe_signal, describe_visible, outcomes_of
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.dataset import output_noise, prepare
 from idloop.signals.base import LONGEST

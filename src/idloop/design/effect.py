@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop.design.field import drawback
+from idloop.design.limits import Limits
+from idloop.design.suggest import Suggestion, suggest
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.scales import Sizes
-from idloop.diagnose.setting import prepare_setting
-from idloop.diagnose.suggest import Suggestion, suggest
-from idloop.diagnose.suggest_field import drawback
-from idloop.diagnose.suggest_limits import Limits
 from idloop.errors import InputError
+from idloop.estimate.likelihood.setting import prepare_setting
 
 if TYPE_CHECKING:
     from idloop.physics import Model

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.diagnose.suggest_field import contained
+from idloop.design.field import contained
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from idloop.diagnose.experiment import Experiment
-    from idloop.diagnose.suggest_limits import Limits
-    from idloop.diagnose.suggest_rivals import Rival
+    from idloop.design.experiment import Experiment
+    from idloop.design.limits import Limits
+    from idloop.design.rivals import Rival
 
 # Expected log-likelihood difference above which an experiment is expected to decide.
 DECISIVE = 10.0

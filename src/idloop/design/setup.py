@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from idloop.diagnose.experiment import COMMAND, Experiment
-from idloop.diagnose.suggest_designs import Design
-from idloop.diagnose.suggest_limits import Limits
+from idloop.design.designs import Design
+from idloop.design.experiment import COMMAND, Experiment
+from idloop.design.limits import Limits
 
 
 @dataclass(frozen=True)

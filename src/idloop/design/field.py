@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.experiment import Experiment
-from idloop.diagnose.suggest_force import force_decides, force_views
-from idloop.diagnose.suggest_noise import common_noise
-from idloop.diagnose.suggest_prediction import PredictionView
-from idloop.diagnose.suggest_rivals import Rival
-from idloop.diagnose.suggest_view import View
+from idloop.design.experiment import Experiment
+from idloop.design.force import force_decides, force_views
+from idloop.design.noise import common_noise
+from idloop.design.prediction import PredictionView
+from idloop.design.rivals import Rival
+from idloop.design.view import View
 from idloop.errors import InputError
 from idloop.estimate.dataset import Data, prepare
 from idloop.estimate.engine import RememberingEngine

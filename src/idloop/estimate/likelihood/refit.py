@@ -9,7 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.disturbance import (
+from idloop.errors import IdloopError
+from idloop.estimate.criterion import Criterion
+from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
+from idloop.estimate.levenberg import difference_jacobian, minimise
+from idloop.estimate.likelihood.disturbance import (
     COLD,
     FAR,
     GLIMPSE,
@@ -23,13 +27,9 @@ from idloop.diagnose.disturbance import (
     glimpsed,
     tune,
 )
-from idloop.diagnose.setting import Setting
-from idloop.diagnose.start_evidence import start_log_likelihood
-from idloop.diagnose.weighing import projected, residual_or_infinite, weigh
-from idloop.errors import IdloopError
-from idloop.estimate.criterion import Criterion
-from idloop.estimate.innovations import MOST_EXPONENT, WALK, InnovationCriterion
-from idloop.estimate.levenberg import difference_jacobian, minimise
+from idloop.estimate.likelihood.setting import Setting
+from idloop.estimate.likelihood.start_evidence import start_log_likelihood
+from idloop.estimate.likelihood.weighing import projected, residual_or_infinite, weigh
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
 from idloop.physics.model import Model

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnose.suggest import Suggestion, suggest
-from idloop.diagnose.suggest_effect import effect_rivals
-from idloop.diagnose.suggest_limits import Limits
-from idloop.diagnose.suggest_words import listed
+from idloop.design.effect import effect_rivals
+from idloop.design.limits import Limits
+from idloop.design.suggest import Suggestion, suggest
+from idloop.design.words import listed
 from idloop.diagnose.twins import find_twins, one_of_each
 from idloop.errors import IdloopError
 from idloop.physics.effect import catalogue

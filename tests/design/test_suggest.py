@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idloop.design.effect import effect_rivals, suggest_effect
+from idloop.design.experiment import Experiment
+from idloop.design.field import experiment_gains, labels, prepare_rivals
+from idloop.design.limits import motion
+from idloop.design.next import suggest_next
+from idloop.design.suggest import Limits, suggest
+from idloop.design.transfer import transfer
 from idloop.diagnose import diagnose, refine
-from idloop.diagnose.experiment import Experiment
-from idloop.diagnose.suggest import Limits, suggest
-from idloop.diagnose.suggest_effect import effect_rivals, suggest_effect
-from idloop.diagnose.suggest_field import experiment_gains, labels, prepare_rivals
-from idloop.diagnose.suggest_limits import motion
-from idloop.diagnose.suggest_next import suggest_next
-from idloop.diagnose.suggest_transfer import transfer
 from idloop.errors import InputError
 from idloop.estimate import fit
 from idloop.estimate.observer import design, discretise

@@ -4,16 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.diagnose.conftest import RATE
 
 from idloop.diagnose import diagnose
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
-from idloop.diagnose.weighing import weigh
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
+from idloop.estimate.likelihood.weighing import weigh
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
-
-from .conftest import RATE
 
 
 def beside_a_walk(load: float, size: float, seed: int) -> Record:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.suggest_noise import Noise, common_noise
-from idloop.diagnose.suggest_transfer import transfer
-from idloop.diagnose.suggest_view import Difference
+from idloop.design.noise import Noise, common_noise
+from idloop.design.transfer import transfer
+from idloop.design.view import Difference
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
@@ -18,7 +18,7 @@ from idloop.estimate.observer import discretise
 from idloop.estimate.settling import SettlingObserver, settling_observer
 
 if TYPE_CHECKING:
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.physics import Model
     from idloop.records import Record
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.diagnose.parallel import in_parallel, workers
+from idloop.estimate.likelihood.parallel import in_parallel, workers
 
 
 @given(st.lists(st.integers()))

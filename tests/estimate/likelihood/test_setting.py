@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.diagnose.conftest import record_of
 
 from idloop.diagnose.scales import Sizes
-from idloop.diagnose.setting import FrugalEngine, prepare_setting
 from idloop.errors import IdloopError
+from idloop.estimate.likelihood.setting import FrugalEngine, prepare_setting
 from idloop.physics import load_model
-
-from .conftest import record_of
 
 STEP = 0.002
 

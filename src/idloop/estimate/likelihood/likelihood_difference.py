@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idloop.diagnose.refit import Refit
+from idloop.estimate.likelihood.refit import Refit
 
 # A model is told from a better one when its log-likelihood is lower by more than this and by more than twice the
 # standard deviation of the difference (Vuong, Econometrica 57, 1989).

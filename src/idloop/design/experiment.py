@@ -186,7 +186,7 @@ class Experiment:
         random: np.random.Generator,
     ) -> tuple[Array, Array, Array]:
         """Stamps and values of the command, and the outputs at the instants of the measurements."""
-        from idloop.diagnose.experiment_loop import simulate_closed_loop
+        from idloop.design.experiment_loop import simulate_closed_loop
 
         regulator, model = self._regulator, engine.model
         kernel = regulator.kernel

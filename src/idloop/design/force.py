@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.suggest_view import Difference
+from idloop.design.view import Difference
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data
 from idloop.estimate.engine import RememberingEngine
@@ -22,7 +22,7 @@ from idloop.estimate.weak_form import NARROWEST, WeakForm, weak_form
 from idloop.estimate.whitening import Whitener, choose_order, fit_whitener
 
 if TYPE_CHECKING:
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.physics import Model
     from idloop.records import Record
 

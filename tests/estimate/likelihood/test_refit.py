@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose.disturbance import LONG_MEMORY
-from idloop.diagnose.refit import Refit, _disturbance_elsewhere, refit, transfer
-from idloop.diagnose.setting import Setting, prepare_setting
 from idloop.estimate.innovations import WALK, WHITE
+from idloop.estimate.likelihood.disturbance import LONG_MEMORY
+from idloop.estimate.likelihood.refit import Refit, _disturbance_elsewhere, refit, transfer
+from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record

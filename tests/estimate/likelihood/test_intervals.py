@@ -1,13 +1,12 @@
 """Standard errors after a refit, on data that nothing disturbs."""
 
 import numpy as np
+from tests.diagnose.conftest import record_of
 
-from idloop.diagnose.intervals import with_stderr
-from idloop.diagnose.refit import refit
-from idloop.diagnose.setting import prepare_setting
+from idloop.estimate.likelihood.intervals import with_stderr
+from idloop.estimate.likelihood.refit import refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import load_model
-
-from .conftest import record_of
 
 
 def test_undisturbed_intervals_are_as_wide_as_the_estimates_scatter() -> None:

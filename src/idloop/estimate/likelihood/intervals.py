@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.refit import Refit
+from idloop.estimate.likelihood.refit import Refit
 from idloop.estimate.spread import problem_covariance
 from idloop.physics.model import Model
 from idloop.records import Record

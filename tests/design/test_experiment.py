@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idloop.control import build_controller
-from idloop.diagnose.experiment import Experiment
+from idloop.design.experiment import Experiment
 from idloop.errors import InputError
 from idloop.physics import Plant, load_model, simulate
 from idloop.signals import build_signal

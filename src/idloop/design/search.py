@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.experiment import COMMAND, Experiment
-from idloop.diagnose.suggest_designs import (
+from idloop.design.designs import (
     Design,
     command_designs,
     machine_scale,
@@ -18,9 +17,10 @@ from idloop.diagnose.suggest_designs import (
     reference_designs,
     representatives,
 )
-from idloop.diagnose.suggest_field import contained, experiment_gains
-from idloop.diagnose.suggest_rivals import Rival
-from idloop.diagnose.suggest_setup import Setup
+from idloop.design.experiment import COMMAND, Experiment
+from idloop.design.field import contained, experiment_gains
+from idloop.design.rivals import Rival
+from idloop.design.setup import Setup
 from idloop.errors import IdloopError
 from idloop.physics.kernel import RATE
 

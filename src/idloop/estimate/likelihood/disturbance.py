@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.setting import Setting
-from idloop.diagnose.weighing import weigh
 from idloop.errors import IdloopError
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.innovations import LEAST_EXPONENT, WALK, WHITE, InnovationCriterion
+from idloop.estimate.likelihood.setting import Setting
+from idloop.estimate.likelihood.weighing import weigh
 from idloop.estimate.problem import Problem
 from idloop.estimate.translated import TranslatedCriterion
 from idloop.physics.model import Model

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from idloop.diagnose.likelihood_difference import LEAST_DIFFERENCE, difference_deviation, distinguishable
+from idloop.estimate.likelihood.likelihood_difference import LEAST_DIFFERENCE, difference_deviation, distinguishable
 
 
 def fitted(contributions: NDArray[np.float64], choices: int = 2) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from idloop.diagnose.experiment import Experiment
+    from idloop.design.experiment import Experiment
     from idloop.estimate.engine import RememberingEngine
     from idloop.records import Record
 

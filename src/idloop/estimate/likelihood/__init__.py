@@ -1,0 +1,1 @@
+"""Maximum-likelihood fits to prediction errors, with a free disturbance and a noise model."""
