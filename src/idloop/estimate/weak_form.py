@@ -72,8 +72,8 @@ class Track:
     disagreement : float
         Where two sensors see a body: their velocities' difference over the velocity as rms, the largest of all bodies;
         0 where it is no more than their noise.
-    left_out : float
-        What the sensors see of the motion and the band leaves out, over their noise, the largest of all bodies.
+    left_out : array, shape (2, bodies)
+        Power of what the sensors see of the motion and the band leaves out, and of their noise, summed over samples.
     """
 
     motion: Motion
@@ -82,7 +82,7 @@ class Track:
     rows: NDArray[np.int64]
     held: HeldCommand
     disagreement: float
-    left_out: float
+    left_out: Array
     conditions: Conditions | None = None
 
     def stretches(self, count: int, part: float, width: int) -> list[Track]:
@@ -288,13 +288,17 @@ def track_of(engine: Engine, data: Data, width: int) -> Track | None:
     )
 
 
-def _left_out(motion: Motion) -> float:
-    """What a band leaves out of a measured motion, over the sensors' noise: the largest of all bodies."""
+def _left_out(motion: Motion) -> Array:
+    """Powers (2, bodies) of what a band leaves out of a measured motion and of the noise, by the quieter sensor."""
     found = []
     for kept, sensed in zip(zip(motion.position.T, motion.velocity.T, strict=True), motion.measured, strict=True):
-        pairs = [(series, values) for series, values in zip(sensed, kept, strict=True) if series is not None]
-        found.append(min(float(np.std(series - values)) / max(noise_std(series), 1e-300) for series, values in pairs))
-    return max(found)
+        powers = [
+            (float(np.sum((series - values) ** 2)), noise_std(series) ** 2 * len(series))
+            for series, values in zip(sensed, kept, strict=True)
+            if series is not None
+        ]
+        found.append(min(powers, key=lambda pair: pair[0] / max(pair[1], 1e-300)))
+    return np.transpose(found)
 
 
 def _disagreement(
@@ -680,8 +684,9 @@ class WeakForm:
 
     @property
     def left_out(self) -> float:
-        """What sensors see of the motion and these windows leave out, over the sensors' noise; of the worst record."""
-        return max(track.left_out for track in self.tracks)
+        """What sensors see of the motion and these windows leave out, over their noise; the most of all bodies."""
+        left, noise = np.sum([track.left_out for track in self.tracks], axis=0)
+        return float(np.sqrt(np.max(left / np.maximum(noise, 1e-300))))
 
     @cached_property
     def widest(self) -> int:
