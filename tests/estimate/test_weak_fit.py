@@ -8,7 +8,7 @@ import pytest
 from idloop.estimate import fit
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.weak_fit import cost_at, fit_by_force, fit_weak
+from idloop.estimate.weak_fit import WeakFit, cost_at, fit_by_force, fit_weak
 from idloop.physics import load_model
 from idloop.records import Record
 
@@ -97,6 +97,56 @@ def test_the_reliability_ratio_is_the_part_of_the_acceleration_that_is_no_noise(
     assert shares[0] > 0.99
     assert shares[0] > shares[1] > shares[2]
     assert shares[2] < 0.5
+
+
+TRUE_INERTIA = load_model("axis").values["axis.inertia"]
+
+
+def recorded_with(noise: np.ndarray) -> Record:
+    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)"])
+    record = recorded(replace(machine, outputs=machine.outputs[:1]))
+    return replace(record, output=record.output + noise[: len(record.time), None])
+
+
+def noisy(noise: np.ndarray) -> WeakFit | None:
+    """The balance of an axis of which only the position is measured, with noise of its own."""
+    plain = load_model("axis")
+    plain = replace(plain, outputs=plain.outputs[:1])
+    return fit_by_force(RememberingEngine(plain), prepare(plain, [recorded_with(noise)]), plain.theta)
+
+
+def wandering(memory: float, size: float) -> np.ndarray:
+    """Noise of a sensor that keeps a part of itself from sample to sample."""
+    rng, noise = np.random.default_rng(2), np.zeros(5000)
+    for k in range(1, len(noise)):
+        noise[k] = memory * noise[k - 1] + size * rng.normal()
+    return noise
+
+
+@pytest.mark.parametrize(("memory", "size"), [(0.0, 2e-4), (0.8, 1e-3), (0.95, 1e-3)])
+def test_windows_are_wide_enough_for_the_inertia_to_be_right(memory: float, size: float) -> None:
+    found = noisy(noise := wandering(memory, size))
+    assert found is not None
+    assert found.reliable
+    narrow = fit_weak(form_of(found.form.engine.model, recorded_with(noise)), found.point)
+    assert found.form.width > narrow.form.width
+    assert found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.05)
+    assert abs(narrow.theta[0] / TRUE_INERTIA - 1.0) > abs(found.theta[0] / TRUE_INERTIA - 1.0)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8, 0.95, 0.99])
+@pytest.mark.parametrize("size", [3e-3, 1e-2, 3e-2, 1e-1])
+def test_no_balance_is_reliable_whose_inertia_is_the_noise_of_the_sensor(memory: float, size: float) -> None:
+    found = noisy(wandering(memory, size))
+    assert found is None or not found.reliable or found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.2)
+
+
+def test_what_windows_leave_out_of_the_motion_is_told() -> None:
+    machine = load_model("axis")
+    record = recorded(machine, seconds=8.0)
+    record = replace(record, output=record.output + 1e-4 * np.random.default_rng(3).normal(size=record.output.shape))
+    assert form_of(machine, record).left_out < 1.5
+    assert form_of(machine, record, 400).left_out > 10.0
 
 
 def test_a_prediction_that_has_the_force_in_its_disturbance_is_told() -> None:

@@ -40,7 +40,8 @@ _RULED, LEAST_UNEXPLAINED = 0.1, 0.01
 # Sensors of one body whose velocities are further apart than this part of them show something of their own.
 _DISAGREE = 0.02
 # Values of narrower windows agree with wider ones where they are less likely there by no more than this.
-_AS_LIKELY = 3.0
+# ... up to windows so many times as wide.
+_AS_LIKELY, _FAR_WIDER = 3.0, 2.5
 # Least part of the acceleration, as power, that must not be noise: inertia comes out too small by as much.
 # Where it is to speak against predictions, it must be nearly all.
 _RELIABLE, _CERTAIN = 0.8, 0.95
@@ -619,7 +620,10 @@ def fit_by_force(
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
         found = with_rest_speed(fit_anew(form, point) if width == narrowest else fit_weak(form, point))
         if narrower is not None and _agrees(narrower, found):
-            return narrower
+            if width >= _FAR_WIDER * narrower.form.width:
+                return narrower
+            width = _wider(width)
+            continue
         narrower = None
         if form.reliability < _RELIABLE:
             ruled = True
