@@ -37,6 +37,7 @@ from idloop.estimate.likelihood.disturbance import LONG_MEMORY
 from idloop.estimate.likelihood.intervals import with_stderr
 from idloop.estimate.likelihood.parallel import in_parallel
 from idloop.estimate.likelihood.refit import MANY_LAGS, Refit, refit, refit_or_none
+from idloop.estimate.likelihood.restarts import has_contacts, searched_anew
 from idloop.estimate.likelihood.setting import Setting
 from idloop.estimate.whitening import choose_order
 from idloop.physics.effect import OUTPUT
@@ -340,7 +341,8 @@ class PredictionView(View[Refit]):
         if self.setting.kind != PREDICTION:
             return fit
         # The order of the whitening that suited the model before need not suit it now.
-        return refit(self.setting, fit.model, None, fit, reconsider=True)
+        fit = refit(self.setting, fit.model, None, fit, reconsider=True)
+        return searched_anew(self.setting, fit) if has_contacts(fit.model) else fit
 
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
