@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 _LONGEST = 80  # characters of a name that are shown
 
@@ -26,6 +26,11 @@ def listed(names: Iterable[str], limit: int = 12) -> str:
     every = [_printable(name) for name in names]
     shown = ", ".join(every[:limit])
     return shown + (f", ... ({len(every)} in all)" if len(every) > limit else "") if every else "none"
+
+
+def joined_names(names: Sequence[str]) -> str:
+    """Return names as a sentence has them, such as "a, b and c"."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _printable(name: str) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.screen import Screen, Trace
+from idloop.diagnose.screen import Screen
 from idloop.estimate.likelihood.refit import refit
 from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import load_model
@@ -59,16 +59,6 @@ def test_a_trace_counts_by_what_is_its_own_however_much_the_parameters_could_do(
     assert trace.detectable == pytest.approx(25.0, rel=1e-3)
     assert trace.size[0] == pytest.approx(size, rel=1e-3)
     assert trace.statistic == pytest.approx(25.0 * size**2, rel=1e-3)
-
-
-def test_what_a_direction_shares_with_a_plane() -> None:
-    axes = np.eye(6)
-    plane = Trace([{}, {}], 0.0, np.zeros(2), 0.0, 1.0, False, sketch=3.0 * axes[:, :2], scores=np.zeros(2))
-    assert plane.reaches(axes[:, 1]) == pytest.approx(1.0)
-    assert plane.reaches((axes[:, 0] + axes[:, 5]) / np.sqrt(2.0)) == pytest.approx(np.sqrt(0.5))
-    assert plane.reaches(axes[:, 4]) == pytest.approx(0.0)
-    invisible = Trace([{}], 0.0, np.zeros(1), 0.0, 0.0, False, sketch=np.zeros((6, 0)), scores=np.zeros(0))
-    assert invisible.reaches(axes[:, 0]) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from idloop.design.effect import effect_rivals
 from idloop.design.limits import Limits
 from idloop.design.suggest import Suggestion, suggest
-from idloop.design.words import listed
 from idloop.diagnose.twins import find_twins, one_of_each
 from idloop.errors import IdloopError
 from idloop.physics.effect import catalogue
 from idloop.physics.model import effect_and_site, effect_name
+from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from idloop.diagnose.diagnosis import Diagnosis
@@ -142,7 +142,7 @@ def _question(found: Diagnosis, names: Sequence[str]) -> Question | None:
     models = [c.model for c in found.candidates if c.name in names and c.model is not None][:_MOST_RIVALS]
     if len(models) < 2:
         return None
-    return Question(tuple(models), f"this data cannot tell {listed(list(names))} apart")
+    return Question(tuple(models), f"this data cannot tell {joined_names(list(names))} apart")
 
 
 def _for_the_unseen(
@@ -182,7 +182,7 @@ def _for_the_unseen(
     if not models:
         return None
     answer = suggest([plain, *models.values()], records, limits, against_first=True, progress=progress, **options)
-    return replace(answer, text=f"this data cannot show {listed(list(models))}; {answer.text}")
+    return replace(answer, text=f"this data cannot show {joined_names(list(models))}; {answer.text}")
 
 
 def _known_by_now(found: Diagnosis | Ladder) -> Model:

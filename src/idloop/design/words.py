@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.design.field import contained
+from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -160,14 +161,9 @@ def describe_visible(outcomes: Sequence[Outcome]) -> str:
     seen = [outcome.rival for outcome in outcomes[1:] if outcome.in_favour >= DECISIVE]
     unseen = [outcome.rival for outcome in outcomes[1:] if outcome.in_favour < DECISIVE]
     if not seen:
-        return f"no experiment within these limits is expected to show {listed(unseen)}: widen them"
-    tail = f"; not {listed(unseen)}, which needs wider limits" if unseen else ""
-    return f"expected to show {listed(seen)} if there{tail}"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names in one phrase."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+        return f"no experiment within these limits is expected to show {joined_names(unseen)}: widen them"
+    tail = f"; not {joined_names(unseen)}, which needs wider limits" if unseen else ""
+    return f"expected to show {joined_names(seen)} if there{tail}"
 
 
 def describe_signal(signal: Mapping[str, Any], adds_to: str, unit: str = "") -> str:

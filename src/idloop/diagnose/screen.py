@@ -94,13 +94,6 @@ class Trace:
         column = self.sketch[:, 0]
         return np.asarray(column / max(float(np.linalg.norm(column)), 1e-300))
 
-    def reaches(self, direction: Array) -> float:
-        """Part of a direction of length 1 that lies within this trace's own, 0 to 1."""
-        if self.sketch.shape[1] == 0:
-            return 0.0
-        axes, _ = np.linalg.qr(self.sketch)
-        return float(np.linalg.norm(axes.T @ direction))
-
 
 @dataclass(frozen=True)
 class Screened:

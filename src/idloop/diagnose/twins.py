@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
-from idloop.design.words import listed
 from idloop.physics.effect import BODY, INPUT, Effect, catalogue
 from idloop.physics.model import effect_and_site, effect_name
+from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -43,7 +43,7 @@ class Twins:
     @property
     def text(self) -> str:
         """One sentence for the reader, without the checks."""
-        return f"no motion can tell {listed(self.names)} apart: they are one equation in this model"
+        return f"no motion can tell {joined_names(self.names)} apart: they are one equation in this model"
 
     @property
     def lines(self) -> list[str]:

@@ -578,9 +578,9 @@ class WeakForm:
 
     @cached_property
     def _moving_and_standing(self) -> list[tuple[_Course, NDArray[np.int64], NDArray[np.int64]]]:
-        """Of every run, instants at which the driven body moves, a few, and counts as standing, all, and their course.
+        """Of every run a few instants at which the driven body moves, and all at which it counts as standing.
 
-        In the course those that stand come first.
+        Before them a course of both, in which those that stand come first.
         """
         found = []
         for course in self._course[1]:

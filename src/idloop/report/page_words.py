@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.design.words import describe_signal, listed
+from idloop.design.words import describe_signal
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.characteristic import shifts_in_time
 from idloop.diagnose.twins import Twins, ladder_twins
@@ -22,6 +22,7 @@ from idloop.report.tried import only_tried, only_words
 from idloop.report.unshown import absent, unshown
 from idloop.report.use import FITTED, SAID
 from idloop.report.verdicts import CRITERIA, basis, conclusion, explained_of, stand_ins, unexplained
+from idloop.spelling import joined_names
 from idloop.validate.variables import TITLES
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def headline(ladder: Ladder) -> str:
     if shape is not None and shape.coefficient and ladder.verdict == "unknown_structure":
         names = [*(name for name in names if name != something), f"{shape.of} that is not constant"]
     if names:
-        return f"Missing from the model: {listed(list(dict.fromkeys(names)))}."
+        return f"Missing from the model: {joined_names(list(dict.fromkeys(names)))}."
     if only_tried(ladder):
         return {
             "adequate": "Nothing that was looked for is missing.",
@@ -183,7 +184,7 @@ def _end_text(ladder: Ladder, end: str) -> str:
     """How a ladder ended, with what the headline does not say."""
     hidden = unshown(ladder)
     if ladder.verdict == "not_excited" and hidden:
-        names = listed([words(name) for name in hidden])
+        names = joined_names([words(name) for name in hidden])
         return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
     if not ladder.added and ladder.verdict == "adequate" and not only_tried(ladder):
         return "What is left is noise."
@@ -341,7 +342,7 @@ def _then(added: Candidate, last: Model) -> str:
 
 def _said(group: Twins, name: str) -> dict[str, Any]:
     others = [words(other) for other in group.names if other != name]
-    return {"others": listed(others), "checks": [_capital(check) for check in group.checks]}
+    return {"others": joined_names(others), "checks": [_capital(check) for check in group.checks]}
 
 
 def _evidence(p_value: float | None) -> str:

@@ -130,13 +130,13 @@ def _several(part: Sequence[Remainder]) -> bool:
 
 def _errors(part: Sequence[Remainder], whole: Sequence[Remainder]) -> str:
     """Whose errors, and in how many of the records."""
-    from idloop.design.words import listed
+    from idloop.spelling import joined_names
 
     names = list(dict.fromkeys(one.test.name for one in part))
     records, all_ = len({one.record for one in part}), len({one.record for one in whole})
     where = f" in {records} of {all_} records" if all_ > 1 else ""
     where += " on the fitted data" if all_ < 2 else " of the fitted data"
-    return f"the one-step error{'s' if len(names) > 1 else ''} of {listed(names)}{where}"
+    return f"the one-step error{'s' if len(names) > 1 else ''} of {joined_names(names)}{where}"
 
 
 def _p_text(value: float) -> str:

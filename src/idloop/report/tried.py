@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from idloop.design.words import listed
 from idloop.diagnose.ladder import Ladder
 from idloop.diagnose.proposals import proposals
 from idloop.report.effect_names import words
+from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from idloop.diagnose import Diagnosis
@@ -56,5 +56,5 @@ def only_words(result: Ladder | Diagnosis) -> str:
     names = only_tried(result)
     if not names:
         return ""
-    what = listed(list(names)) if len(names) <= _NAMED else f"{len(names)} effects"
+    what = joined_names(list(names)) if len(names) <= _NAMED else f"{len(names)} effects"
     return f"only {what} {'were' if len(names) > 1 else 'was'} looked for, not the whole catalogue"

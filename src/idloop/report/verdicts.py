@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from idloop.design.words import listed
 from idloop.diagnose.follows import REVERSED, unmoved
 from idloop.diagnose.verdict import SAY_NOISE
 from idloop.estimate.direction import AGAINST
+from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from idloop.diagnose import Ladder
@@ -69,8 +69,8 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -
     names = stand_ins(ladder)
     if names:
         return (
-            f"{something} is missing: {listed(names)} {'stand' if len(names) > 1 else 'stands'} in for it one step"
-            f" ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
+            f"{something} is missing: {joined_names(names)} {'stand' if len(names) > 1 else 'stands'} in for it one"
+            f" step ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
         )
     follows = [one for one in left if not one.test.input_free]
     if follows:
@@ -152,7 +152,7 @@ def basis(lacking: Sequence[str]) -> str:
         Words to begin a sentence with; empty where nothing is missing.
     """
     return (
-        f"as long as {listed(list(lacking))} {'are' if len(lacking) > 1 else 'is'} not in the model, "
+        f"as long as {joined_names(list(lacking))} {'are' if len(lacking) > 1 else 'is'} not in the model, "
         if lacking
         else ""
     )
