@@ -10,8 +10,8 @@ import pytest
 from idloop.diagnose import force_view
 from idloop.diagnose.deciding_view import asked_fit
 from idloop.diagnose.force_view import ForceView, unbalanced
+from idloop.diagnose.period import harmonics
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.waves import harmonics
 from idloop.estimate.dataset import prepare
 from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model

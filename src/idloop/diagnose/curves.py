@@ -1,16 +1,18 @@
-"""Curves that an unknown force can be learnt as: piecewise linear over one variable."""
+"""Curves that what a model leaves may be learnt as; forces and corrections of the command, piecewise linear."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from idloop.diagnose.period import remaining_period
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.shape import Shape
+from idloop.diagnose.unknown import KNOTS, Curve
 from idloop.physics.effect import BODY, INPUT, Effect, ParameterSpec
 from idloop.physics.hooks import hook
 from idloop.physics.model import ActiveEffect, Model
@@ -22,39 +24,58 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-KNOTS = 17
+
+@dataclass(frozen=True)
+class Shape(Curve):
+    """A curve that the errors may follow."""
+
+    # Height of a trial curve.
+    step: float
+    # Of the whitened errors, by heights at the knots; None where they cannot be simulated.
+    change: Callable[[Array], Array | None]
+    # Shapes that this one was chosen from.
+    tried: int = 1
+
+    @property
+    def text(self) -> str:
+        """In words, such as "a force over the velocity"."""
+        return f"{'the' if self.coefficient else 'a'} {self.of} over the {self.variable}"
 
 
-@hook
-def over_velocity(position: float, velocity: float, inertia: float, elapsed: float, state: Any, values: Any) -> float:
-    """Force at the velocity: linear between the knots, constant beyond them."""
-    place = min(max((velocity - values[0]) / values[1], 0.0), 15.999999)
-    i = int(place)
-    return float(values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
+@njit(cache=True, error_model="numpy")
+def _clipped(value: float, values: Any) -> float:
+    """Place of a value among the knots, the ends beyond them."""
+    return float(min(max((value - values[0]) / values[1], 0.0), 15.999999))
 
 
-@hook
-def over_position(position: float, velocity: float, inertia: float, elapsed: float, state: Any, values: Any) -> float:
-    """Force at the position: linear between the knots, constant beyond them."""
-    place = min(max((position - values[0]) / values[1], 0.0), 15.999999)
-    i = int(place)
-    return float(values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
-
-
-@hook
-def over_period(position: float, velocity: float, inertia: float, elapsed: float, state: Any, values: Any) -> float:
-    """Force at the place within the period that the knots span: linear between them, the last is the first."""
-    place = (position - values[0]) / values[1] % 16.0
+@njit(cache=True, error_model="numpy")
+def _height(place: float, values: Any) -> float:
     i = min(int(place), 15)
     return float(values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
 
 
 @hook
+def over_velocity(position: float, velocity: float, inertia: float, elapsed: float, state: Any, values: Any) -> float:
+    """Force at the velocity."""
+    return float(_height(_clipped(velocity, values), values))
+
+
+@hook
+def over_position(position: float, velocity: float, inertia: float, elapsed: float, state: Any, values: Any) -> float:
+    """Force at the position."""
+    return float(_height(_clipped(position, values), values))
+
+
+@hook
+def over_period(position: float, velocity: float, inertia: float, elapsed: float, state: Any, values: Any) -> float:
+    """Force at the place within the period that the knots span: the last is the first."""
+    return float(_height((position - values[0]) / values[1] % 16.0, values))
+
+
+@hook
 def over_command(value: float, velocity: float, sent: float, elapsed: float, state: Any, values: Any) -> float:
     """Command plus what is missing of it at that command."""
-    place = min(max((value - values[0]) / values[1], 0.0), 15.999999)
-    i = int(place)
-    return float(value + values[2 + i] + (place - i) * (values[3 + i] - values[2 + i]))
+    return float(value + _height(_clipped(value, values), values))
 
 
 _SPECS = (
@@ -64,101 +85,58 @@ _SPECS = (
 )
 
 
-def _curve(name: str, site: str, **equations: Any) -> Effect:
-    return Effect(name=name, site=site, text="", parameters=_SPECS, order=45, **equations)
+def _curve(over: str, site: str, **equations: Any) -> Effect:
+    return Effect(name=f"curve_over_{over}", site=site, text="", parameters=_SPECS, order=45, **equations)
 
 
 CURVES = {
-    "velocity": _curve("curve_over_velocity", BODY, force=over_velocity),
-    "position": _curve("curve_over_position", BODY, force=over_position),
-    "period": _curve("curve_over_period", BODY, force=over_period),
-    "command": _curve("curve_over_command", INPUT, command=over_command),
+    "velocity": _curve("velocity", BODY, force=over_velocity),
+    "position": _curve("position", BODY, force=over_position),
+    "period": _curve("period", BODY, force=over_period),
+    "command": _curve("command", INPUT, command=over_command),
 }
 
 
 @dataclass(frozen=True)
-class Curve(Proposal):
-    """A curve over one variable, laid over the range that the records cover.
-
-    Attributes
-    ----------
-    low, width : float
-        First knot and distance of the knots.
-    step : float
-        Height of a trial curve.
-    closed : bool
-        The last knot is the first again.
-    """
+class CurveProposal(Proposal):
+    """A curve over one variable, by its first knot and the distance of its knots."""
 
     low: float = 0.0
     width: float = 1.0
-    step: float = 1.0
-    closed: bool = False
-
-    def trial(self, heights: Array) -> Trial:
-        """Values of a curve with these heights, shape (KNOTS,), or (KNOTS - 1,) of a closed one."""
-        closed = np.append(heights, heights[0]) if self.closed else heights
-        return {"low": self.low, "width": self.width, **{f"knot{i}": float(h) for i, h in enumerate(closed)}}
-
-    @property
-    def knots(self) -> Array:
-        """Where the knots are, shape (KNOTS,)."""
-        return np.asarray(self.low + self.width * np.arange(KNOTS))
 
     def model(self, values: Trial) -> Model:
-        """The base with this curve."""
+        """The base with this curve, the heights at its knots given."""
         active = ActiveEffect(self.effect, self.at)
         added = tuple(
-            Parameter(f"{active.name}.{s.name}", float(values.get(s.name, s.start)), -np.inf, np.inf, False, None, "-")
-            for s in self.effect.parameters
+            Parameter(f"{active.name}.{name}", float(value), -np.inf, np.inf, False, None, "-")
+            for name, value in {"low": self.low, "width": self.width, **values}.items()
         )
         return replace(self.base, effects=(*self.base.effects, active), parameters=(*self.base.parameters, *added))
 
 
 def force_shapes(screen: Screen) -> list[Shape]:
-    """Forces over velocity, position and a period of it, and a correction of the command, over what the records cover.
-
-    Parameters
-    ----------
-    screen : Screen
-        Errors of the model.
-
-    Returns
-    -------
-    list of Shape
-    """
+    """A force over velocity, position or a period of it, and the command over itself, in the range of the records."""
     setting, sizes, model = screen.setting, screen.sizes, screen.parent.model
     units, body = model.units, model.bodies[0]
     _, fastest, middle, span = sizes.bodies[0]
-    most, force = sizes.command_most, 0.01 * setting.force
 
-    def laid(name: str, at: str, low: float, reach: float, step: float, *, closed: bool = False) -> Curve:
-        return Curve(CURVES[name], at, model, low=low, width=reach / (KNOTS - 1), step=step, closed=closed)
+    def shape(name: str, over: str, unit: str, middle: float, reach: float, tried: int = 1) -> Shape:
+        of, of_unit, at, size = "force", units.force, body, setting.force
+        if name == "command":
+            of, of_unit, at, size = "command", units.input, INPUT, sizes.command
+        low, width = middle - 0.5 * reach, reach / (KNOTS - 1)
+        curve = CurveProposal(CURVES[name], at, model, low=low, width=width)
+        return Shape(
+            of, of_unit, over, unit, np.asarray(low + width * np.arange(KNOTS)), name == "period", 0.01 * size,
+            lambda heights: screen.moved(curve, {f"knot{i}": heights[i % len(heights)] for i in range(KNOTS)}), tried,
+        )  # fmt: skip
 
-    curves = [
-        (laid("velocity", body, -fastest, 2.0 * fastest, force), f"{body}.velocity", f"{units.position}/s", 1),
-        (laid("position", body, middle - 0.5 * span, span, force), f"{body}.position", units.position, 1),
+    shapes = [
+        shape("velocity", f"{body}.velocity", f"{units.position}/s", 0.0, 2.0 * fastest),
+        shape("position", f"{body}.position", units.position, middle, span),
+        shape("command", "command", units.input, 0.0, 2.0 * sizes.command_most),
     ]
-    own = laid("command", INPUT, -most, 2.0 * most, 0.01 * sizes.command)
-    curves.append((own, "command", units.input, 1))
     period = remaining_period(model, setting)
     if period is not None:
-        repeating = laid("period", body, middle - 0.5 * period.length, period.length, force, closed=True)
-        curves.append((repeating, f"{body}.position", units.position, period.tried))
-    return [_learnable(screen, *curve) for curve in curves]
-
-
-def _learnable(screen: Screen, curve: Curve, over: str, unit: str, tried: int) -> Shape:
-    at_input, units = curve.effect.site == INPUT, screen.parent.model.units
-    return Shape(
-        over=over,
-        unit=unit,
-        of="command" if at_input else "force",
-        of_unit=units.input if at_input else units.force,
-        knots=curve.knots,
-        step=curve.step,
-        change=lambda heights: screen.moved(curve, curve.trial(heights)),
-        closed=curve.closed,
-        repeats=curve.closed,
-        tried=tried,
-    )
+        shapes.append(shape("period", f"{body}.position", units.position, middle, *period))
+    return shapes

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from idloop.diagnose.choice import FORCE
 from idloop.diagnose.force_structure import ForceCurve, structures
 from idloop.diagnose.gate import Gate, excitation_findings
+from idloop.diagnose.period import harmonics
 from idloop.diagnose.predictive import Scores, scores_of, seen_scores
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.step import FAR_MORE, Step, View, Weighed
 from idloop.diagnose.verdict import ADEQUATE, UNKNOWN
-from idloop.diagnose.waves import harmonics
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data, recorded
 from idloop.estimate.engine import RememberingEngine

@@ -1,23 +1,25 @@
-"""Curves learnt from the errors of a model, and how likely white errors would show as much."""
+"""Curves learnt from the errors of a prediction, weighed as effects are: by samples that no fit has seen."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.curves import force_shapes
+from idloop.diagnose.candidate import effect_parameters
+from idloop.diagnose.curves import Shape, force_shapes
 from idloop.diagnose.factors import factor_shapes
-from idloop.diagnose.shape import Shape
+from idloop.diagnose.innovation_scores import InnovationScores
+from idloop.diagnose.predictive import Evidence, Scores
+from idloop.diagnose.screen import Screen
+from idloop.diagnose.step import Weighed
+from idloop.diagnose.unknown import UnknownStructure
 from idloop.estimate.likelihood.parallel import in_parallel
+from idloop.estimate.likelihood.refit import Refit
 from idloop.estimate.likelihood.unevenness import stretches
-
-if TYPE_CHECKING:
-    from idloop.diagnose.screen import Screen
 
 Array = NDArray[np.float64]
 
@@ -25,115 +27,52 @@ Array = NDArray[np.float64]
 _LEAST_FELT = 1e-3
 # Directions weaker than this part of the strongest are left out.
 _LEAST_WEIGHT = 1e-2
+# Part of its trace's power beyond a force's curve from which on an effect is none of the curve's kind.
+_OF_ITS_KIND = 0.5
 
 
 @dataclass(frozen=True)
 class Learnt:
-    """A shape with the heights that the errors ask for.
-
-    Attributes
-    ----------
-    shape : Shape
-    value, spread : array, shape (heights,)
-        Heights and their standard errors.
-    known : array of bool, shape (heights,)
-        Which of them the errors feel.
-    span : array, shape (n, directions)
-        Orthonormal directions of the whitened errors that the curve reaches beside the free parameters.
-    power : float
-        Squared whitened errors that it explains.
-    ratio : float
-        The same for each direction, in the errors' variance, which may be uneven along the curve: F-distributed where
-        nothing is to be learnt.
-    share : float
-        Share of the squared errors that it explains.
-    freedom : int
-        Degrees of freedom that are left.
-    """
+    """A shape with the heights that the errors ask for, their standard errors, and which of them the errors feel."""
 
     shape: Shape
     value: Array
     spread: Array
     known: NDArray[np.bool_]
+    # Orthonormal directions of the whitened errors that the curve reaches beside the free parameters.
     span: Array
+    # Squared whitened errors that it explains, and their share of all.
     power: float
-    ratio: float
     share: float
-    freedom: int
-
-    @property
-    def directions(self) -> int:
-        """Degrees of freedom of the curve."""
-        return int(self.span.shape[1])
+    # Probability of as much among white errors, in their variance, which may be uneven along the curve.
+    chance: float
 
     @property
     def merit(self) -> float:
         """Twice the log-likelihood, less what so many directions gain by chance (Akaike)."""
-        return self.power - 2.0 * self.directions
+        return self.power - 2.0 * float(self.span.shape[1])
 
 
 def remaining(screen: Screen, level: float) -> list[Learnt]:
     """Curves that the errors follow, best first: forces, a command, coefficients that change.
 
-    Parameters
-    ----------
-    screen : Screen
-        Errors of the model.
-    level : float
-        Probability of one among white errors, of which both kinds have half.
-
-    Returns
-    -------
-    list of Learnt
+    `level` is the probability of one among white errors, of which both kinds have half.
     """
-    found = [
-        one
-        for shapes in (force_shapes(screen), factor_shapes(screen))
-        for one, _ in significant(shapes, screen, 0.5 * level)
-    ]
+    found: list[Learnt] = []
+    for shapes in (force_shapes(screen), factor_shapes(screen)):
+        fits = [fit for fit in in_parallel(partial(_learn, screen), shapes) if fit is not None]
+        found += [fit for fit in fits if fit.chance * len(fits) * fit.shape.tried < 0.5 * level]
     return sorted(found, key=lambda one: -one.merit)
 
 
-def significant(shapes: Sequence[Shape], screen: Screen, level: float) -> list[tuple[Learnt, float]]:
-    """Shapes that the errors follow, best first, each with its p-value for the best of all that were tried.
+def _learn(screen: Screen, shape: Shape) -> Learnt | None:
+    """Least squares of a curve's heights on the errors, with what the free parameters do projected out.
 
-    Parameters
-    ----------
-    shapes : sequence of Shape
-    screen : Screen
-        Errors of the model.
-    level : float
-        Probability of one among white errors.
-
-    Returns
-    -------
-    list of tuple
+    None where the curve cannot be simulated, or the errors do not feel it.
     """
     from scipy.stats import f as f_distribution
 
-    fits = [fit for fit in in_parallel(partial(learn, screen), shapes) if fit is not None]
-
-    def chance(fit: Learnt) -> float:
-        return float(f_distribution.sf(fit.ratio, fit.directions, fit.freedom)) * len(fits) * fit.shape.tried
-
-    found = [(fit, p_value) for fit in fits if (p_value := chance(fit)) < level]
-    return sorted(found, key=lambda pair: -pair[0].merit)
-
-
-def learn(screen: Screen, shape: Shape) -> Learnt | None:
-    """Least squares of a curve's heights on the errors, with what the free parameters do projected out.
-
-    Parameters
-    ----------
-    screen : Screen
-    shape : Shape
-
-    Returns
-    -------
-    Learnt or None
-        None where the curve cannot be simulated, or the errors do not feel it.
-    """
-    columns = [shape.change(hat) for hat in shape.hats()]
+    columns = [shape.change(hat) for hat in shape.step * np.eye(len(shape.knots) - shape.closed)]
     if any(column is None for column in columns):
         return None
     raw = np.column_stack([column for column in columns if column is not None])
@@ -170,7 +109,96 @@ def learn(screen: Screen, shape: Shape) -> Learnt | None:
         known=known,
         span=np.ascontiguousarray(left),
         power=power,
-        ratio=power / len(scores) / (variance * uneven),
         share=power / max(float(screen.errors @ screen.errors), 1e-300),
-        freedom=freedom,
+        chance=float(f_distribution.sf(power / len(scores) / (variance * uneven), len(scores), freedom)),
     )
+
+
+@dataclass(frozen=True)
+class LearntCurve:
+    """A curve that the errors of a screened model follow, with the evidence against that model without it."""
+
+    screen: Screen
+    learnt: Learnt
+    innovations: InnovationScores
+    scores: Scores
+    evidence: Evidence
+    # Other curves that the data cannot tell from it, in words.
+    rivals: tuple[str, ...] = ()
+
+    # All of it: a force that is learnt from errors one sample ahead is a small part of them, however large.
+    worth = 1.0
+
+    @classmethod
+    def weighed(cls, screen: Screen, found: Sequence[Learnt], innovations: InnovationScores) -> list[LearntCurve]:
+        """Curves with their evidence, best first; `innovations` are those of the model that was screened."""
+        base, weighed = innovations.beside(np.zeros((len(innovations.errors), 0))), []
+        for learnt in found:
+            scores = innovations.beside(learnt.span)
+            weighed.append(cls(screen, learnt, innovations, scores, scores.against(base)))
+        weighed.sort(key=lambda one: one.evidence.spread - one.evidence.difference)
+        if weighed:
+            alike = tuple(one.text for one in weighed[1:] if not weighed[0].scores.against(one.scores).told)
+            weighed[0] = replace(weighed[0], rivals=alike)
+        return weighed
+
+    @property
+    def of_the_drive(self) -> bool:
+        """Whether it is about how the command becomes a force."""
+        return self.learnt.shape.of_the_drive
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return self.learnt.shape.text
+
+    def imitated_by(self, one: Weighed[Refit]) -> bool:
+        """Whether nothing is left of an effect beside the curve, and it is none of the curve's own kind.
+
+        What is itself little else than a force over velocity, position or command may be one of several.
+        """
+        proposal = one.proposals[-1]
+        fitted = effect_parameters(one.fit.model, proposal.name)
+        change = self.screen.moved(proposal, {name: float(entry["value"]) for name, entry in fitted.items()})
+        if change is None:
+            return False
+        own = change - self.screen.basis @ (self.screen.basis.T @ change)
+        rest = own - self.learnt.span @ (self.learnt.span.T @ own)
+        if not self.learnt.shape.coefficient and float(rest @ rest) < _OF_ITS_KIND * float(own @ own):
+            return False
+        both = self.innovations.beside(np.column_stack([self.learnt.span, rest]))
+        return not both.against(self.scores).told
+
+    def unknown(self, p_value: float) -> UnknownStructure:
+        """As a diagnosis reports it."""
+        from scipy.stats import norm
+
+        learnt, shape = self.learnt, self.learnt.shape
+        value = np.where(learnt.known, self._strength() * learnt.value, np.nan)
+        if shape.coefficient:
+            # The mean of a coefficient is the model's own parameter.
+            value = value - float(np.mean(value[learnt.known]))
+        # The knots span a period that the data have shown, not one that is known, such as a turn.
+        period = float(shape.knots[-1] - shape.knots[0]) if shape.closed and not shape.coefficient else None
+        band = float(norm.ppf(0.975)) * learnt.spread
+        found = shape.structure("the errors", p_value, value, band, learnt.share, period)
+        alike = f"; this data cannot tell it from {', '.join(self.rivals)}" if self.rivals else ""
+        return replace(found, text=found.text + alike, rivals=self.rivals)
+
+    def _strength(self) -> float:
+        """How much of the learnt curve explains most beside the noise as it is.
+
+        The projection that learns it also lets the noise model change by a little, which is no small change once the
+        force is gone.
+        """
+        from scipy.optimize import minimize_scalar
+
+        def left(share: float) -> float:
+            change = self.learnt.shape.change(share * self.learnt.value)
+            if change is None:
+                return np.inf
+            errors = self.screen.beside_parameters(self.screen.whitened + change)
+            return float(errors @ errors)
+
+        found = minimize_scalar(left, bounds=(0.0, 2.0), method="bounded", options={"xatol": 0.05, "maxiter": 10})
+        return float(found.x) if found.fun < left(1.0) else 1.0

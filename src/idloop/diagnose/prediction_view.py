@@ -21,8 +21,7 @@ from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import gate
 from idloop.diagnose.held_out import holds
 from idloop.diagnose.innovation_scores import InnovationScores
-from idloop.diagnose.learnt import remaining
-from idloop.diagnose.learnt_curve import LearntCurve
+from idloop.diagnose.learnt import LearntCurve, remaining
 from idloop.diagnose.pairs import confirmed_pairs
 from idloop.diagnose.predictive import Scores
 from idloop.diagnose.proposals import Proposal, proposals

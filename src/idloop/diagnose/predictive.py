@@ -14,6 +14,7 @@ independent samples would.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -28,24 +29,15 @@ Rows = NDArray[np.int64]
 
 # Each fold is scored by a fit on the others: with more of them fits cost more, with fewer they know less.
 FOLDS = 4
-# A difference of two scores is told from none beyond so many standard deviations, a chance of one in twenty (Vuong,
-# Econometrica 57, 1989).
+# Normal deviate beyond which 5 % lie: so far a difference of two scores is told from none (Vuong, Econometrica 57,
+# 1989).
 DEVIATIONS = 1.645
 
 
-def deal(starts: NDArray[np.int64]) -> tuple[list[Rows], list[Rows]]:
-    """Deal the rows of some records into folds of stretches that interleave.
+def deal(starts: Rows) -> tuple[list[Rows], list[Rows]]:
+    """Rows of some records in folds of stretches that interleave, and the stretches by their rows' places in these.
 
-    Parameters
-    ----------
-    starts : array of int, shape (records + 1,)
-        First row of each record, and the number of all.
-
-    Returns
-    -------
-    folds : list of array of int
-    blocks : list of array of int
-        Stretches of the folds that are scored, in the order of their rows' places among these.
+    `starts` is the first row of each record, and the number of all.
     """
     total = int(starts[-1])
     folds: list[list[Rows]] = [[] for _ in range(FOLDS)]
@@ -61,27 +53,22 @@ def deal(starts: NDArray[np.int64]) -> tuple[list[Rows], list[Rows]]:
             parts.append(part)
     joined = [np.sort(np.concatenate(fold or [np.zeros(0, dtype=np.int64)])) for fold in folds]
     rows = np.empty(total, dtype=np.int64)
-    order = np.concatenate(joined)
-    rows[order] = np.arange(len(order))
+    rows[np.concatenate(joined)] = np.arange(total)
     return joined, [rows[part] for part in parts]
+
+
+def others(folds: Sequence[Rows], index: int) -> Rows:
+    """Rows of all folds but one."""
+    return np.concatenate([fold for place, fold in enumerate(folds) if place != index])
 
 
 @dataclass(frozen=True)
 class Scores:
-    """What a model says of samples that its fits have not seen.
-
-    Attributes
-    ----------
-    log_density : array, shape (n,)
-        Of every sample of the folds that are scored.
-    blocks : list of array of int
-        Stretches of them.
-    start : float
-        Log-density of how the records begin, where the samples do not count it: one event, which has no stretches.
-    """
+    """Log-density of every sample of the folds, by fits that have not seen it, and stretches of these samples."""
 
     log_density: Array
     blocks: list[Rows]
+    # Of how the records begin, where the samples do not count it: one event, which has no stretches.
     start: float = 0.0
 
     def against(self, other: Scores) -> Evidence:
@@ -94,25 +81,15 @@ class Scores:
 
 @dataclass(frozen=True)
 class Evidence:
-    """For one model against another.
-
-    Attributes
-    ----------
-    difference : float
-        Of the log-densities of samples not seen.
-    design_effect : float
-        How much more it varies than with independent samples, at least 1.
-    spread : float
-        Its standard deviation.
-    samples : int
-    start : float
-        Of the log-densities of how the records begin.
-    """
+    """For one model against another: the difference of the log-densities of samples not seen."""
 
     difference: float
+    # How much more it varies than with independent samples, at least 1.
     design_effect: float
+    # Its standard deviation.
     spread: float
     samples: int
+    # Of the log-densities of how the records begin.
     start: float = 0.0
 
     @property
@@ -141,23 +118,7 @@ class Evidence:
 
 
 def evidence_of(sums: Array, lengths: Array, squares: float, start: float = 0.0) -> Evidence:
-    """Evidence by what is known of stretches.
-
-    Parameters
-    ----------
-    sums : array, shape (stretches,)
-        Of the differences of the log-densities over each stretch.
-    lengths : array, shape (stretches,)
-        Samples in each.
-    squares : float
-        Sum of the squared differences of all samples.
-    start : float
-        As of `Evidence`.
-
-    Returns
-    -------
-    Evidence
-    """
+    """Evidence by the sums of the differences over stretches, their lengths, and the sum of all squared differences."""
     total, samples = float(np.sum(sums)), float(np.sum(lengths))
     mean = total / max(samples, 1.0)
     alone = squares - mean * total
@@ -167,35 +128,13 @@ def evidence_of(sums: Array, lengths: Array, squares: float, start: float = 0.0)
 
 
 def scores_of(fit: WeakFit) -> Scores:
-    """Scores of a model that was fitted by its force balance to all rows.
-
-    Parameters
-    ----------
-    fit : WeakFit
-        Around which the fits on the other folds are linearised.
-
-    Returns
-    -------
-    Scores
-    """
+    """Scores of a model that was fitted by its force balance, around which the fits on the other folds are linear."""
     folds, blocks = deal(fit.form.starts)
-    found = []
-    for index in range(FOLDS):
-        others = np.sort(np.concatenate([fold for place, fold in enumerate(folds) if place != index]))
-        found.append(fit.refitted(others).log_densities()[folds[index]])
+    found = [fit.refitted(np.sort(others(folds, index))).log_densities()[fold] for index, fold in enumerate(folds)]
     return Scores(np.concatenate(found), blocks)
 
 
 def seen_scores(fit: WeakFit) -> Scores:
-    """Scores of a model as it is, for all rows: of values that most of these rows had no part in.
-
-    Parameters
-    ----------
-    fit : WeakFit
-
-    Returns
-    -------
-    Scores
-    """
+    """Scores of a model as it is, for all rows: of values that most of these rows had no part in."""
     folds, blocks = deal(fit.form.starts)
     return Scores(fit.log_densities()[np.concatenate(folds)], blocks)

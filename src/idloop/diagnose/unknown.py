@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.learnt import Learnt
-from idloop.diagnose.shape import Shape
-
-if TYPE_CHECKING:
-    from idloop.diagnose.screen import Screen
+from idloop.physics.units import Units
 
 Array = NDArray[np.float64]
 
-COMMAND, FORCE, DRIVE = "command", "force", "drive"
-# What is about how the command becomes a force.
-DRIVE_CURVES = (COMMAND, DRIVE)
+# Knots of a force or a command; of a coefficient over the position, and over the time, with which a machine drifts and
+# does not jump.
+KNOTS, COEFFICIENT_KNOTS, TIME_KNOTS = 17, 13, 5
+# Turns from which on a curve is one over the turn, not over the travel.
+TURNS = 1.5
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ class UnknownStructure:
     share: float
     text: str
     period: float | None = None
-    of: str = FORCE
+    of: str = "force"
     rivals: tuple[str, ...] = ()
 
     @property
@@ -66,12 +64,7 @@ class UnknownStructure:
     @property
     def coefficient(self) -> bool:
         """Whether it is a coefficient of the model that is not constant."""
-        return self.of not in (FORCE, COMMAND)
-
-    @property
-    def of_the_drive(self) -> bool:
-        """Whether it is about how the command becomes a force."""
-        return self.of in DRIVE_CURVES
+        return self.of not in ("force", "command")
 
     @property
     def what(self) -> str:
@@ -101,101 +94,67 @@ class UnknownStructure:
         return cls(**{**document, **arrays, "rivals": tuple(document.get("rivals", ()))})
 
 
-def unknown_structure(screen: Screen, best: Learnt, p_value: float, rivals: tuple[str, ...] = ()) -> UnknownStructure:
-    """Tell a curve in the errors that no effect of the catalogue explains.
-
-    A force over velocity, over position, over the place within a period of the position, a correction of the command,
-    and coefficients that change over position or time are learnt as curves, linearised at the model as it is.
-
-    Parameters
-    ----------
-    screen : Screen
-        Errors of the model.
-    best : Learnt
-    p_value : float
-    rivals : tuple of str
-        Other curves that this data cannot tell from it, in words.
-
-    Returns
-    -------
-    UnknownStructure
-    """
-    from scipy.stats import norm
-
-    best = replace(best, value=_strength(screen, best) * best.value)
-    shape, known = best.shape, _closed(best.shape, best.known)
-    # The mean of a coefficient is the model's own parameter.
-    mean = 0.0 if not shape.coefficient else float(np.mean(best.value[best.known]))
-    curve = _closed(shape, best.value - mean)
-    length = float(shape.knots[-1] - shape.knots[0]) if shape.repeats else None
-    repeats = f"{length:.5g} {shape.unit}" if length else ""
-    alike = f"; this data cannot tell it from {', '.join(rivals)}" if rivals else ""
-    return UnknownStructure(
-        variable=shape.over,
-        unit=shape.unit,
-        force_unit=shape.of_unit,
-        at=shape.knots[known],
-        force=curve[known],
-        band=float(norm.ppf(0.975)) * _closed(shape, best.spread)[known],
-        share=best.share,
-        text=curve_sentence("the errors", shape.of, shape.of_unit, shape.over, p_value, curve[known], repeats) + alike,
-        period=length,
-        of=shape.of,
-        rivals=rivals,
-    )
+def coefficient_units(units: Units) -> dict[str, str]:
+    """Coefficients that may not be constant, and their units."""
+    return {
+        "inertia": units.inertia,
+        "viscous friction": units.fill("{force}·s/{position}"),
+        "dry friction": units.force,
+        "drive": "-",
+    }
 
 
-def curve_sentence(
-    errors: str, of: str, of_unit: str, over: str, p_value: float, curve: Array, repeats: str = ""
-) -> str:
-    """What to say of a curve that something follows.
+@dataclass(frozen=True)
+class Curve:
+    """What is not constant over one variable: a force, a command or a coefficient, by its heights at knots."""
 
-    Parameters
-    ----------
-    errors : str
-        What follows it, such as "the errors".
-    of, of_unit, over : str
-        As of `UnknownStructure`.
-    p_value : float
-    curve : array
-        Its heights.
-    repeats : str
-        The period after which it repeats, with its unit; empty where it does not.
+    of: str
+    of_unit: str
+    over: str
+    unit: str
+    knots: Array
+    # The last knot is the first again, and has no height of its own.
+    closed: bool
 
-    Returns
-    -------
-    str
-    """
-    over = over.partition(".")[2] or over
-    by = f"(p = {max(p_value, 1e-300):.1g}) in a way that no effect looked for explains"
-    if of in (FORCE, COMMAND):
-        what = f"repeat every {repeats} of the position" if repeats else f"still follow the {over}"
-        largest = float(np.max(np.abs(curve)))
-        return f"{errors} {what} {by}: a learnt {of} of up to {largest:.3g} {of_unit} remains"
-    apart = float(np.ptp(curve))
-    size = f"{100.0 * apart:.3g} %" if of_unit == "-" else f"{apart:.3g} {of_unit}"
-    return f"the {of} changes with the {over} {by}: by {size} from its least to its most, as learnt"
+    @property
+    def of_the_drive(self) -> bool:
+        """Whether it is about how the command becomes a force."""
+        return self.of in ("command", "drive")
 
+    @property
+    def coefficient(self) -> bool:
+        """Whether it is one of a coefficient, of which only the change along it counts."""
+        return self.of not in ("force", "command")
 
-def _closed(shape: Shape, values: NDArray[Any]) -> NDArray[Any]:
-    """Values at all knots: of a closed curve the last is the first."""
-    return np.append(values, values[0]) if shape.closed else values
+    @property
+    def variable(self) -> str:
+        """The variable without its body."""
+        return self.over.partition(".")[2] or self.over
 
+    def at_knots(self, values: NDArray[Any]) -> NDArray[Any]:
+        """What belongs to the heights, at all knots."""
+        return np.append(values, values[0]) if self.closed else values
 
-def _strength(screen: Screen, fit: Learnt) -> float:
-    """How much of a learnt curve explains most beside the noise as it is.
+    def structure(
+        self, errors: str, p_value: float, force: Array, band: Array, share: float, period: float | None = None
+    ) -> UnknownStructure:
+        """As a diagnosis reports it, by heights and half-widths of their band; NaN where they are not known.
 
-    The projection that learns it also lets the noise model change by a little, which is no small change once the force
-    is gone.
-    """
-    from scipy.optimize import minimize_scalar
-
-    def left(share: float) -> float:
-        change = fit.shape.change(share * fit.value)
-        if change is None:
-            return np.inf
-        errors = screen.beside_parameters(screen.whitened + change)
-        return float(errors @ errors)
-
-    found = minimize_scalar(left, bounds=(0.0, 2.0), method="bounded", options={"xatol": 0.05, "maxiter": 10})
-    return float(found.x) if found.fun < left(1.0) else 1.0
+        `errors`, such as "the errors of the force", follow it; `period` is that of a force which repeats.
+        """
+        force, band = self.at_knots(force), self.at_knots(band)
+        known = np.isfinite(force)
+        at, force, band = self.knots[known], force[known], band[known]
+        text = f"{errors} still follow the {self.variable} "
+        if self.coefficient:
+            text = f"the {self.of} changes with the {self.variable} "
+        elif period:
+            text = f"{errors} repeat every {period:.5g} {self.unit} of the position "
+        text += f"(p = {max(p_value, 1e-300):.1g}) in a way that no effect looked for explains: "
+        if self.coefficient:
+            apart = float(np.ptp(force))
+            size = f"{100.0 * apart:.3g} %" if self.of_unit == "-" else f"{apart:.3g} {self.of_unit}"
+            text += f"by {size} from its least to its most, as learnt"
+        else:
+            text += f"a learnt {self.of} of up to {float(np.max(np.abs(force))):.3g} {self.of_unit} remains"
+        return UnknownStructure(self.over, self.unit, self.of_unit, at, force, band, share, text, period, self.of)
