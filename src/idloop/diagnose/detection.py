@@ -3,52 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from idloop.diagnose.candidate import effect_parameters
+from idloop.diagnose.predictive import DEVIATIONS
 from idloop.diagnose.screen import Screened, Trace
 
-# Normal deviate below which 5 % lie: so often theory misses an effect of the limit's size.
-_MISSED = 1.645
 # A noise model that is free to follow takes its part of a weak effect: sizes found in nine of ten simulated
 # experiments beside those of theory (benchmarks/diagnosis/limits.py).
 _ABSORBED = 2.5
-# Of an effect that splits a body: it shows by being soft.
-_STIFFNESS = "stiffness"
 
 
 @dataclass(frozen=True)
 class DetectionLimit:
-    """Size from which on an effect is found in nine of ten experiments like this one.
-
-    Attributes
-    ----------
-    parameter : str
-        What its size is told by.
-    unit : str
-    least : float
-        At the shape and phase that this data shows best; infinite where it shows none.
-    sure : float
-        At the one that it shows worst, of those that were tried.
-    at_most : bool
-        The effect shows up to this value, not from it on: a joint shows by being soft.
-    """
+    """Value of a parameter from which on an effect is found in nine of ten experiments like this one."""
 
     parameter: str
     unit: str
+    # At the shape and phase that this data shows best, infinite where it shows none, and worst, of those tried.
     least: float
     sure: float
+    # The effect shows up to this value, not from it on: a joint shows by being soft.
     at_most: bool = False
 
     def hides(self, value: float) -> bool:
         """Whether an effect of this value is too small to show at any shape."""
         return value > self.least if self.at_most else abs(value) < self.least
-
-    def shows(self, value: float) -> bool:
-        """Whether an effect of this value shows at every shape."""
-        return value <= self.sure if self.at_most else abs(value) >= self.sure
 
     @property
     def short(self) -> str:
@@ -69,15 +50,11 @@ class DetectionLimit:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; None where no size would show."""
-
-        def plain(value: float) -> float | None:
-            return value if math.isfinite(value) else None
-
         return {
             "parameter": self.parameter,
             "unit": self.unit,
-            "least": plain(self.least),
-            "sure": plain(self.sure),
+            "least": self.least if math.isfinite(self.least) else None,
+            "sure": self.sure if math.isfinite(self.sure) else None,
             "at_most": self.at_most,
         }
 
@@ -89,53 +66,43 @@ class DetectionLimit:
 
 
 def detection_limit(screened: Screened, chance: float) -> DetectionLimit | None:
-    """Tell from which size on an effect would be found, from the traces of its screening.
+    """From which size on an effect would be found, by the traces of its screening.
 
-    The power of a small effect's trace in the errors grows with the square of its size, and the statistic is
-    distributed about that power (a non-central chi-squared; Kay, Fundamentals of Statistical Signal Processing II,
-    section 6.5).
-
-    Parameters
-    ----------
-    screened : Screened
-    chance : float
-        Statistic that the best of the catalogue reaches by chance as often as the error rate allows.
-
-    Returns
-    -------
-    DetectionLimit or None
-        None where nothing says what the effect's size is, or where it would take a plainer one's place.
+    `chance` is the statistic that the best of the catalogue reaches by chance as often as the error rate allows. None
+    where nothing says what the effect's size is, or where it would take a plainer one's place.
     """
     proposal = screened.proposal
+    # What splits a body shows by being soft.
     at_most = proposal.effect.splits
-    name = _STIFFNESS if at_most else proposal.effect.strength
+    name = "stiffness" if at_most else proposal.effect.strength
     traces = [t for t in screened.traces if name in t.trials[0]]
     if not traces or name in proposal.held or proposal.replaces is not None:
         return None
-    needed = _ABSORBED**2 * (math.sqrt(max(chance, 0.0)) + _MISSED) ** 2
+    # The power of a small effect's trace in the errors grows with the square of its size, and the statistic is
+    # distributed about that power (a non-central chi-squared; Kay, Fundamentals of Statistical Signal Processing II,
+    # section 6.5). Of an effect of the limit's size theory misses 5 %.
+    needed = _ABSORBED**2 * (math.sqrt(max(chance, 0.0)) + DEVIATIONS) ** 2
     unit = effect_parameters(proposal.model(traces[0].trials[0]), proposal.name)[name]["unit"]
     if at_most:
-        stiffest = _stiffest(traces, needed)
+        # No stiffer than those that were tried.
+        stiffest = max(
+            (t.trials[0][name] for t in traces if t.detectable >= needed * t.uneven),
+            default=max(t.trials[0][name] * math.sqrt(t.detectable / (needed * t.uneven)) for t in traces),
+        )
         return DetectionLimit(name, unit, stiffest, stiffest, at_most)
     neutral = proposal.effect.spec(name).neutral
     shapes: dict[tuple[tuple[str, float], ...], list[Trace]] = {}
     for trace in traces:
         shape = tuple(sorted((k, v) for k, v in trace.trials[0].items() if k != name))
         shapes.setdefault(shape, []).append(trace)
-    best: list[float] = []
-    worst: list[float] = []
+    best, worst = math.inf, 0.0
     for alike in shapes.values():
         # What lies nearest to the limit tells most about it.
         near = min(alike, key=lambda t: abs(math.log(max(t.detectable, 1e-300) / needed)))
         size = abs(near.trials[0][name] - neutral)
-        for found, power in ((best, near.detectable), (worst, near.weakest)):
-            found.append(size * math.sqrt(needed * near.uneven / power) if power > 0.0 else math.inf)
-    return DetectionLimit(name, unit, min(best), max(worst))
-
-
-def _stiffest(traces: Sequence[Trace], needed: float) -> float:
-    """Stiffness up to which a joint shows, no stiffer than those that were tried."""
-    shown = [t.trials[0][_STIFFNESS] for t in traces if t.detectable >= needed * t.uneven]
-    if shown:
-        return max(shown)
-    return max(t.trials[0][_STIFFNESS] * math.sqrt(t.detectable / (needed * t.uneven)) for t in traces)
+        least, sure = (
+            size * math.sqrt(needed * near.uneven / power) if power > 0.0 else math.inf
+            for power in (near.detectable, near.weakest)
+        )
+        best, worst = min(best, least), max(worst, sure)
+    return DetectionLimit(name, unit, best, worst)

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from idloop.errors import IdloopError, InputError
+from idloop.errors import IdloopError
 from idloop.estimate.dataset import prepare
 from idloop.estimate.engine import RememberingEngine
 from idloop.physics.model import Model
@@ -20,23 +20,15 @@ from idloop.validate.measures import fit_percent, nrmse, rmse
 
 # Relative force error that the sensors' noise alone may make: beyond, the error says little about the model.
 _RULED_BY_NOISE = 0.2
-_STRETCHES = 5
-_CUT: WeakKeyDictionary[Record, list[Record]] = WeakKeyDictionary()
+# Fifths of a record, which keeps them: what is known of them is asked for by every model.
+_FIFTHS: WeakKeyDictionary[Record, list[Record]] = WeakKeyDictionary()
 
 
 def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
-    """Free-run errors by output and the relative force error, over all records and for each.
+    """Free-run errors ``nrmse``, ``fit`` [%], ``rmse`` and ``anew`` by output over all records, and by ``records``.
 
-    Parameters
-    ----------
-    model : Model
-    records : sequence of Record
-
-    Returns
-    -------
-    dict
-        ``nrmse``, ``fit`` [%] and ``rmse`` by output, ``anew``: nrmse of a run that is started anew at every fifth of
-        a record, ``force`` (None where it cannot be told) and ``records``: the same by record. Empty without records.
+    ``anew`` is nrmse of a run that is started anew at every fifth of a record, ``force`` the relative force error, None
+    where it cannot be told. Empty without records.
     """
     if not records:
         return {}
@@ -59,7 +51,7 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
     try:
         force = force_error(model, record)
         found["force"] = force.relative if force.noise < _RULED_BY_NOISE else None
-    except (InputError, IdloopError):
+    except IdloopError:
         found["force"] = None
     return found
 
@@ -71,35 +63,32 @@ def _anew(model: Model, record: Record) -> dict[str, float]:
     """
     powers = []
     try:
-        for part in _stretches(record):
+        if record not in _FIFTHS:
+            ends = np.linspace(record.time[0], record.time[-1], 6)
+            _FIFTHS[record] = [record.cut(float(start), float(end)) for start, end in pairwise(ends)]
+        for part in _FIFTHS[record]:
             with np.errstate(over="ignore", invalid="ignore"):
                 simulated = free_run(RememberingEngine(model), prepare(model, [part])[0])
                 powers.append(np.nanmean((part.output - simulated) ** 2, axis=0))
-    except (InputError, IdloopError):
+    except IdloopError:
         return {}
     spread = np.nanstd(record.output, axis=0)
     errors = np.sqrt(np.mean(powers, axis=0)) / np.where(spread > 0.0, spread, np.nan)
     return {o.name: float(error) for o, error in zip(model.outputs, errors, strict=True) if np.isfinite(error)}
 
 
-def _stretches(record: Record) -> list[Record]:
-    """Fifths of a record, which keeps them: what is known of them is asked for by every model."""
-    if record not in _CUT:
-        ends = np.linspace(record.time[0], record.time[-1], _STRETCHES + 1)
-        _CUT[record] = [record.cut(float(start), float(end)) for start, end in pairwise(ends)]
-    return _CUT[record]
-
-
 def _mean(several: list[dict[str, Any]]) -> dict[str, Any]:
     """Root mean square over the records of all but FIT, which is averaged."""
     mean: dict[str, Any] = {}
     for label in ("nrmse", "fit", "rmse", "anew"):
-        names = dict.fromkeys(name for one in several for name in one[label])
         mean[label] = {}
-        for name in names:
+        for name in dict.fromkeys(name for one in several for name in one[label]):
             values = [one[label][name] for one in several if name in one[label]]
-            power = float(np.mean(values)) if label == "fit" else float(np.sqrt(np.mean(np.square(values))))
-            mean[label][name] = power
-    forces = [one["force"] for one in several if one["force"] is not None]
-    mean["force"] = float(np.sqrt(np.mean(np.square(forces)))) if len(forces) == len(several) else None
+            mean[label][name] = float(np.mean(values)) if label == "fit" else _rms(values)
+    forces = [one["force"] for one in several]
+    mean["force"] = None if None in forces else _rms(forces)
     return mean
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -13,26 +13,14 @@ _ALIKE = 2.0
 
 
 def holds(held_out: Setting, parent: Refit, proposal: Proposal, fit: Refit) -> bool:
-    """Whether an effect does no harm on records that the fits did not see.
+    """Whether an effect does no harm on records that the fits, without it and with it, did not see.
 
-    While other effects are missing, parameters stand in for them, at each amplitude in another way: a model with the
-    right effect may then do worse elsewhere than one without. What harms by its values may still hold by its structure:
-    fitted to those records by themselves, it must explain something there, with about the strength that was found.
-
-    Parameters
-    ----------
-    held_out : Setting
-        Validation records.
-    parent : Refit
-    proposal : Proposal
-    fit : Refit
-        With the effect.
-
-    Returns
-    -------
-    bool
-        False when the log-likelihood there falls by more than chance and the effect does not show there by itself.
+    No when the log-likelihood there falls by more than chance and the effect does not show there by itself.
     """
+    # While other effects are missing, parameters stand in for them, at each amplitude in another way: a model with the
+    # right effect may then do worse elsewhere than one without. What harms by its values may still hold by its
+    # structure: fitted to those records by themselves, it must explain something there, with about the strength that
+    # was found.
     before, after = (transfer(held_out, one, own_disturbance=True) for one in (parent, fit))
     if after is None:
         return False

@@ -33,23 +33,11 @@ Array = NDArray[np.float64]
 
 # Parts of a stretch whose sums tell how much neighbouring windows err alike.
 PARTS = 4
-# Fewer parts do not tell the spread of their sums: nothing is decided before the second look.
-FEWEST_PARTS = 2 * PARTS
-# Log-density of a sample that cannot be: no number of others makes up for it.
-_IMPOSSIBLE = -700.0
 
 
 @dataclass(frozen=True)
 class Decision:
-    """When the evidence for an effect first reached its threshold.
-
-    Attributes
-    ----------
-    stamp : int
-        Of the end of the stretch that decided [ns].
-    samples : int
-        Measurements that had been scored.
-    """
+    """When the evidence for an effect first reached its threshold: end of the stretch [ns], and samples scored."""
 
     stamp: int
     samples: int
@@ -57,21 +45,12 @@ class Decision:
 
 @dataclass(frozen=True)
 class Tally:
-    """What one effect has said of the stretches so far.
+    """What one effect has said of the stretches so far, by differences of the log-densities of their windows."""
 
-    Attributes
-    ----------
-    sums : tuple of float
-        Differences of the log-densities over each part of a stretch.
-    lengths : tuple of int
-        Windows in each part.
-    squares : float
-        Sum of the squared differences of all windows.
-    decided : Decision or None
-    """
-
+    # Over each part of a stretch, and windows in it.
     sums: tuple[float, ...] = ()
     lengths: tuple[int, ...] = ()
+    # Of all windows, squared.
     squares: float = 0.0
     decided: Decision | None = None
 
@@ -87,8 +66,8 @@ class Tally:
 
     @property
     def enough(self) -> bool:
-        """Whether there are enough parts to tell their spread by."""
-        return len(self.sums) >= FEWEST_PARTS
+        """Whether there are enough parts to tell their spread by: not before the second look."""
+        return len(self.sums) >= 2 * PARTS
 
     @property
     def evidence(self) -> Evidence:
@@ -98,34 +77,21 @@ class Tally:
 
 @dataclass(frozen=True)
 class LiveEvidence:
-    """Evidence for every effect that a model may lack, as the samples come in.
+    """Evidence for every effect that a model may lack, as the samples come in."""
 
-    Attributes
-    ----------
-    model : Model
-        Against which effects are weighed; where the searches of its fits begin.
-    level : float
-        Probability that any effect is ever decided where nothing is missing.
-    least : float
-        Part by which an effect must make the errors on new samples smaller to be decided.
-    effects : tuple of str
-        Choose from these only; the whole catalogue when empty.
-    tallies : dict of str to Tally
-        By the name of the effect.
-    count : int
-        Choices that there were, the most of all looks.
-    samples, looks : int
-        Measurements that have been scored, and stretches.
-    seconds : float
-        Length of these [s].
-    """
-
+    # Against which effects are weighed; where the searches of its fits begin.
     model: Model
+    # Probability that any effect is ever decided where nothing is missing.
     level: float = 0.01
+    # Part by which an effect must make the errors on new samples smaller to be decided.
     least: float = MINIMUM_IMPROVEMENT
+    # Choose from these only; the whole catalogue when empty.
     effects: tuple[str, ...] = ()
+    # By the name of the effect.
     tallies: dict[str, Tally] = field(default_factory=dict)
+    # Choices that there were, the most of all looks.
     count: int = 0
+    # Measurements that have been scored, stretches, and the length of these [s].
     samples: int = 0
     looks: int = 0
     seconds: float = 0.0
@@ -150,72 +116,48 @@ class LiveEvidence:
     @property
     def doubtful(self) -> tuple[str, ...]:
         """Effects that have not been decided and whose odds are better than 1/α to 1: more samples are needed."""
-        decided = self.decided
-        return tuple(
-            name for name, value in self.logs.items() if name not in decided and value >= math.log(1.0 / self.level)
-        )
+        sure = math.log(1.0 / self.level)
+        return tuple(name for name, log in self.logs.items() if self.tallies[name].decided is None and log >= sure)
 
     def look(self, earlier: Sequence[Record], new: Record, stamp: int) -> LiveEvidence:
-        """Score a stretch of new samples.
+        """Score a stretch of new samples that ends at `stamp` [ns] by models that are fitted to the samples before it.
 
-        Parameters
-        ----------
-        earlier : sequence of Record
-            Samples before the stretch, to which the models are fitted.
-        new : Record
-            The stretch.
-        stamp : int
-            Of its end [ns].
-
-        Returns
-        -------
-        LiveEvidence
-
-        Raises
-        ------
-        InputError
-            The balance of forces cannot be evaluated on the earlier samples.
-        IdloopError
-            The stretch is too short for windows as wide as the noise asks for.
+        Raises InputError where the balance of forces cannot be evaluated on the earlier samples, and IdloopError where
+        the stretch is too short for windows as wide as the noise asks for.
         """
         setting = prepare_setting(self.model, earlier, "prediction")
         forms: dict[int, WeakForm] = {}
         parent = asked_fit(self.model, setting, forms)
         step = ForceView(setting, self.level, self.least, self.effects or None, forms=forms).weigh(parent)
         # Beside the earlier samples, which tell what the usual commands are.
-        form = weak_form(
-            parent.form.engine, [*setting.data, *prepare(self.model, [new], beside=earlier)], parent.form.width
-        )
+        data = [*setting.data, *prepare(self.model, [new], beside=earlier)]
+        form = weak_form(parent.form.engine, data, parent.form.width)
         if form is None:
             seconds = 4 * parent.form.width * parent.form.sample_time
             raise IdloopError(
                 f"a stretch of {new.duration:.3g} s is too short to be scored: {seconds:.3g} s are needed"
             )
-        base = _of_the_last(form, step.parent)
-        tallies = dict(self.tallies)
+        base, tallies = _of_the_last(form, step.parent), dict(self.tallies)
         for one in step.weighed:
             if len(one.proposals) == 1:
-                # An effect with which the new samples cannot be evaluated has made them impossible.
-                difference = np.nan_to_num(_of_the_last(form, one.fit) - base, nan=_IMPOSSIBLE, neginf=_IMPOSSIBLE)
+                # An effect with which the new samples cannot be evaluated has made them impossible: a log-density for
+                # which no number of others makes up.
+                difference = np.nan_to_num(_of_the_last(form, one.fit) - base, nan=-700.0, neginf=-700.0)
                 name = one.proposals[0].name
                 tallies[name] = tallies.get(name, Tally()).scored(difference)
         found = replace(
             self,
-            tallies=tallies,
             count=max(self.count, step.count),
             samples=self.samples + len(new.time),
             looks=self.looks + 1,
             seconds=self.seconds + new.duration,
         )
-        newly = [name for name, tally in tallies.items() if tally.decided is None and found.decides(tally)]
-        decision = Decision(stamp, found.samples)
-        return replace(found, tallies=tallies | {name: replace(tallies[name], decided=decision) for name in newly})
-
-    def decides(self, tally: Tally) -> bool:
-        """Whether an effect shows, and is worth a name."""
-        evidence = tally.evidence
-        shows = evidence.log >= self.threshold and evidence.told and evidence.improvement >= self.least
-        return shows and tally.enough
+        for name, tally in tallies.items():
+            evidence = tally.evidence
+            shows = evidence.log >= found.threshold and evidence.told and evidence.improvement >= self.least
+            if tally.decided is None and tally.enough and shows:
+                tallies[name] = replace(tally, decided=Decision(stamp, found.samples))
+        return replace(found, tallies=tallies)
 
 
 def _of_the_last(form: WeakForm, fit: WeakFit) -> Array:
