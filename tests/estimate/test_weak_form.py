@@ -69,12 +69,11 @@ def test_the_slope_along_the_command_is_the_gain_and_nothing_beyond_a_limit() ->
     plain = load_model("axis")
     record = recorded(plain)
     form = form_of(plain, record)
-    residual = form.residual(plain.theta, 0.0)
-    np.testing.assert_allclose(form.slope(plain.theta, 0.0, residual), plain.values["drive.gain"], rtol=1e-6)
+    np.testing.assert_allclose(form.slope(plain.theta, 0.0), plain.values["drive.gain"], rtol=1e-6)
     for effect, largest in (("saturation@input(limit=0.0)", 1e-9), ("dead_zone@input(width=50.0)", 1e-9)):
         model = plain.with_effects([effect])
         cut = form.with_engine(RememberingEngine(model))
-        assert np.max(cut.slope(model.theta, 0.0, cut.residual(model.theta, 0.0))) < largest
+        assert np.max(cut.slope(model.theta, 0.0)) < largest
 
 
 @pytest.mark.parametrize(
@@ -94,7 +93,7 @@ def test_the_slope_is_what_a_small_change_of_the_command_does(effect: str) -> No
     form = form_of(model, record).with_rest_speed(0.3)
     other = form_of(model, replace(record, input=record.input + probe)).with_rest_speed(0.3)
     before, after = (one.residual(model.theta, 0.0)[:, 0] for one in (form, other))
-    found = form.slope(model.theta, 0.0, form.residual(model.theta, 0.0))
+    found = form.slope(model.theta, 0.0)
     # A corner lies between the one probe and the other in a window or two.
     near = np.isclose(found, np.abs(after - before) / probe, rtol=1e-3, atol=1e-3)
     assert np.mean(near) > 0.99
@@ -108,7 +107,7 @@ def test_a_long_lag_passes_little_of_the_command() -> None:
     for constant, low, high in ((1e-5, 0.9, 1.1), (1.0, 0.0, 0.05)):
         model = plain.with_effects([f"actuator_lag@input(time_constant={constant})"])
         late = form.with_engine(RememberingEngine(model))
-        slope = np.median(late.slope(model.theta, 0.0, late.residual(model.theta, 0.0)))
+        slope = np.median(late.slope(model.theta, 0.0))
         assert low * gain <= slope <= high * gain
 
 

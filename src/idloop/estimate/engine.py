@@ -37,4 +37,4 @@ class RememberingEngine(Engine):
         return self._layouts[key]
 
     def _laid_out(self, theta: NDArray[np.float64] | None) -> Layout:
-        return lay_out(self.model, self._all(theta), final=False)
+        return lay_out(self.model, self.values(theta), final=False)

@@ -21,8 +21,8 @@ from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.levenberg import box_step, difference_jacobian
 from idloop.estimate.solve import typical_size
 from idloop.estimate.student import log_density, scale_of
-from idloop.estimate.weak_form import BLOCKS, NARROWEST, Shares, WeakForm, weak_form
-from idloop.physics import Engine, Model, kernel
+from idloop.estimate.weak_form import BLOCKS, LARGEST_REST, NARROWEST, Shares, WeakForm, weak_form
+from idloop.physics import Engine, Model
 from idloop.physics.effect import INPUT
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ _SHARES = (1.0, 0.5, 0.25, 0.0)
 _TELLS = 0.5
 # Coloured noise makes a standing axis seem to move: the speed below which it counts as standing is searched for in
 # steps of this factor, up to a part of the typical speed, as long as one is worth so much log-likelihood.
-_REST_STEP, _LARGEST_REST, _WORTH_A_REST = 3.0, 0.03, 5.0
+_REST_STEP, _WORTH_A_REST = 3.0, 5.0
 # A search begins on so many windows: they tell where the optimum is, and all of them where exactly.
 # Where there are few times as many, it begins on all.
 _DRAFT, _WORTH_A_DRAFT = 2000, 4
@@ -182,7 +182,7 @@ class WeakFit:
     @property
     def noise_share(self) -> Array:
         """What sensor noise alone makes of the unexplained force, by body, shape (bodies,); at most 1."""
-        inertia = np.asarray(self.form.engine.layout(self.theta).axis.inertia, dtype=float)
+        inertia = self.form.inertia(self.theta)
         return np.minimum(inertia * self.form.noise / self.scale, 1.0)
 
     def log_densities(self, form: WeakForm | None = None) -> Array:
@@ -289,7 +289,7 @@ def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
         Of the driven body over the force of the drive.
     """
     left = form.residual(theta, shift)
-    acting = np.asarray(form.engine.layout(theta).axis.inertia, dtype=float) * form.inertial - left
+    acting = form.inertia(theta) * form.inertial - left
     acting[:, 0] = form.drive(theta, shift)
     return np.asarray(np.linalg.norm(left, axis=0) / np.maximum(np.linalg.norm(acting, axis=0), 1e-300))
 
@@ -309,7 +309,7 @@ def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
     """
     if not _motion_shows(form):
         return False
-    inertia = np.asarray(form.engine.layout(theta).axis.inertia, dtype=float)
+    inertia = form.inertia(theta)
     wide: WeakForm | None = form
     while wide is not None and wide.width <= form.widest:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
@@ -342,7 +342,7 @@ def _split(form: WeakForm, point: Array) -> tuple[Array, float]:
     return (point[:-1], float(point[-1])) if form.free_timing else (point, 0.0)
 
 
-def _shares(form: WeakForm, point: Array, residual: Array) -> Shares:
+def _shares(form: WeakForm, point: Array) -> Shares:
     """By what every window is told.
 
     What shapes the command is measured by what the drive does of it over all windows: on a command of two levels an
@@ -352,8 +352,8 @@ def _shares(form: WeakForm, point: Array, residual: Array) -> Shares:
     if known is not None:
         return known
     theta, shift = _split(form, point)
-    slope = form.slope(theta, shift, residual)
-    least = _TELLS * _gain(form, theta)
+    slope = form.slope(theta, shift)
+    least = _TELLS * form.gain(theta)
     overall, each = form.drives(theta, shift, least)
     passed = np.where(each > 0.0, slope / np.maximum(each, 1e-300), 1.0)
     cut_off = (1.0 - np.minimum(each / least, 1.0)) * (1.0 - form.standing)
@@ -366,29 +366,21 @@ def _shares(form: WeakForm, point: Array, residual: Array) -> Shares:
 
 def _errors(form: WeakForm, theta: Array, residual: Array, standing: Array) -> Array:
     """Unexplained force on the driven body in every window; the inertial force of one that a friction holds."""
-    return np.asarray(residual[:, 0] + standing * _driven_inertia(form, theta) * form.inertial[:, 0])
-
-
-def _driven_inertia(form: WeakForm, theta: Array) -> float:
-    return float(form.engine.layout(theta).axis.inertia[0])
+    return np.asarray(residual[:, 0] + standing * form.inertia(theta)[0] * form.inertial[:, 0])
 
 
 def _strength_of_motion(form: WeakForm, theta: Array) -> Array:
     """Log of the force per input that a window counts with where its motion is told, shape (rows,)."""
-    return np.asarray(log(max(_driven_inertia(form, theta), 1e-300)) - form.motion_per_input)
-
-
-def _gain(form: WeakForm, theta: Array) -> float:
-    return max(abs(float(form.engine.layout(theta).axis.constants[kernel.GAIN])), 1e-300)
+    return np.asarray(log(max(form.inertia(theta)[0], 1e-300)) - form.motion_per_input)
 
 
 def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
     theta, shift = _split(form, point)
     residual = form.residual(theta, shift)
-    shares = _shares(form, point, residual)
+    shares = _shares(form, point)
     total = log_density(_errors(form, theta, residual, shares.standing), float(scale[0]))
     total = total + shares.told * shares.strength + (1.0 - shares.told) * _strength_of_motion(form, theta)
-    inertia = form.engine.layout(theta).axis.inertia
+    inertia = form.inertia(theta)
     for body in range(1, residual.shape[1]):
         total = total + log_density(residual[:, body], float(scale[body])) + np.log(inertia[body])
     return np.asarray(total)
@@ -396,7 +388,7 @@ def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
 
 def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows | slice = slice(None)) -> Array:
     """Scale of every body's unexplained force, shape (bodies,)."""
-    shares = _shares(form, point, residual)
+    shares = _shares(form, point)
     errors = _errors(form, _split(form, point)[0], residual, shares.standing)
     scale = scale_of(errors[rows], float(np.sum(1.0 - shares.standing[rows])))
     return np.array([scale, *(scale_of(column) for column in residual[rows, 1:].T)])
@@ -427,16 +419,16 @@ class _Target:
         if np.any(counts.silent > 0.0):
             constant -= float(np.sum(counts.silent * _strength_of_motion(self.form, theta)))
             first = _errors(self.form, theta, residual, counts.standing)
-        error = residual / np.asarray(self.form.engine.layout(theta).axis.inertia, dtype=float)
+        error = residual / self.form.inertia(theta)
         error[:, 0] = first * np.sqrt(rows / counts.moving) * np.exp(constant / rows)
         return np.asarray(error)
 
     def _counts(self, point: Array, residual: Array) -> _Counts:
         rows = len(residual)
         if self._alike:
-            strength = log(_gain(self.form, _split(self.form, point)[0]))
+            strength = log(self.form.gain(_split(self.form, point)[0]))
             return _Counts(np.zeros(rows), float(rows), np.zeros(rows), -rows * strength)
-        shares = _shares(self.form, point, residual)
+        shares = _shares(self.form, point)
         held = float(np.sum(shares.standing))
         # A body that stands adds no error to the rms, of which half a unit is each other window's.
         constant = -float(np.sum(shares.told * shares.strength)) - 0.5 * held
@@ -676,7 +668,7 @@ def likelier_rest_speed(form: WeakForm, point: Array) -> WeakForm | None:
     """
     if not any(active.effect.friction is not None for active in form.engine.model.effects):
         return None
-    faster = form.with_rest_speed(min(_REST_STEP * form.rest_speed, _LARGEST_REST * form.typical_speed))
+    faster = form.with_rest_speed(min(_REST_STEP * form.rest_speed, LARGEST_REST * form.typical_speed))
     if faster.rest_speed <= form.rest_speed:
         return None
     return faster if cost_at(faster, point) < cost_at(form, point) - _WORTH_A_REST else None

@@ -11,16 +11,16 @@ Modeling and Simulation 19, 2021). The test function is φ(x) ∝ cos⁴(π x / 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import groupby
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from idloop.estimate.balance_terms import BalanceTerms, Instants, MotionInWindows, balance_of, windowed
 from idloop.estimate.dataset import Data
 from idloop.estimate.held_command import CommandAround, HeldCommand
 from idloop.estimate.motion import Motion, bridged, measured_motion
@@ -29,7 +29,6 @@ from idloop.estimate.student import log_density, scale_of
 from idloop.physics import Engine, kernel
 from idloop.physics.conditions import Conditions
 from idloop.physics.effect import INPUT
-from idloop.physics.model import ActiveEffect
 
 Array = NDArray[np.float64]
 
@@ -47,10 +46,8 @@ BLOCKS = 40
 _SHORTEST = 100
 # A stretch by itself is led in by this part of it, so that what has a memory has something to remember.
 _LEAD_IN = 0.1
-# A change of the command by this part of its rms shows how far the balance still depends on it.
-_PROBE = 1e-3
-# Instants at which a friction is asked whether the load raises it, and how exactly two slopes are the same then.
-_FEW_INSTANTS, _SAME_SLOPE = 64, 1e-6
+# No body whose speed is above this part of the typical one counts as standing.
+LARGEST_REST = 0.03
 
 
 @dataclass(frozen=True)
@@ -121,101 +118,6 @@ class Shares:
     strength: Array
 
 
-@dataclass(frozen=True)
-class _Run:
-    """The motion of records that are evaluated in one call, one after the other."""
-
-    time: Array
-    position: Array
-    velocity: Array
-    acceleration: Array
-    conditions: Conditions | None
-
-    def at(self, places: NDArray[np.int64]) -> _Run:
-        """The motion at some instants, in any order, as if they followed each other."""
-        before, time = self.time[places], np.arange(len(places), dtype=float)
-        return _Run(
-            time,
-            self.position[places],
-            self.velocity[places],
-            self.acceleration[places],
-            None if self.conditions is None else self.conditions.sampled(before, time),
-        )
-
-    @classmethod
-    def of(cls, tracks: Sequence[Track]) -> _Run:
-        motions = [track.motion for track in tracks]
-        step, after, times, conditions = motions[0].sample_time, 0.0, [], []
-        for track, motion in zip(tracks, motions, strict=True):
-            times.append(motion.time - motion.time[0] + after)
-            if track.conditions is not None:
-                conditions.append(track.conditions.sampled(motion.time, times[-1]))
-            after = float(times[-1][-1]) + step
-        return cls(
-            np.concatenate(times),
-            np.concatenate([motion.position for motion in motions]),
-            np.concatenate([motion.velocity for motion in motions]),
-            np.concatenate([motion.acceleration for motion in motions]),
-            Conditions.joined(conditions) if len(conditions) == len(tracks) else None,
-        )
-
-
-@dataclass(frozen=True)
-class _Course:
-    """What is evaluated in one call: n instants of a motion with their commands, then both sides of every jump.
-
-    Attributes
-    ----------
-    run : _Run
-    command : array
-    count : int
-        n.
-    jumps : array of int, shape (k,)
-        Instants around which the command jumps once.
-    late : array, shape (k,)
-        Part of the sample time around them after the jump.
-    """
-
-    run: _Run
-    command: Array
-    count: int
-    jumps: NDArray[np.int64]
-    late: Array
-
-    @classmethod
-    def of(cls, run: _Run, command: CommandAround, *, jumps: bool) -> _Course:
-        """A run under a command; jumps are taken for their mean where only that is asked for."""
-        count = len(command.mean)
-        if not jumps or not len(command.jumps):
-            return cls(run, command.mean, count, np.zeros(0, dtype=np.int64), np.zeros(0))
-        places = np.concatenate([np.arange(count), command.jumps, command.jumps])
-        values = np.concatenate([command.mean, command.before, command.after])
-        return cls(run.at(places), values, count, command.jumps, command.late)
-
-    def plus(self, change: Array) -> _Course:
-        """The same with something added to the command, shape (n,)."""
-        return replace(self, command=self.command + np.concatenate([change, change[self.jumps], change[self.jumps]]))
-
-    def at(self, places: NDArray[np.int64]) -> _Course:
-        """Some of the instants, in any order."""
-        order = np.full(self.count, -1)
-        order[places] = np.arange(len(places))
-        kept = np.flatnonzero(order[self.jumps] >= 0)
-        sides = self.count + kept
-        every = np.concatenate([places, sides, sides + len(self.jumps)])
-        return _Course(self.run.at(every), self.command[every], len(places), order[self.jumps[kept]], self.late[kept])
-
-    def along(self, force: Callable[[_Run, Array], Array]) -> Array:
-        """A force at the n instants; where the command jumps it is the mean of those on either side."""
-        found = force(self.run, self.command)
-        if not len(self.jumps):
-            return found
-        before, after = found[self.count : self.count + len(self.jumps)], found[self.count + len(self.jumps) :]
-        late, found = self.late.reshape(-1, *np.ones(found.ndim - 1, dtype=int)), found[: self.count]
-        found[self.jumps] = (1.0 - late) * before + late * after
-        return found
-
-
 def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:
     """The test function and its two derivatives, sampled.
 
@@ -280,7 +182,7 @@ def track_of(engine: Engine, data: Data, width: int) -> Track | None:
         ]
         quietest = min(choices, key=lambda choice: choice[0])
         noise.append(quietest[0])
-        columns.append(_windows(quietest[1][:, None], rows, quietest[2])[:, 0])
+        columns.append(windowed(quietest[1][:, None], rows, quietest[2])[:, 0])
     held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
     disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
     return Track(
@@ -308,25 +210,14 @@ def _disagreement(
     position, velocity = sensed
     if position is None or velocity is None:
         return 0.0
-    from_position = _windows(position[:, None], rows, -first)
-    from_velocity = _windows(velocity[:, None], rows, value)
+    from_position = windowed(position[:, None], rows, -first)
+    from_velocity = windowed(velocity[:, None], rows, value)
     apart = float(np.sqrt(np.mean((from_position - from_velocity) ** 2)))
     noise = np.hypot(
         noise_std(position) * float(np.linalg.norm(first)), noise_std(velocity) * float(np.linalg.norm(value))
     )
     size = max(float(np.sqrt(np.mean(from_position**2))), float(np.sqrt(np.mean(from_velocity**2))), 1e-300)
     return apart / size if apart > _ABOVE_NOISE * noise else 0.0
-
-
-@njit(cache=True, nogil=True)
-def _windows(values: Array, rows: NDArray[np.int64], weights: Array) -> Array:
-    """Weighted sums of the columns of values (n, b) over the windows that begin at some rows."""
-    sums = np.zeros((len(rows), values.shape[1]))
-    for row in range(len(rows)):
-        for k in range(len(weights)):
-            for column in range(values.shape[1]):
-                sums[row, column] += weights[k] * values[rows[row] + k, column]
-    return sums
 
 
 def _command(tracks: Sequence[Track], shift: float) -> CommandAround:
@@ -338,16 +229,6 @@ def _command(tracks: Sequence[Track], shift: float) -> CommandAround:
         time = np.concatenate([track.motion.time for track in own])
         found.append(own[0].held.around(time - shift, own[0].motion.sample_time))
     return CommandAround.joined(found)
-
-
-def _remembers(engine: Engine) -> bool:
-    """Whether some effect depends on what went before."""
-    return any(active.effect.lags for active in engine.model.effects)
-
-
-def _shapes_command(active: ActiveEffect, driven: str) -> bool:
-    """Whether an effect has a part in how far the balance of the driven body depends on the command."""
-    return active.effect.site == INPUT or (active.effect.friction is not None and active.at == driven)
 
 
 def _free_timing(engine: Engine) -> bool:
@@ -396,48 +277,35 @@ class WeakForm:
         self.engine, self.data, self.tracks, self.width = engine, tuple(data), tuple(tracks), width
         self.starts = np.concatenate([[0], np.cumsum([len(track.rows) for track in tracks])])
         self.sample_time = float(np.median([track.motion.sample_time for track in tracks]))
-        self._value = test_functions(width, self.sample_time)[0]
         samples = np.concatenate([[0], np.cumsum([len(track.motion.time) for track in tracks])])
-        self._rows = np.concatenate([track.rows + first for track, first in zip(tracks, samples[:-1], strict=True)])
-        self._inertial = np.concatenate([track.inertial for track in tracks])
-        self._acceleration = np.concatenate([track.motion.acceleration for track in tracks])
-        self._course: tuple[float, list[_Course]] = (np.nan, [])
-        self._known: tuple[bytes, Array]
-        self.forget()
-        self.free_timing = _free_timing(engine)
-        # What has no memory needs no beginning: all records are one call.
-        self._remembers = _remembers(engine)
-        self._runs = [[track] for track in tracks] if self._remembers else [list(tracks)]
-        self._motion = [_Run.of(run) for run in self._runs]
-        mean = np.concatenate([course.command[: course.count] for course in self._courses(0.0)])
-        self.rms = float(np.sqrt(np.mean(mean**2)))
-        self._mean_command = _windows(mean[:, None], self._rows, self._value)[:, 0]
+        # Shared with the forms of other models in the same windows.
+        self._along = MotionInWindows(
+            [_instants(track) for track in tracks],
+            partial(_command, self.tracks),
+            np.concatenate([track.rows + first for track, first in zip(tracks, samples[:-1], strict=True)]),
+            test_functions(width, self.sample_time)[0],
+            np.concatenate([track.inertial for track in tracks]),
+            max(rest_speed, LARGEST_REST * self.typical_speed),
+        )
+        self._thinned: dict[int, WeakForm] = {}
+        self._for(engine)
 
-    def _courses(self, shift: float) -> list[_Course]:
-        """Motion and command of every run, the command so much earlier [s]."""
-        known, courses = self._course
-        if known != shift:
-            courses = [
-                _Course.of(motion, _command(run, shift), jumps=not self._remembers)
-                for motion, run in zip(self._motion, self._runs, strict=True)
-            ]
-            self._course = shift, courses
-            self.__dict__.pop("_moving_and_standing", None)
-        return courses
+    def _for(self, engine: Engine) -> None:
+        """Keep nothing of another model."""
+        self.engine, self.free_timing = engine, _free_timing(engine)
+        self._delayed = any(active.effect.delay for active in engine.model.effects)
+        self._balance: BalanceTerms | None = None
+        self.forget()
 
     @property
     def inertial(self) -> Array:
         """Weak acceleration of every body in every window, shape (rows, bodies)."""
-        return self._inertial
+        return self._along.inertial
 
     def with_engine(self, engine: Engine) -> WeakForm:
         """The same windows for another model."""
-        if _remembers(engine) != self._remembers:
-            return WeakForm(engine, self.data, self.tracks, self.width, self.rest_speed)
-        # Nothing else depends on the model.
         other = copy(self)
-        other.engine, other.free_timing = engine, _free_timing(engine)
-        other.forget()
+        WeakForm._for(other, engine)
         return other
 
     def with_rest_speed(self, rest_speed: float) -> WeakForm:
@@ -445,7 +313,6 @@ class WeakForm:
         other = copy(self)
         other.rest_speed = rest_speed
         other.__dict__.pop("_slow", None)
-        other.__dict__.pop("_moving_and_standing", None)
         other.forget()
         return other
 
@@ -455,7 +322,7 @@ class WeakForm:
         return float(np.sqrt(np.mean(np.concatenate([track.motion.velocity[:, 0] for track in self.tracks]) ** 2)))
 
     def forget(self) -> None:
-        """Keep nothing of another model."""
+        """Keep nothing of another model or speed."""
         self._known = b"", np.zeros(0)
         self.shares: dict[bytes, Shares] = {}
 
@@ -464,13 +331,15 @@ class WeakForm:
         total = int(self.starts[-1])
         if total <= most:
             return self
-        number, part = min(BLOCKS, max(most // _SHORTEST, 1)), most / total
-        tracks = [
-            piece
-            for track in self.tracks
-            for piece in track.stretches(max(round(number * len(track.rows) / total), 1), part, self.width)
-        ]
-        return WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
+        if most not in self._thinned:
+            number, part = min(BLOCKS, max(most // _SHORTEST, 1)), most / total
+            tracks = [
+                piece
+                for track in self.tracks
+                for piece in track.stretches(max(round(number * len(track.rows) / total), 1), part, self.width)
+            ]
+            self._thinned[most] = WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
+        return self._thinned[most].with_rest_speed(self.rest_speed).with_engine(self.engine)
 
     def turned(self) -> WeakForm:
         """The same motion with the sign of the command turned."""
@@ -502,37 +371,34 @@ class WeakForm:
         key = np.append(theta, shift).tobytes()
         known, residual = self._known
         if known != key:
-            residual = self._residual(theta, self._courses(self._timing(theta, shift)))
+            if self.engine.go_together(theta):
+                balance, values, timing = self._at(theta, shift)
+                residual = balance.residual(values, timing, self.rest_speed)
+            else:
+                residual = np.full(self.inertial.shape, np.nan)
             residual.flags.writeable = False
             self._known = key, residual
         return residual
 
-    def _timing(self, theta: Array, shift: float) -> float:
-        """From the stamp of a command to its action, with what the model has of it."""
-        return shift + float(self.engine.layout(theta).axis.constants[kernel.DELAY])
+    def _at(self, theta: Array, shift: float) -> tuple[BalanceTerms, Mapping[str, float], float]:
+        """The balance, the values of all parameters, and the time from the stamp of a command to its action [s]."""
+        values, timing = self.engine.values(theta), shift
+        if self._delayed:
+            timing += float(self.engine.layout(theta).axis.constants[kernel.DELAY])
+        if self._balance is None:
+            self._balance = balance_of(self.engine.model, self._along)
+        return self._balance, values, timing
 
-    def _residual(self, theta: Array, courses: Sequence[_Course]) -> Array:
-        inertia = np.asarray(self.engine.layout(theta).axis.inertia, dtype=float)
-        found = [course.along(partial(self._equation_error, theta)) for course in courses]
-        # The acceleration is there for a body that stands, whose friction takes what the motion needs.
-        left = np.concatenate(found) - inertia * self._acceleration
-        return np.asarray(_windows(left, self._rows, self._value) + inertia * self._inertial)
+    def inertia(self, theta: Array) -> Array:
+        """Inertia of every body, shape (bodies,)."""
+        values = self.engine.values(theta)
+        return np.array([values[f"{body}.inertia"] for body in self.engine.model.bodies])
 
-    def _equation_error(self, theta: Array, run: _Run, command: Array) -> Array:
-        return self.engine.equation_error(
-            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, self.rest_speed,
-            undelayed=True, conditions=run.conditions,
-        )  # fmt: skip
+    def gain(self, theta: Array) -> float:
+        """Force of the drive per input, its size, above 0."""
+        return max(abs(self.engine.values(theta)["drive.gain"]), 1e-300)
 
-    def _drive_force(self, theta: Array, run: _Run, command: Array) -> Array:
-        if not self._remembers:
-            return self.engine.drive_along(theta, run.time, command, run.velocity[:, 0], run.conditions)
-        return self.engine.drive_force(
-            theta, run.position, run.velocity, run.acceleration, run.time, command, run.time, self.rest_speed,
-            undelayed=True, conditions=run.conditions,
-        )[0]  # fmt: skip
-
-    def slope(self, theta: Array, shift: float, residual: Array) -> Array:
+    def slope(self, theta: Array, shift: float) -> Array:
         """How far the driven body's balance in every window depends on the command, at least 0 [force per input].
 
         A density of the force that is left over is one of the recorded command times this: what switches the command
@@ -542,69 +408,13 @@ class WeakForm:
         ----------
         theta, shift
             As of `residual`.
-        residual : array, shape (rows, bodies)
-            What that returned for them.
 
         Returns
         -------
         array, shape (rows,)
         """
-        gain = abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN]))
-        if not any(_shapes_command(active, self.engine.model.bodies[0]) for active in self.engine.model.effects):
-            return np.full(len(self._rows), gain)
-        courses = self._courses(self._timing(theta, shift))
-        if self._remembers:
-            return self._slope(lambda probed: self._residual(theta, probed)[:, 0], residual[:, 0], courses)
-        applied, driven = (partial(force, theta) for force in (self._drive_force, self._force_on_driven))
-        found = []
-        for course, (places, moving, standing) in zip(courses, self._moving_and_standing, strict=True):
-            slopes = self._passed_on(applied, course)
-            # What a friction takes of the command, it takes where a body stands; one that the load raises, everywhere.
-            here = self._passed_on(driven, places)
-            if np.allclose(here[len(standing) :], slopes[moving], rtol=_SAME_SLOPE, atol=0.0):
-                slopes[standing] = here[: len(standing)]
-            else:
-                slopes = self._passed_on(driven, course)
-            found.append(slopes)
-        return np.asarray(np.abs(_windows(np.concatenate(found)[:, None], self._rows, self._value)[:, 0]))
-
-    def _passed_on(self, force: Callable[[_Run, Array], Array], course: _Course) -> Array:
-        """How a force changes with the command, at every instant [force per input]."""
-        probe = _PROBE * self.rms
-        return (course.plus(np.full(course.count, probe)).along(force) - course.along(force)) / probe
-
-    def _force_on_driven(self, theta: Array, run: _Run, command: Array) -> Array:
-        return -self._equation_error(theta, run, command)[:, 0]
-
-    @cached_property
-    def _moving_and_standing(self) -> list[tuple[_Course, NDArray[np.int64], NDArray[np.int64]]]:
-        """Of every run a few instants at which the driven body moves, and all at which it counts as standing.
-
-        Before them a course of both, in which those that stand come first.
-        """
-        found = []
-        for course in self._course[1]:
-            stands = np.abs(course.run.velocity[: course.count, 0]) < self.rest_speed
-            moving, standing = np.flatnonzero(~stands), np.flatnonzero(stands)
-            moving = moving[:: max(len(moving) // _FEW_INSTANTS, 1)]
-            found.append((course.at(np.concatenate([standing, moving])), moving, standing))
-        return found
-
-    def _slope(self, force: Callable[[Sequence[_Course]], Array], base: Array, courses: Sequence[_Course]) -> Array:
-        """How far a force in every window, which is ``base``, depends on the command, at least 0."""
-        probe = _PROBE * self.rms
-        if self.free_timing:
-            changed = force([course.plus(np.full(course.count, probe)) for course in courses])
-            return np.asarray(np.abs(changed - base) / probe)
-        # What has a memory passes slow changes and not quick ones: two square waves, a quarter of a period apart.
-        response, sent = np.zeros(len(base)), np.zeros(len(base))
-        for late in (0.0, 0.5):
-            counts = [np.arange(course.count) / self.width + late for course in courses]
-            waves = [np.where(count % 2.0 < 1.0, probe, -probe) for count in counts]
-            changed = force([course.plus(wave) for course, wave in zip(courses, waves, strict=True)])
-            response += (changed - base) ** 2
-            sent += _windows(np.concatenate(waves)[:, None], self._rows, self._value)[:, 0] ** 2
-        return np.asarray(np.sqrt(response / np.maximum(sent, 1e-300)))
+        balance, values, timing = self._at(theta, shift)
+        return balance.slope(values, timing, self.rest_speed)
 
     def drives(self, theta: Array, shift: float, least: float) -> tuple[float, Array]:
         """How much the drive's force changes for what the command changes: over all windows, and in each.
@@ -623,27 +433,25 @@ class WeakForm:
         each : array, shape (rows,)
             Slope, at least 0 [force per input].
         """
-        if not any(active.effect.site == INPUT for active in self.engine.model.effects):
-            gain = max(abs(float(self.engine.layout(theta).axis.constants[kernel.GAIN])), 1e-300)
-            return gain, np.full(len(self._rows), gain)
-        courses = self._courses(self._timing(theta, shift))
-        drive = self._drive(theta, courses)
-        each = self._slope(partial(self._drive, theta), drive, courses)
+        balance, values, timing = self._at(theta, shift)
+        if not balance.inputs:
+            gain = self.gain(theta)
+            return gain, np.full(len(self.inertial), gain)
+        drive, each = balance.drives(values, timing)
         passed = np.minimum(each / least, 1.0)
-        return max(_deviation(drive, passed) / max(_deviation(self._mean_command, passed), 1e-300), 1e-300), each
+        return max(_deviation(drive, passed) / max(_deviation(self._along.weak_command, passed), 1e-300), 1e-300), each
 
     @property
     def standing(self) -> Array:
         """Part of every window in which the driven body stands and a friction holds it, shape (rows,)."""
         first = self.engine.model.bodies[0]
         held = any(one.at == first and one.effect.friction is not None for one in self.engine.model.effects)
-        return self._slow if held else np.zeros(len(self._rows))
+        return self._slow if held else np.zeros(len(self.inertial))
 
     @cached_property
     def _slow(self) -> Array:
         """Part of every window in which the driven body counts as standing, shape (rows,)."""
-        velocity = np.concatenate([track.motion.velocity[:, :1] for track in self.tracks])
-        return np.asarray(_windows((np.abs(velocity) < self.rest_speed).astype(float), self._rows, self._value)[:, 0])
+        return self._along.weak((np.abs(self._along.whole.velocity[:, 0]) < self.rest_speed).astype(float))
 
     @cached_property
     def _beside_inertia(self) -> Array:
@@ -651,9 +459,9 @@ class WeakForm:
 
         Shape (rows, 3).
         """
-        velocity = np.concatenate([track.motion.velocity[:, :1] for track in self.tracks])
-        series = np.hstack([velocity, np.sign(velocity), np.ones_like(velocity)])
-        return np.asarray(_windows(series, self._rows, self._value))
+        velocity = self._along.whole.velocity[:, 0]
+        series = (velocity, np.sign(velocity), np.ones_like(velocity))
+        return np.column_stack([self._along.weak(values) for values in series])
 
     @cached_property
     def motion_per_input(self) -> Array:
@@ -662,7 +470,7 @@ class WeakForm:
         A window counts in full: p(command | motion) p(motion) or p(motion | command) p(command). By this the second is
         denser than the first where both see alike [log of input/(position/s²)].
         """
-        acceleration, command = self._inertial[:, 0], self._mean_command
+        acceleration, command = self.inertial[:, 0], self._along.weak_command
         return log_density(acceleration, scale_of(acceleration)) - log_density(command, scale_of(command))
 
     @cached_property
@@ -672,7 +480,7 @@ class WeakForm:
         Of what its velocity does not tell already. By this ratio least squares of the force find too small an inertia
         (Fuller, *Measurement Error Models*, 1987).
         """
-        acceleration = self._inertial[:, 0]
+        acceleration = self.inertial[:, 0]
         coefficients = np.linalg.lstsq(self._beside_inertia, acceleration, rcond=None)[0]
         left = float(np.var(acceleration - self._beside_inertia @ coefficients))
         return 1.0 - float(self.noise[0]) ** 2 / max(left, 1e-300)
@@ -707,11 +515,8 @@ class WeakForm:
         -------
         array, shape (rows,)
         """
-        return self._drive(theta, self._courses(self._timing(theta, shift)))
-
-    def _drive(self, theta: Array, courses: Sequence[_Course]) -> Array:
-        found = [course.along(partial(self._drive_force, theta)) for course in courses]
-        return np.asarray(_windows(np.concatenate(found)[:, None], self._rows, self._value)[:, 0])
+        balance, values, timing = self._at(theta, shift)
+        return balance.drives(values, timing)[0]
 
     def along(self, what: str, body: int = 0) -> Array:
         """A signal at every window's middle: ``time``, ``command``, or ``position`` or ``velocity`` of a body."""
@@ -722,6 +527,15 @@ class WeakForm:
             values = _command([track], 0.0).mean if what == "command" else series[what]
             found.append(values[track.rows + self.width // 2])
         return np.concatenate(found)
+
+
+def _instants(track: Track) -> Instants:
+    motion = track.motion
+    # Of one layout in memory, for which the balance is compiled.
+    time, position, velocity, acceleration = (
+        np.ascontiguousarray(part) for part in (motion.time, motion.position, motion.velocity, motion.acceleration)
+    )
+    return Instants(time, position, velocity, acceleration, track.conditions)
 
 
 def _deviation(values: Array, weights: Array) -> float:

@@ -164,6 +164,8 @@ class Effect:
         Effects that data often cannot tell from this one.
     linear : bool
         Linear in the motion: part of the linear model that observers are designed on.
+    proportional : bool
+        Of a force or friction without memory: proportional to its first parameter, the others kept.
     rate, spatial_rate : callable
         ``(values, inertia, stiffness)`` to the fastest rate that the effect adds, in rad/s and
         in rad per unit of position: they choose the integration step.
@@ -251,6 +253,7 @@ class Effect:
     outputs: tuple[str, ...] = ("position", "velocity")
     looks_like: tuple[str, ...] = ()
     linear: bool = False
+    proportional: bool = False
     rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
     spatial_rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
     delay: str = ""

@@ -61,24 +61,24 @@ class Engine:
 
     def layout(self, theta: Array | None = None) -> Layout:
         """Arrays for one set of values."""
-        return lay_out(self.model, self._all(theta))
+        return lay_out(self.model, self.values(theta))
 
     def _under(self, theta: Array | None, conditions: Conditions | None) -> Layout:
         """Arrays for one set of values and the conditions of one record."""
         return self.layout(theta).under(conditions)
 
-    def _all(self, theta: Array | None) -> dict[str, float]:
+    def values(self, theta: Array | None) -> dict[str, float]:
         """Value of every parameter."""
         values = dict(self._values)
         if theta is not None:
             values.update(zip(self.free, (float(v) for v in theta), strict=True))
         return values
 
-    def _go_together(self, theta: Array | None) -> bool:
+    def go_together(self, theta: Array | None) -> bool:
         """Whether a search has come to values that make every effect what it is; others give no motion."""
         if theta is None:
             return True
-        values = self._all(theta)
+        values = self.values(theta)
         return all(active.effect.valid(values_of(active, values)) for active in self.model.effects)
 
     def initial_state(
@@ -135,7 +135,7 @@ class Engine:
         state = self._start(layout, initial_state, input_time, time)
         shape = (len(time), len(self.model.outputs))
         output = np.empty(shape)
-        if not self._go_together(theta):
+        if not self.go_together(theta):
             return np.full(shape, np.nan)
         disturbed = np.zeros(shape) if noise is None else np.ascontiguousarray(noise, dtype=float)
         kernel.simulate(
@@ -178,13 +178,13 @@ class Engine:
         from idloop.physics import tangent
 
         layout = self._under(theta, conditions)
-        if not self._go_together(theta):
+        if not self.go_together(theta):
             return None
         beside: list[tuple[Layout, float] | None] = []
         for i, size in enumerate(change):
             moved = theta.copy()
             moved[i] += size
-            beside.append((self._under(moved, conditions), float(size)) if self._go_together(moved) else None)
+            beside.append((self._under(moved, conditions), float(size)) if self.go_together(moved) else None)
         state = self._start(layout, initial_state, input_time, time)
         return tangent.slopes(
             layout,
@@ -236,7 +236,7 @@ class Engine:
             place = np.arange(len(gain) // (2 * layout.bodies + 1))
         state = self._start(layout, initial_state, input_time, time)
         innovation = np.empty((len(time), len(self.model.outputs)))
-        if not self._go_together(theta):
+        if not self.go_together(theta):
             return np.full_like(innovation, np.nan)
         kernel.predict(
             layout.axis,
@@ -332,29 +332,6 @@ class Engine:
         )
         return required - residual[:, 0], required
 
-    def drive_along(
-        self,
-        theta: Array | None,
-        time: Array,
-        command: Array,
-        velocity: Array,
-        conditions: Conditions | None = None,
-    ) -> Array:
-        """Force of a drive without memory for commands and velocities of the first body at some instants, (n,)."""
-        layout = self._under(theta, conditions)
-        force = np.empty(len(command))
-        if not self._go_together(theta):
-            return np.full_like(force, np.nan)
-        kernel.drive_along(
-            layout.axis,
-            np.ascontiguousarray(time, dtype=float),
-            np.ascontiguousarray(command, dtype=float),
-            np.ascontiguousarray(velocity, dtype=float),
-            layout.new_state(),
-            force,
-        )
-        return force
-
     def _balance(
         self,
         theta: Array | None,
@@ -377,7 +354,7 @@ class Engine:
             axis = axis._replace(constants=constants)
         residual = np.empty((len(time), layout.bodies))
         required = np.empty(len(time))
-        if not self._go_together(theta):
+        if not self.go_together(theta):
             return np.full_like(residual, np.nan), np.full_like(required, np.nan)
         kernel.balance(
             axis,
@@ -399,7 +376,7 @@ class Engine:
         layout = self.layout(theta)
         axis, n = layout.axis, layout.bodies
         a = axis.chain.copy()
-        values = self._all(theta)
+        values = self.values(theta)
         body_of = dict(zip(self.model.bodies, layout.body_of, strict=True))
         for active in self.model.effects:
             effect = active.effect

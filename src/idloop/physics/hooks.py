@@ -7,6 +7,7 @@ recompiling, and an effect that is off costs nothing.
 
 from __future__ import annotations
 
+import dis
 from collections.abc import Callable
 from typing import Any
 
@@ -31,6 +32,13 @@ class Hook:
             # As in the simulator: what divides by nothing is not finite, and the search sees that.
             self._compiled = cfunc(signature, cache=True, error_model="numpy")(self.function)
         return int(self._compiled.address)
+
+    def uses(self, place: int) -> bool:
+        """Whether the equation depends on one of its arguments, by its place."""
+        code = self.function.__code__
+        name = code.co_varnames[place]
+        used = (step.argval for step in dis.get_instructions(code))
+        return any(name in one if isinstance(one, tuple) else name == one for one in used)
 
     def __call__(self, *arguments: Any) -> float:
         """Evaluate the equation in plain Python, for plots and tests."""

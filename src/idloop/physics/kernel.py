@@ -1241,6 +1241,18 @@ def balance(
 
 
 @entry
+def breakaway_levels(axis: Axis, time: Any, position: Any, body: int, state: Any, levels: Any) -> None:
+    """Dry friction (m, 2) that holds a body against a push ahead and back, of an axis on which nothing else acts."""
+    for k in range(time.shape[0]):
+        if axis.condition_hooks.shape[0] > 0:
+            hold_conditions(axis, time[k], state)
+        for i in range(axis.inertia.shape[0]):
+            state[FIRST + i] = position[k, i]
+        levels[k, 0] = friction_level(axis, body, 1.0, 0.0, 0.0, state)
+        levels[k, 1] = friction_level(axis, body, -1.0, 0.0, 0.0, state)
+
+
+@entry
 def drive_along(axis: Axis, time: Any, held: Any, velocity: Any, state: Any, force: Any) -> None:
     """Force (m,) of a drive without memory for given commands and velocities of body 0 at some instants."""
     for k in range(held.shape[0]):

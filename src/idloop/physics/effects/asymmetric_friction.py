@@ -26,6 +26,7 @@ EFFECT = Effect(
         ParameterSpec("ratio", "-", min=-1.0, max=1.0),
     ),
     friction=friction,
+    proportional=True,
     same_as=("coulomb_friction", "load_torque"),  # level sign v + level ratio, at rest too
     by_hand={
         "load_torque": "mount the axis the other way round or take the load off, a load turns its sign or goes, "

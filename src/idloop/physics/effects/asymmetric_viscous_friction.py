@@ -24,6 +24,7 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("coefficient", "{force}·s/{position}"),),
     force=force,
+    proportional=True,
     rate=lambda values, inertia, stiffness: abs(values["coefficient"]) / inertia,
     degenerates_to=("input_offset", "load_torque"),
     looks_like=("asymmetric_friction", "gain_asymmetry"),

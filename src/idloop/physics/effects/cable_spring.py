@@ -26,6 +26,7 @@ EFFECT = Effect(
         ParameterSpec("rest", "{position}"),
     ),
     force=force,
+    proportional=True,
     slow=True,
     anywhere=True,
     linear=True,

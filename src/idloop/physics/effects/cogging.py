@@ -29,6 +29,7 @@ EFFECT = Effect(
         ParameterSpec("phase", "rad", min=-7.0, max=7.0),
     ),
     force=force,
+    proportional=True,
     rate=lambda values, inertia, stiffness: (values["amplitude"] * values["harmonic"] / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: values["harmonic"],
     looks_like=("sensor_ripple",),

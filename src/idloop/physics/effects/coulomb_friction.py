@@ -24,6 +24,7 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("level", "{force}", min=0.0),),
     friction=friction,
+    proportional=True,
     dry_level="level",
     everyday=True,
     suggest_order=20,

@@ -28,6 +28,7 @@ EFFECT = Effect(
         ParameterSpec("lowest", "rad", held=True),
     ),
     force=force,
+    proportional=True,
     rate=lambda values, inertia, stiffness: (abs(values["moment"]) / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: 1.0,
     looks_like=("imbalance", "cable_spring"),

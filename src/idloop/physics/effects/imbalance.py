@@ -28,6 +28,7 @@ EFFECT = Effect(
         ParameterSpec("phase", "rad", min=-7.0, max=7.0),
     ),
     force=force,
+    proportional=True,
     rate=lambda values, inertia, stiffness: (values["amplitude"] / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: 1.0,
     whole_turn=True,

@@ -24,6 +24,7 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("torque", "{force}"),),
     force=force,
+    proportional=True,
     looks_like=("input_offset",),
     slow=True,
     anywhere=True,

@@ -24,6 +24,7 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("coefficient", "{force}·s²/{position}²", min=0.0),),
     force=force,
+    proportional=True,
     looks_like=("viscous_friction", "stribeck_friction"),
     trials=lambda s: alternatives("coefficient", [0.05 * s.force / s.speed**2]),
 )

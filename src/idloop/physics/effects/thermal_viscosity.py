@@ -32,6 +32,7 @@ EFFECT = Effect(
         ParameterSpec("reference", "°C", start=20.0, neutral=20.0, min=-273.15, chosen=True),
     ),
     force=force,
+    proportional=True,
     states=1,
     condition="temperature",
     reference="reference",

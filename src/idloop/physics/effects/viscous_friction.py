@@ -24,6 +24,7 @@ EFFECT = Effect(
     ),
     parameters=(ParameterSpec("coefficient", "{force}·s/{position}", min=0.0),),
     force=force,
+    proportional=True,
     site_parameter="viscous_friction",
     everyday=True,
     slow=True,
