@@ -5,7 +5,7 @@ import pytest
 from changing_machines import CHANGING, FRICTION, INERTIA, changing, recorded, uneven_inertia
 
 from idloop.diagnose import diagnose, refine
-from idloop.diagnose.factors import factor_shapes
+from idloop.diagnose.curves import factor_shapes
 from idloop.diagnose.learnt import remaining
 from idloop.diagnose.predicted_motion import predicted_motion
 from idloop.diagnose.screen import Screen

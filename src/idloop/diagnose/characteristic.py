@@ -32,14 +32,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Points of the cloud, bins of its mean, points of the curve.
-_DOTS, _BINS, _CURVE = 1500, 24, 401
+# Bins of the mean, points of the curve.
+_BINS, _CURVE = 24, 401
 # The effect is a curve over a variable when that explains so much of its variance.
 _IS_CURVE = 0.9
 # Less than this part is little: of the command in its change, and of standing in what the filter has left of it.
 _LITTLE = 0.1
-# A free run that misses more than this part of the motion is no ground to read a sensor's error from.
-_LOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -163,7 +161,8 @@ def _of_a_reading(model: Model, without: Model, active: ActiveEffect, record: Re
     seen, true = (one[:, column] for one in both)
     known = np.isfinite(measured) & np.isfinite(true) & np.isfinite(seen)
     spread = float(np.std(measured[known]))
-    if not spread > 0.0 or float(np.std((measured - seen)[known])) > _LOST * spread:
+    # A free run that misses half of the motion is no ground to read a sensor's error from.
+    if not spread > 0.0 or float(np.std((measured - seen)[known])) > 0.5 * spread:
         return None
     over = {
         output.field: (true[known], output.unit),
@@ -197,7 +196,7 @@ def _drawn(
         curve = x[first : first + _CURVE], fitted[first : first + _CURVE]
     else:
         curve = _bins(x, fitted, 4 * _BINS)[:2] if on_grid is None else on_grid(name, x, unit)
-    some = np.unique(np.linspace(0, len(x) - 1, min(_DOTS, len(x))).astype(np.int64))
+    some = np.unique(np.linspace(0, len(x) - 1, min(1500, len(x))).astype(np.int64))
     label = "angle of the turn" if unit == "°" else name
     return Characteristic(
         label, unit, quantity, quantity_unit, x[some], data[some], *_bins(x, data, _BINS), *curve, unit == "°"

@@ -18,8 +18,6 @@ from idloop.validate.drive import force_error
 from idloop.validate.free_run import free_run
 from idloop.validate.measures import fit_percent, nrmse, rmse
 
-# Relative force error that the sensors' noise alone may make: beyond, the error says little about the model.
-_RULED_BY_NOISE = 0.2
 # Fifths of a record, which keeps them: what is known of them is asked for by every model.
 _FIFTHS: WeakKeyDictionary[Record, list[Record]] = WeakKeyDictionary()
 
@@ -50,7 +48,8 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
     try:
         force = force_error(model, record)
-        found["force"] = force.relative if force.noise < _RULED_BY_NOISE else None
+        # Where the sensors' noise alone makes more of it, the error says little about the model.
+        found["force"] = force.relative if force.noise < 0.2 else None
     except IdloopError:
         found["force"] = None
     return found

@@ -8,9 +8,6 @@ from idloop.estimate.likelihood.likelihood_difference import beyond_chance, dist
 from idloop.estimate.likelihood.refit import Refit, refit_or_none, transfer
 from idloop.estimate.likelihood.setting import Setting
 
-# Ratio within which a strength that is found on other records is the same.
-_ALIKE = 2.0
-
 
 def holds(held_out: Setting, parent: Refit, proposal: Proposal, fit: Refit) -> bool:
     """Whether an effect does no harm on records that the fits, without it and with it, did not see.
@@ -35,4 +32,4 @@ def holds(held_out: Setting, parent: Refit, proposal: Proposal, fit: Refit) -> b
         return False
     strength = f"{proposal.name}.{proposal.effect.strength}"
     there, here = (one.model.values.get(strength, 1.0) for one in (found, fit))
-    return there * here > 0.0 and max(there / here, here / there) < _ALIKE
+    return there * here > 0.0 and max(there / here, here / there) < 2.0

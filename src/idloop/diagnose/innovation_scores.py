@@ -16,11 +16,6 @@ from idloop.estimate.student import log_density, scale_of
 
 Array = NDArray[np.float64]
 
-# A fit to other folds begins beside the whole one: a damping that only keeps equations solvable.
-_DAMPING = 1e-9
-# Parts of the way to it that are tried until one is no worse on the folds that it is fitted to.
-_SHARES = (1.0, 0.5, 0.25, 0.0)
-
 
 @dataclass(frozen=True)
 class _Group:
@@ -104,8 +99,10 @@ class InnovationScores:
             rests = [others(group.folds, index) for group in self._groups]
             rows = np.concatenate([g.rows(rest).ravel() for g, rest in zip(self._groups, rests, strict=True)])
             part, known = columns[rows], float(np.sum(self.errors[rows] ** 2))
-            move, _ = box_step(part.T @ self.errors[rows], part.T @ part, _DAMPING, *box)
-            for share in _SHARES:
+            # It begins beside the whole fit: the damping only keeps the equations solvable.
+            move, _ = box_step(part.T @ self.errors[rows], part.T @ part, 1e-9, *box)
+            # Until one is no worse on the folds that it is fitted to.
+            for share in (1.0, 0.5, 0.25, 0.0):
                 errors = left(share * move)
                 if float(np.sum(errors[rows] ** 2)) <= known:
                     break

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnose.candidate import effect_parameters
-from idloop.diagnose.curves import Shape, force_shapes
-from idloop.diagnose.factors import factor_shapes
+from idloop.diagnose.curves import Shape, factor_shapes, force_shapes
 from idloop.diagnose.innovation_scores import InnovationScores
 from idloop.diagnose.predictive import Evidence, Scores
 from idloop.diagnose.screen import Screen
@@ -27,8 +26,6 @@ Array = NDArray[np.float64]
 _LEAST_FELT = 1e-3
 # Directions weaker than this part of the strongest are left out.
 _LEAST_WEIGHT = 1e-2
-# Part of its trace's power beyond a force's curve from which on an effect is none of the curve's kind.
-_OF_ITS_KIND = 0.5
 
 
 @dataclass(frozen=True)
@@ -102,16 +99,9 @@ def _learn(screen: Screen, shape: Shape) -> Learnt | None:
     value[known] = solve @ scores
     spread[known] = np.sqrt(np.sum(solve**2, axis=1) * variance * uneven)
     power = float(scores @ scores)
-    return Learnt(
-        shape=shape,
-        value=value,
-        spread=spread,
-        known=known,
-        span=np.ascontiguousarray(left),
-        power=power,
-        share=power / max(float(screen.errors @ screen.errors), 1e-300),
-        chance=float(f_distribution.sf(power / len(scores) / (variance * uneven), len(scores), freedom)),
-    )
+    share = power / max(float(screen.errors @ screen.errors), 1e-300)
+    chance = float(f_distribution.sf(power / len(scores) / (variance * uneven), len(scores), freedom))
+    return Learnt(shape, value, spread, known, np.ascontiguousarray(left), power, share, chance)
 
 
 @dataclass(frozen=True)
@@ -164,7 +154,7 @@ class LearntCurve:
             return False
         own = change - self.screen.basis @ (self.screen.basis.T @ change)
         rest = own - self.learnt.span @ (self.learnt.span.T @ own)
-        if not self.learnt.shape.coefficient and float(rest @ rest) < _OF_ITS_KIND * float(own @ own):
+        if not self.learnt.shape.coefficient and float(rest @ rest) < 0.5 * float(own @ own):
             return False
         both = self.innovations.beside(np.column_stack([self.learnt.span, rest]))
         return not both.against(self.scores).told

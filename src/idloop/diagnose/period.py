@@ -14,21 +14,10 @@ from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
 
-# Periods within the travel, or the turn, up to which is looked.
+# Periods within the travel, or within a turn, up to which is looked.
 _MOST = 400
-# Periods within the travel: fewer are a curve over it. Samples that one must last at typical speed.
-_FEWEST, _SAMPLES = 3.0, 6.0
-# Steps between neighbouring frequencies [periods within the travel], of the search and after it.
-_STEP, _FINE = 0.25, 0.02
-# The force is wanted up to so many times the frequency that the motion is excited to.
-_WIDER = 4.0
-# Neighbouring frequencies whose median is what a frequency has by itself.
-_NEIGHBOURS = 101
-# A wave over the turn shows when the motion spans so many of its periods, and a period lasts so many windows at typical
-# speed: then five sixths of it are left.
-_PERIODS, _WINDOWS = 2.0, 1.5
-# Harmonics of the turn that are worth a fit, and windows beyond which every n-th tells the same of them.
-_STRONGEST, _ENOUGH = 3, 20_000
+# Step between neighbouring frequencies [periods within the travel].
+_STEP = 0.25
 
 
 def remaining_period(model: Model, setting: Setting) -> tuple[float, int] | None:
@@ -47,7 +36,8 @@ def remaining_period(model: Model, setting: Setting) -> tuple[float, int] | None
             narrow = balance_of(engine, data)
             if narrow is None:
                 return None
-            cutoff = min(_WIDER * narrow.motion.cutoff, 0.2 / narrow.motion.sample_time)
+            # The force is wanted up to beyond what the motion is excited to.
+            cutoff = min(4.0 * narrow.motion.cutoff, 0.2 / narrow.motion.sample_time)
             balance = balance_of(engine, data, max(cutoff, narrow.motion.cutoff))
         if balance is None:
             return None
@@ -65,9 +55,10 @@ def remaining_period(model: Model, setting: Setting) -> tuple[float, int] | None
     stride = float(np.mean(strides))
     if not (np.isfinite(span) and span > 0.0 and stride > 0.0):
         return None
-    most = min(float(_MOST), span / (_SAMPLES * stride))
+    # Of six samples at typical speed at least; less than three of them within the travel are a curve over it.
+    fewest, most = 3.0, min(float(_MOST), span / (6.0 * stride))
     bins = int(8 * most)
-    if most < 2.0 * _FEWEST:
+    if most < 2.0 * fewest:
         return None
     total = np.zeros(bins)
     for place, force in runs:
@@ -75,12 +66,13 @@ def remaining_period(model: Model, setting: Setting) -> tuple[float, int] | None
         total += np.bincount(at, force - np.mean(force), bins)
     power = np.abs(np.fft.rfft(total, round(bins / _STEP))) ** 2
     frequency = _STEP * np.arange(len(power))
-    inside = (frequency >= _FEWEST) & (frequency <= most)
-    usual = median_filter(power, _NEIGHBOURS, mode="nearest")
+    inside = (frequency >= fewest) & (frequency <= most)
+    # What a frequency has by itself.
+    usual = median_filter(power, 101, mode="nearest")
     stands = np.where(inside & (usual > 0.0), power / np.where(usual > 0.0, usual, 1.0), 0.0)
     if not np.any(stands > 0.0):
         return None
-    near = frequency[int(np.argmax(stands))] + np.arange(-_STEP, _STEP, _FINE)
+    near = frequency[int(np.argmax(stands))] + np.arange(-_STEP, _STEP, 0.02)
     exact = [sum(np.sum(f * np.exp(2j * np.pi * n / span * place)) for place, f in runs) for n in near]
     return span / float(near[int(np.argmax(np.abs(exact)))]), int(np.sum(inside))
 
@@ -95,11 +87,13 @@ def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
     speed = float(np.median(np.abs(form.along("velocity", body))))
     windows = form.width * form.sample_time * speed / (2.0 * np.pi)
     turns = float(np.ptp(angle)) / (2.0 * np.pi)
-    lowest = max(2, int(np.ceil(_PERIODS / max(turns, 1e-12))))
-    highest = min(_MOST, int(1.0 / max(_WINDOWS * windows, 1e-12)))
+    # Two periods within the motion show a wave, and one of one and a half windows leaves five sixths of it.
+    lowest = max(2, int(np.ceil(2.0 / max(turns, 1e-12))))
+    highest = min(_MOST, int(1.0 / max(1.5 * windows, 1e-12)))
     if highest < lowest:
         return (), 0
-    stride = max(len(angle) // _ENOUGH, 1)
+    # Of more windows every n-th tells the same.
+    stride = max(len(angle) // 20_000, 1)
     left = fit.residual[::stride, body]
     left = left * weights(left / fit.scale[body])
     turned = np.exp(1j * angle[::stride])
@@ -107,4 +101,5 @@ def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
     for _ in range(lowest, highest + 1):
         wave = wave * turned
         power.append(abs(np.vdot(wave, left)))
-    return tuple(int(lowest + place) for place in np.argsort(power)[::-1][:_STRONGEST]), len(power)
+    # As many as are worth a fit.
+    return tuple(int(lowest + place) for place in np.argsort(power)[::-1][:3]), len(power)

@@ -98,11 +98,6 @@ class Evidence:
         return self.difference / self.design_effect + self.start
 
     @property
-    def sure(self) -> float:
-        """What is beyond doubt of the difference: all but so many of its deviations."""
-        return self.difference + self.start - DEVIATIONS * self.spread
-
-    @property
     def improvement(self) -> float:
         """Part by which errors on samples not seen become smaller, at most 1."""
         return float(1.0 - np.exp(-self.difference / max(self.samples, 1)))
@@ -110,7 +105,7 @@ class Evidence:
     @property
     def told(self) -> bool:
         """Whether the difference stands above its own spread."""
-        return self.sure > 0.0
+        return self.difference + self.start - DEVIATIONS * self.spread > 0.0
 
     def p_value(self, candidates: int) -> float:
         """Probability that the best of so many candidates has such evidence where nothing is missing, at most 1."""
