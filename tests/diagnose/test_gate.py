@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from idloop.diagnose.detection import DetectionLimit
-from idloop.diagnose.gate import _reversals, gate
+from idloop.diagnose.gate import _reversals, gate, within
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.reach import Reach
 from idloop.diagnose.screen import Screened, Trace
 from idloop.estimate.dataset import prepare
 from idloop.estimate.likelihood.setting import Setting, prepare_setting
@@ -76,10 +75,10 @@ def test_no_size_is_named_that_the_machine_cannot_have(
 
 def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None:
     limit = DetectionLimit("offset", "m", 0.1, 5.3)
-    assert Reach(0.128, "the whole travel of 0.128 m").within(limit).short == "offset ≥ 0.1 m"
-    assert Reach().within(limit) == limit
+    assert within(limit, 0.128).short == "offset ≥ 0.1 m"
+    assert within(limit, np.inf) == limit
     soft = replace(limit, at_most=True)
-    assert Reach(0.01).within(soft) == soft
+    assert within(soft, 0.01) == soft
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,13 @@ import pytest
 from idloop.design.next import suggest_next
 from idloop.design.suggest import Limits
 from idloop.diagnose import Ladder
+from idloop.diagnose.equivalent_effects import find_twins
 from idloop.diagnose.gate import gate
 from idloop.diagnose.ladder import Step
-from idloop.diagnose.lattice import quantised, resolution_limits
-from idloop.diagnose.proposals import command_limit, dry_level, proposals
+from idloop.diagnose.proposals import proposals
+from idloop.diagnose.quantisation import quantised, resolution_limits
+from idloop.diagnose.scales import command_limit, dry_level
 from idloop.diagnose.screen import Screened, Trace
-from idloop.diagnose.twins import find_twins
 from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.physics import Model, load_model
 from idloop.physics.document import page

@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
+from idloop.diagnose.diagnosis import split_bodies
 from idloop.diagnose.proposals import proposals
 from idloop.diagnose.refine import _Task, refine
-from idloop.diagnose.split_bodies import split_bodies
 from idloop.physics import Model, load_model
 from idloop.physics.model_file import build_model
 from idloop.physics.schema import read_model_file

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from idloop.diagnose import refine
+from idloop.diagnose.prediction_view import at_its_bound
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.reach import at_its_bound
 from idloop.physics import Model, load_model
 
 from .conftest import RATE, record_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from idloop.diagnose.candidate import Candidate, second_views
+from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.physics import load_model
 
@@ -23,8 +23,13 @@ PREDICTIONS = (candidate("compliance", "weak", "prediction"), candidate("backlas
 
 
 def test_each_view_answers_for_what_it_sees():
-    found = {one.effect: one.why for one in second_views(BALANCE, PREDICTIONS)}
-    assert found == {"coulomb_friction": "force", "compliance": "prediction", "backlash": "prediction"}
+    found = ladder("adequate", *BALANCE).seconded(ladder("adequate", *PREDICTIONS)).candidates
+    why = {one.effect: one.why for one in found}
+    assert why == {
+        "coulomb_friction": "force",
+        "compliance": "prediction",
+        "backlash": "prediction",
+    }
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 
 from idloop.diagnose.ladder import Ladder, Step
 from idloop.diagnose.refine import views_apart
-from idloop.diagnose.verdict import ADEQUATE, UNKNOWN
+from idloop.diagnose.step import ADEQUATE, UNKNOWN
 from idloop.physics import load_model
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnose.twins import Twins, ladder_twins, one_of_each, rival_twins
+from idloop.diagnose.equivalent_effects import Twins, ladder_twins, one_of_each, rival_twins
 from idloop.report.unshown import unshown
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from idloop.report.verdicts import MISSING, basis, ending, explained_of
 
 if TYPE_CHECKING:
     from idloop.diagnose import Diagnosis
-    from idloop.diagnose.twins import Twins
+    from idloop.diagnose.equivalent_effects import Twins
     from idloop.diagnose.worsened import Worsened
     from idloop.physics import Model
     from idloop.records import Record
@@ -154,7 +154,7 @@ def print_diagnosis(
 
 def _print_tie(text: str, tied: Sequence[str], twins: Sequence[Twins]) -> None:
     """Print a tie, and what would resolve it: an experiment, or a check by hand where no motion can."""
-    from idloop.diagnose.twins import one_of_each
+    from idloop.diagnose.equivalent_effects import one_of_each
 
     if len(tied) > 1:
         further = len(one_of_each(tied, twins)) > 1

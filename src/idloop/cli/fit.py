@@ -94,7 +94,7 @@ def command(
         on_train, on_validation = compare_all(result.model, train, validation)
         unrelated = ""
         if hopeless(on_train):
-            from idloop.diagnose.follows import unrelated as why_unrelated
+            from idloop.diagnose.command_response import unrelated as why_unrelated
 
             update(0.95, "looking whether the motion follows the command")
             unrelated = why_unrelated(model, train)

@@ -116,7 +116,7 @@ def command(
     residual that no effect explains, or where the data cannot tell; effects that tie are reported together, and
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
-    from idloop.diagnose.twins import ladder_twins
+    from idloop.diagnose.equivalent_effects import ladder_twins
     from idloop.report.estimates import parameter_estimates
     from idloop.report.remains import compared, remainders
     from idloop.report.tried import only_words
@@ -350,7 +350,7 @@ def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
     left : sequence of Remainder
         Residual tests of the last model on the fitted data.
     """
-    from idloop.diagnose.twins import ladder_twins
+    from idloop.diagnose.equivalent_effects import ladder_twins
     from idloop.report.estimates import fit_text
     from idloop.report.remains import also_significant, remainder_lines
     from idloop.report.tried import only_words

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idloop.design.effect import effect_rivals
 from idloop.design.limits import Limits
 from idloop.design.suggest import Suggestion, suggest
-from idloop.diagnose.twins import find_twins, one_of_each
+from idloop.diagnose.equivalent_effects import find_twins, one_of_each
 from idloop.errors import IdloopError
 from idloop.physics.effect import catalogue
 from idloop.physics.model import effect_and_site, effect_name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -96,34 +95,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Rung:
-    """One effect that a ladder takes up.
-
-    Attributes
-    ----------
-    added : Candidate
-    set : tuple of str
-        Effects that the data cannot tell from it, itself first.
-    """
+    """One effect that a ladder takes up, and those that the data cannot tell from it, itself first."""
 
     added: Candidate
     set: tuple[str, ...]
-
-
-def second_views(first: Sequence[Candidate], other: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Candidates of one view, and what another one says of those that the first cannot show.
-
-    Parameters
-    ----------
-    first, other : sequence of Candidate
-
-    Returns
-    -------
-    tuple of Candidate
-    """
-    there = {one.name: one for one in other}
-    seen = [there.pop(one.name, one) if one.testable == "no" else one for one in first]
-    names = {one.name for one in seen}
-    return (*seen, *(one for name, one in there.items() if name not in names))
 
 
 def effect_parameters(model: Model, name: str) -> dict[str, dict[str, Any]]:

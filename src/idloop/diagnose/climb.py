@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Generic
 
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
-from idloop.diagnose.diagnosis import candidate_of, candidates_of, first_of_pair, tied_members, unknown_of
+from idloop.diagnose.diagnosis import candidate_of, first_of_pair, rival_pairs, step_ending, tied_members
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.ladder import Ladder
 from idloop.diagnose.ladder import Step as LadderStep
-from idloop.diagnose.step import FitT, Step, View
-from idloop.diagnose.verdict import MISSING
+from idloop.diagnose.step import MISSING, FitT, Step, View
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -21,50 +20,20 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Climb(Generic[FitT]):
-    """What does not change while a ladder grows.
-
-    Attributes
-    ----------
-    view : View
-    records, validation : sequence of Record
-        What is fitted, and what the fit does not see.
-    criterion : str
-        What the models are measured by.
-    level : float
-        Family-wise error rate of every step.
-    most : int
-        Most effects to add.
-    tell : callable
-    on_step : callable, optional
-    spoils : callable, optional
-        Whether the second of two models must not take the place of the first.
-    """
+    """What does not change while a ladder grows."""
 
     view: View[FitT]
-    records: Sequence[Record]
-    validation: Sequence[Record]
-    criterion: str
-    level: float
-    most: int
+    records: Sequence[Record]  # what is fitted
+    validation: Sequence[Record]  # what the fit does not see
+    criterion: str  # what the models are measured by
+    level: float  # family-wise error rate of every step
+    most: int  # most effects to add
     tell: Progress
     on_step: Callable[[Ladder], None] | None = None
-    spoils: Callable[[Model, Model], bool] | None = None
+    spoils: Callable[[Model, Model], bool] | None = None  # the second model must not take the place of the first
 
     def __call__(self, fit: FitT, ladder: Ladder | None = None) -> tuple[Ladder, FitT]:
-        """Climb from a fitted model.
-
-        Parameters
-        ----------
-        fit : Fitted
-        ladder : Ladder, optional
-            Go on from this one.
-
-        Returns
-        -------
-        ladder : Ladder
-        fit : Fitted
-            Of its last model.
-        """
+        """Climb from a fitted model, on from a ladder where one is given, to the fit of the last model."""
         given, spoilt = ladder, False
         stays, seen, looked = set[str](), set[str](), False
         step: Step[FitT] | None = None
@@ -111,9 +80,8 @@ class Climb(Generic[FitT]):
         if len(best.proposals) == 1:
             return [Rung(last, step.names)], fit
         first, second = best.names
-        rivals = [one.names for one in step.tied[1:] if len(one.names) == 2]
-        pairs = [(a, b) for a, b in rivals]
-        return [Rung(first_of_pair(step, best), (first,)), Rung(last, tied_members(second, first, pairs))], fit
+        tied = tied_members(second, first, rival_pairs(step))
+        return [Rung(first_of_pair(step, best), (first,)), Rung(last, tied)], fit
 
     def _with(self, ladder: Ladder, rung: Rung) -> Ladder:
         """The ladder with one more rung; what its effect takes the place of is no rung of its own any more."""
@@ -155,15 +123,6 @@ class Climb(Generic[FitT]):
         return ladder, fit
 
     def _concluded(self, ladder: Ladder, step: Step[FitT]) -> Ladder:
-        verdict, findings = step.verdict() if not step.tied else (MISSING, ())
         shown = {*ladder.added, *step.passed_over}
-        return replace(
-            ladder,
-            verdict=verdict,
-            candidates=candidates_of(step),
-            untestable=tuple(name for name in step.gate.untestable if name not in shown),
-            findings=(*step.gate.findings, *findings),
-            unknown=None if step.tied else unknown_of(step),
-            passed_over=step.passed_over,
-            limits=step.gate.limits,
-        )
+        untestable = tuple(name for name in step.gate.untestable if name not in shown)
+        return replace(ladder, untestable=untestable, limits=step.gate.limits, **step_ending(step))

@@ -7,15 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind
-from idloop.diagnose.common_noise import with_common_whitening
+from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind, with_common_whitening
+from idloop.diagnose.command_response import unmoved
 from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
-from idloop.diagnose.delay_or_lag import delay_or_lag
-from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of
-from idloop.diagnose.follows import unmoved
+from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of, split_bodies
 from idloop.diagnose.force_view import ForceView
-from idloop.diagnose.prediction_view import PredictionView
-from idloop.diagnose.split_bodies import split_bodies
+from idloop.diagnose.prediction_view import PredictionView, delay_or_lag
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
-from idloop.diagnose.follows import REVERSED
+from idloop.diagnose.command_response import REVERSED
+from idloop.diagnose.equivalent_effects import Twins, find_twins
 from idloop.diagnose.gate import Gate
-from idloop.diagnose.step import FitT, Step, Weighed
-from idloop.diagnose.twins import Twins, find_twins
+from idloop.diagnose.step import MISSING, NOT_EXCITED, UNKNOWN, FitT, Step, Weighed
 from idloop.diagnose.unknown import UnknownStructure
-from idloop.diagnose.verdict import MISSING, NOT_EXCITED, UNKNOWN
+from idloop.physics.layout import lay_out
 from idloop.physics.model import Model
 
 
@@ -89,11 +89,8 @@ class Diagnosis:
             return ()
         if self.pair is None or self.alone is None:
             return (Rung(self.best, self.set),)
-        first, second = self.pair
-        return (
-            Rung(self.alone, self.set),
-            Rung(self.candidates[1], tied_members(second, first, self.rival_pairs)),
-        )
+        tied = tied_members(self.pair[1], self.pair[0], self.rival_pairs)
+        return Rung(self.alone, self.set), Rung(self.candidates[1], tied)
 
     @property
     def untestable(self) -> tuple[str, ...]:
@@ -162,39 +159,47 @@ def tied_members(own: str, other: str, rivals: Sequence[tuple[str, str]]) -> tup
 
 
 def diagnosis_of(step: Step[FitT]) -> Diagnosis:
-    """What one step has found, as a diagnosis.
-
-    Parameters
-    ----------
-    step : Step
-
-    Returns
-    -------
-    Diagnosis
-    """
-    verdict, findings = (MISSING, ()) if step.tied else step.verdict()
-    best = step.tied[0] if step.tied else None
+    """What one step has found, as a diagnosis."""
+    ending = step_ending(step)
+    findings = ending.pop("findings")
     pair = alone = None
-    if best is not None and len(best.proposals) > 1:
-        pair = (best.proposals[0].name, best.proposals[1].name)
-        alone = first_of_pair(step, best)
+    if step.tied and len(step.tied[0].proposals) > 1:
+        pair = (step.tied[0].proposals[0].name, step.tied[0].proposals[1].name)
+        alone = first_of_pair(step, step.tied[0])
     found = Diagnosis(
         model=step.reported(step.parent),
-        candidates=candidates_of(step),
         set=step.names,
-        verdict=verdict,
-        gate=replace(step.gate, findings=(*step.gate.findings, *findings)),
-        unknown=None if step.tied else unknown_of(step),
+        gate=replace(step.gate, findings=findings),
         criterion=step.criterion,
         level=step.level,
         pair=pair,
-        rival_pairs=tuple((a, b) for one in step.tied[1:] if len(one.names) == 2 for a, b in [one.names]),
+        rival_pairs=rival_pairs(step),
         alone=alone,
-        passed_over=step.passed_over,
+        **ending,
     )
     # What may stand, with another, for the missing effect is not passed over.
     parts = {part for group in found.twins for part in group.parts}
     return replace(found, passed_over={name: why for name, why in found.passed_over.items() if name not in parts})
+
+
+def step_ending(step: Step[FitT]) -> dict[str, Any]:
+    """What a diagnosis and a ladder say alike of their last step."""
+    verdict, findings = (MISSING, ()) if step.tied else step.verdict()
+    unknown = None
+    if not step.tied and step.structure is not None:
+        unknown = step.structure.unknown(max(step.structure.evidence.p_value(step.count), 1e-300))
+    return {
+        "verdict": verdict,
+        "findings": (*step.gate.findings, *findings),
+        "candidates": _candidates_of(step),
+        "unknown": unknown,
+        "passed_over": step.passed_over,
+    }
+
+
+def rival_pairs(step: Step[FitT]) -> tuple[tuple[str, str], ...]:
+    """Pairs that cannot be told from the best choice."""
+    return tuple((a, b) for one in step.tied[1:] if len(one.names) == 2 for a, b in [one.names])
 
 
 def first_of_pair(step: Step[FitT], pair: Weighed[FitT]) -> Candidate:
@@ -224,7 +229,7 @@ def candidate_of(step: Step[FitT], one: Weighed[FitT], which: int, model: Model)
     )
 
 
-def candidates_of(step: Step[FitT]) -> tuple[Candidate, ...]:
+def _candidates_of(step: Step[FitT]) -> tuple[Candidate, ...]:
     """All effects that were looked for, the best choice first, each once; those that were screened only come last."""
     found: dict[str, Candidate] = {}
     others = sorted((one for one in step.weighed if one not in step.tied), key=lambda one: -one.merit)
@@ -242,8 +247,19 @@ def candidates_of(step: Step[FitT]) -> tuple[Candidate, ...]:
     return tuple(found.values())
 
 
-def unknown_of(step: Step[FitT]) -> UnknownStructure | None:
-    """The curve that remains, where one does."""
-    if step.structure is None:
-        return None
-    return step.structure.unknown(max(step.structure.evidence.p_value(step.count), 1e-300))
+def split_bodies(model: Model, added: Collection[str]) -> list[str]:
+    """How the model file would say that a body is two, one line for each effect that splits one and is new in it."""
+    layout, units = lay_out(model), model.units
+    found = []
+    for coupling, active in model.inner_couplings.items():
+        joint = layout.joint_of.get(coupling)
+        if active.name not in added or joint is None:
+            continue
+        near, far = layout.axis.inertia[joint : joint + 2]
+        found.append(
+            f"{active.name} splits {active.at} into two bodies (inertia {near:.3g} and {far:.3g} {units.inertia}, "
+            f"stiffness {layout.axis.stiffness[joint]:.3g} {units.fill('{force}/{position}')}); sensors and effects of "
+            f"{active.at} are those of the first: write both as bodies with a coupling in the model file where the "
+            "second has a sensor or friction of its own"
+        )
+    return found

@@ -17,8 +17,7 @@ from idloop.diagnose.period import harmonics
 from idloop.diagnose.predictive import Scores, scores_of, seen_scores
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.scales import Sizes
-from idloop.diagnose.step import FAR_MORE, Step, View, Weighed
-from idloop.diagnose.verdict import ADEQUATE, UNKNOWN
+from idloop.diagnose.step import ADEQUATE, FAR_MORE, UNKNOWN, Step, View, Weighed
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data, recorded
 from idloop.estimate.engine import RememberingEngine

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from idloop.diagnose.detection import DetectionLimit, detection_limit
-from idloop.diagnose.lattice import resolution_limits
 from idloop.diagnose.proposals import Proposal
-from idloop.diagnose.reach import Reach, reach_of
+from idloop.diagnose.quantisation import resolution_limits
 from idloop.diagnose.scales import Sizes
 from idloop.diagnose.screen import Screened
 from idloop.estimate.dataset import Data
 from idloop.estimate.likelihood.setting import Setting
+from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales
-
-# Twice the log-likelihood that an effect of typical strength must be worth to be found or ruled out:
-# this many times what the best of the catalogue reaches by chance.
-_SURE = 2.5
-# Part of a trace that must not be the free parameters' own.
-_OWN_PART = 3e-3
-# A joint that swings this often in a sample must show; inertia of two halves against each other, in that of both.
-_SWING, _HALVES = 0.1, 0.25
 
 
 @dataclass(frozen=True)
@@ -73,54 +65,62 @@ class Gate:
 
 
 def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: float) -> Gate:
-    """Judge what the data can show.
+    """Judge what the data can show beside a fitted model.
 
-    Parameters
-    ----------
-    model : Model
-        Fitted model without the effects in question.
-    setting : Setting
-    screened : sequence of Screened
-    chance : float
-        Statistic that the best of the catalogue reaches by chance as often as the error rate allows.
-
-    Returns
-    -------
-    Gate
+    `chance` is the statistic that the best of the catalogue reaches by chance as often as the error rate allows.
     """
     sizes = Sizes(model, setting)
-    facts = _facts(model, setting, sizes)
+    findings, levels, turns = _excitation(model, setting, sizes)
     testable, why, limits = {}, {}, {}
     for s in screened:
-        name, limit, reach = s.proposal.name, detection_limit(s, chance), Reach()
-        if limit is not None:
-            scales = sizes.at(s.proposal.effect.site, s.proposal.at)
-            reach = reach_of(s.proposal, limit, model, scales)
-            limit = reach.within(limit)
-        testable[name], why[name] = _judge(s, facts, chance, limit, reach)
-        if limit is not None and testable[name] != "no":
+        name, limit, reach = s.proposal.name, detection_limit(s, chance), ""
+        scales = sizes.at(s.proposal.effect.site, s.proposal.at) if limit is not None else None
+        if limit is not None and scales is not None:
+            most, reach = reach_of(s.proposal, limit, model, scales)
+            limit = within(limit, most)
+        testable[name], why[name] = _judge(s, levels, turns, chance, limit, reach)
+        if limit is not None and scales is not None and testable[name] != "no":
             limits[name] = limit
-            quicker = _quicker(s.proposal, limit, scales)
-            if quicker:
+            if quicker := _quicker(s.proposal, limit, scales):
                 testable[name], why[name] = "no", quicker
-    levels = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
+    from_a_level = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
     poor = any(s.proposal.effect.everyday and testable[s.proposal.name] == "no" for s in screened)
-    return Gate(facts.findings, testable, why, levels, limits | resolution_limits(model, setting), poor)
+    return Gate(findings, testable, why, from_a_level, limits | resolution_limits(model, setting), poor)
 
 
 def excitation_findings(model: Model, setting: Setting) -> tuple[str, ...]:
-    """Facts about the excitation, one line each.
+    """Facts about the excitation, one line each."""
+    return _excitation(model, setting, Sizes(model, setting))[0]
 
-    Parameters
-    ----------
-    model : Model
-    setting : Setting
 
-    Returns
-    -------
-    tuple of str
+def reach_of(proposal: Proposal, limit: DetectionLimit, model: Model, scales: Scales) -> tuple[float, str]:
+    """The largest size that an effect can have on a machine, infinite where nothing bounds it, and what bounds it.
+
+    Beyond its travel, its command or its bounds no size is worth naming, such as "the whole travel of 0.128 m".
     """
-    return _facts(model, setting, Sizes(model, setting)).findings
+    spec = proposal.effect.spec(limit.parameter)
+    found = [(math.inf, "")]
+    bound = max(spec.max - spec.neutral, spec.neutral - spec.min)
+    if math.isfinite(bound):
+        found.append((bound, f"it can be, {bound:.3g} {limit.unit}".rstrip(" -")))
+    travel, speed = ("the whole travel", scales.span), ("the largest speed", scales.speed_most)
+    sizes = {"{position}": travel, "{input}": ("the largest command", scales.command_most)}
+    if proposal.effect.site == OUTPUT:
+        output = next(one for one in model.outputs if one.site == proposal.at)
+        what, size = travel if output.field == "position" else speed
+        sizes["{output}"] = (what, size * abs(output.scale))
+    if spec.unit in sizes:
+        what, size = sizes[spec.unit]
+        found.append((size, f"{what} of {size:.3g} {limit.unit}"))
+    return min(found, key=lambda one: one[0])
+
+
+def within(limit: DetectionLimit, most: float) -> DetectionLimit:
+    """The detection limit without the sizes that are out of reach."""
+    if limit.at_most:
+        return limit
+    least, sure = (value if value <= most else math.inf for value in (limit.least, limit.sure))
+    return replace(limit, least=least, sure=sure)
 
 
 def _quicker(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
@@ -132,49 +132,34 @@ def _quicker(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
     if proposal.effect.delay and limit.least > period:
         return f"a delay of one sample, {1e3 * period:.3g} ms, would not show: excite faster{also}"
     if limit.at_most:
-        swing = math.sqrt(limit.least / (_HALVES * scales.inertia)) / (2.0 * math.pi)
-        if swing < _SWING / period:
+        # Two halves against each other swing with a quarter of the inertia of both.
+        swing = math.sqrt(limit.least / (0.25 * scales.inertia)) / (2.0 * math.pi)
+        if swing < 0.1 / period:
             return f"a joint that swings at more than {swing:.3g} Hz would not show: excite faster{also}"
     return ""
 
 
-@dataclass(frozen=True)
-class _Facts:
-    seconds: float
-    command_levels: int
-    reversals: int
-    turns: float
-    angle: bool
-    sentence: str
-
-    @property
-    def findings(self) -> tuple[str, ...]:
-        """One line each."""
-        found = [self.sentence]
-        if self.command_levels <= 1:
-            found.append("the command has one size only: what depends on its size cannot be told from the gain")
-        if self.reversals < 4:
-            found.append(f"the axis reverses {self.reversals} times: friction and play hardly show")
-        return tuple(found)
-
-
-def _facts(model: Model, setting: Setting, sizes: Sizes) -> _Facts:
-    seconds = sizes.duration
+def _excitation(model: Model, setting: Setting, sizes: Sizes) -> tuple[tuple[str, ...], int, float]:
+    """Facts about the excitation in words, levels of the command, and turns of the driven body."""
     command = np.abs(np.concatenate([d.input for d in setting.data]))
     moving = command[command > 1e-3 * sizes.command_most]
     levels = len(np.unique(np.round(moving / (0.02 * sizes.command_most)))) if len(moving) else 0
     reversals = sum(_reversals(model, data) for data in setting.data)
     speed, _, _, span = sizes.bodies[0]
-    angle = model.units.position == "rad"
-    turns = span / (2.0 * np.pi) if angle else 0.0
     unit = model.units.position
-    reach = f"{turns:.2g} turns" if angle else f"{span:.3g} {unit}"
+    turns = span / (2.0 * np.pi) if unit == "rad" else 0.0
+    reach = f"{turns:.2g} turns" if unit == "rad" else f"{span:.3g} {unit}"
     sentence = (
-        f"{seconds:.3g} s in {len(setting.data)} record{'s' if len(setting.data) > 1 else ''}, "
+        f"{sizes.duration:.3g} s in {len(setting.data)} record{'s' if len(setting.data) > 1 else ''}, "
         f"command up to {sizes.command_most:.3g} {model.input.unit}, motion over {reach}, "
         f"speed {speed:.3g} {unit}/s rms, {reversals} reversals"
     )
-    return _Facts(seconds, levels, reversals, turns, angle, sentence)
+    findings = [sentence]
+    if levels <= 1:
+        findings.append("the command has one size only: what depends on its size cannot be told from the gain")
+    if reversals < 4:
+        findings.append(f"the axis reverses {reversals} times: friction and play hardly show")
+    return tuple(findings), levels, turns
 
 
 def _reversals(model: Model, data: Data) -> int:
@@ -186,26 +171,28 @@ def _reversals(model: Model, data: Data) -> int:
     return 0 if direction is None else len(since_reversal(data.time, direction)[1])
 
 
-def _judge(s: Screened, facts: _Facts, chance: float, limit: DetectionLimit | None, reach: Reach) -> tuple[str, str]:
+def _judge(
+    s: Screened, levels: int, turns: float, chance: float, limit: DetectionLimit | None, reach: str
+) -> tuple[str, str]:
     """``yes``, ``weak`` or ``no``, and why."""
     effect = s.proposal.effect
     if not s.traces:
         return "no", "the model cannot be simulated with it on this data"
-    if effect.odd and facts.command_levels <= 1:
+    if effect.odd and levels <= 1:
         return "no", "the command has one size only, so the effect is a plain gain: use several amplitudes"
-    if s.left < _OWN_PART:
+    if s.left < 3e-3:
         return "no", "on this data it does no more than the free parameters or the initial state can do"
-    worth = max((t.worth for t in s.traces), default=0.0)
+    worth = max(t.worth for t in s.traces)
     from_where = "" if limit is None else limit.text
     if worth < chance:
-        if limit is not None and reach.text and not from_where:
-            from_where = f"to show it would have to be larger than {reach.text}, so this experiment cannot show it"
+        if reach and not from_where:
+            from_where = f"to show it would have to be larger than {reach}, so this experiment cannot show it"
         return "no", "at its usual size it does no more than chance" + (f"; {from_where}" if from_where else "")
-    if worth < _SURE * chance:
+    # An effect of typical size must be worth 2.5 times what chance reaches to be found or ruled out for sure.
+    if worth < 2.5 * chance:
         return "weak", from_where or "only a strong effect would show"
-    level = effect.from_a_level
-    if level:
-        return "weak", f"a {level} that this data has reached would show, one beyond it cannot"
-    if effect.whole_turn and facts.turns < 1.0:
-        return "weak", f"the motion covers {facts.turns:.2g} of a turn: it looks like an offset or a spring"
+    if effect.from_a_level:
+        return "weak", f"a {effect.from_a_level} that this data has reached would show, one beyond it cannot"
+    if effect.whole_turn and turns < 1.0:
+        return "weak", f"the motion covers {turns:.2g} of a turn: it looks like an offset or a spring"
     return "yes", from_where or f"at its usual size it would be worth {0.5 * worth:.3g} units of log-likelihood"

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from idloop.diagnose.candidate import Candidate, second_views
+from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.detection import DetectionLimit
+from idloop.diagnose.step import ADEQUATE
 from idloop.diagnose.unknown import UnknownStructure
-from idloop.diagnose.verdict import ADEQUATE
 from idloop.diagnose.worsened import Worsened, worsened
 from idloop.errors import InputError
 from idloop.physics.model import Model
@@ -47,19 +47,9 @@ class Step:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; the model as text."""
-        added = None
-        if self.added is not None:
-            added = {
-                "effect": self.added.effect,
-                "at": self.added.at,
-                "parameters": self.added.parameters,
-                "explains": self.added.explains,
-                "replaces": self.added.replaces,
-                "number": self.added.number,
-                "text": self.added.text,
-            }
+        told = ("effect", "at", "parameters", "explains", "replaces", "number", "text")
         return {
-            "added": added,
+            "added": None if self.added is None else {name: getattr(self.added, name) for name in told},
             "p_value": self.p_value,
             "set": list(self.set),
             "chosen_by": self.chosen_by,
@@ -119,24 +109,21 @@ class Ladder:
     @property
     def worsened(self) -> list[Worsened]:
         """Steps after which the free run is worse; judged on validation records where there are any."""
-        unseen = bool(self.steps[0].validation)
-        errors = [step.validation if unseen else step.train for step in self.steps]
-        names = ["" if step.added is None else step.added.name for step in self.steps]
-        return worsened(names, errors, unseen=unseen)
+        return self._worsened(*self.steps)
 
     @property
     def spoilt(self) -> list[Worsened]:
         """Those of `worsened` that no later step has made good: the last model runs worse than the one before them."""
+        found, told = [], {one.name for one in self.worsened}
+        for before, step in zip(self.steps, self.steps[1:], strict=False):
+            if step.added is not None and step.added.name in told:
+                found += self._worsened(before, replace(self.steps[-1], added=step.added))
+        return found
+
+    def _worsened(self, *steps: Step) -> list[Worsened]:
         unseen = bool(self.steps[0].validation)
-        errors = [step.validation if unseen else step.train for step in self.steps]
-        names = ["" if step.added is None else step.added.name for step in self.steps]
-        told = {one.name for one in self.worsened}
-        return [
-            one
-            for index, name in enumerate(names)
-            if name in told
-            for one in worsened(["", name], [errors[index - 1], errors[-1]], unseen=unseen)
-        ]
+        names = ["" if step.added is None else step.added.name for step in steps]
+        return worsened(names, [step.validation if unseen else step.train for step in steps], unseen=unseen)
 
     def rivals(self, step: Step) -> tuple[str, ...]:
         """What the data cannot tell from the effect of a step; an effect that has come in since is none any more."""
@@ -150,9 +137,9 @@ class Ladder:
         A plain effect that the ladder itself had added is no step any more once a richer one contains it.
         """
         name = None if step.added is None else step.added.replaces
-        if not name:
+        if step.added is None or not name:
             return ""
-        if step.added is not None and name == step.added.name:
+        if name == step.added.name:
             return "in its fuller form, in place of the plain one"
         if name in self.steps[0].model.effect_names:
             return f"in place of {name} of the start model, which it contains"
@@ -161,22 +148,16 @@ class Ladder:
         return f"it contains {name}, which was added before it and is no step of its own any more"
 
     def seconded(self, other: Ladder) -> Ladder:
-        """The same, where another view of its last model has found nothing to add: the stricter verdict of both.
-
-        Parameters
-        ----------
-        other : Ladder
-            Of the other view.
-
-        Returns
-        -------
-        Ladder
-        """
+        """The same, where another view of its last model has found nothing to add: the stricter verdict of both."""
         shown = {one.name for one in other.candidates} - set(other.untestable)
+        # The other view answers for the candidates that this one cannot show.
+        there = {one.name: one for one in other.candidates}
+        seen = [there.pop(one.name, one) if one.testable == "no" else one for one in self.candidates]
+        names = {one.name for one in seen}
         return replace(
             self,
             verdict=self.verdict if self.verdict != ADEQUATE else other.verdict,
-            candidates=second_views(self.candidates, other.candidates),
+            candidates=(*seen, *(one for name, one in there.items() if name not in names)),
             untestable=tuple(name for name in self.untestable if name not in shown),
             findings=tuple(dict.fromkeys((*self.findings, *other.findings))),
             unknown=self.unknown or other.unknown,
@@ -236,22 +217,11 @@ class Ladder:
             raise InputError(f"this is no ladder: its schema is {document.get('schema')!r}, not {SCHEMA!r}")
         steps = []
         for entry in document["ladder"]:
-            model = from_text(entry["model"], folder)
-            added = entry["added"]
-            candidate = None
+            model, added = from_text(entry["model"], folder), entry["added"]
             if added is not None:
-                candidate = replace(Candidate.from_dict({**added, "p_value": entry.get("p_value") or 1.0}), model=model)
-            steps.append(
-                Step(
-                    added=candidate,
-                    model=model,
-                    set=tuple(entry.get("set", ())),
-                    p_value=entry.get("p_value"),
-                    chosen_by=entry.get("chosen_by", "diagnosis"),
-                    train=entry.get("train", {}),
-                    validation=entry.get("validation", {}),
-                )
-            )
+                added = replace(Candidate.from_dict({**added, "p_value": entry.get("p_value") or 1.0}), model=model)
+            own = {name: entry[name] for name in ("p_value", "chosen_by", "train", "validation") if name in entry}
+            steps.append(Step(added, model, tuple(entry.get("set", ())), **own))
         return cls(
             steps=tuple(steps),
             verdict=document["verdict"],
@@ -273,8 +243,7 @@ class Ladder:
             what = "start" if step.added is None else f"+ {step.added.name}"
             if replaced := self.replaced(step):
                 what += f" ({replaced})"
-            measured = step.validation or step.train
-            label = "validation" if step.validation else "train"
+            label, measured = ("validation", step.validation) if step.validation else ("train", step.train)
             fits = ", ".join(f"{name} {value:.1f} %" for name, value in measured.get("fit", {}).items())
             force = measured.get("force")
             tail = "" if force is None else f", force error {100 * force:.2f} %"

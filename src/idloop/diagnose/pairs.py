@@ -8,41 +8,29 @@ two hides a part of the other, and the best few are fitted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.confirm import Confirmed, points, search, starts
+from idloop.diagnose.confirm import Confirmed, Progress, first_round, points, search, starts
 from idloop.diagnose.proposals import Proposal, proposals
 from idloop.diagnose.screen import Screen, Screened, Trace
 from idloop.errors import IdloopError
-from idloop.estimate.likelihood.refit import refit
-from idloop.estimate.likelihood.setting import Setting
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
+Traced = tuple[Proposal, Trace]
 
-# Traces that are nearly one direction are one effect; those that have little in common hide nothing.
-MOST_ALIKE, LEAST_ALIKE = 0.98, 0.1
-# Shapes of one effect that differ by less than this are one shape, and traces that take part at most.
-_SAME_SHAPE, MOST_TRACES = 0.97, 150
-# Pairs whose traces are taken together anew, and of these the ones that are refitted.
-_MOST_JOINED, _MOST_PAIRS = 24, 8
+# Traces that take part at most: all pairs of them are looked at.
+MOST_TRACES = 150
 
 
-@dataclass(frozen=True)
-class Scored:
-    """Two traces of different effects.
-
-    Attributes
-    ----------
-    first, second : int
-        Places among the traces.
-    statistic : float
-        Of both together; not yet less for a variance that is uneven.
-    """
+class Scored(NamedTuple):
+    """Places of two traces, and the statistic of both together; not yet less for a variance that is uneven."""
 
     first: int
     second: int
@@ -50,20 +38,10 @@ class Scored:
 
 
 class Pairs:
-    """Traces that can be paired.
+    """Traces of one direction that can be paired: shapes of effects that have a weak form.
 
-    Parameters
-    ----------
-    screened : sequence of Screened
-        Effects with their traces; those of more than one direction take no part.
-
-    Attributes
-    ----------
-    traces : list of tuple of Proposal and Trace
-    alike : array, shape (m, m)
-        Correlations of the traces, to a few per cent of what they leave to 1.
-    allowed : array of bool, shape (m, m)
-        Pairs that are tested, above the diagonal.
+    `alike`, shape (m, m), are the correlations of the traces, to a few per cent of what they leave to 1; `allowed` says
+    which pairs are tested, above the diagonal.
     """
 
     def __init__(self, screened: Sequence[Screened]) -> None:
@@ -82,117 +60,56 @@ class Pairs:
         self.alike = np.clip(columns.T @ columns, -1.0, 1.0)
         self._sided = np.array([p.one_sided for p, _ in self.traces], dtype=bool)
         close = np.abs(self.alike)
-        self.allowed = np.triu((close > LEAST_ALIKE) & (close < MOST_ALIKE), 1)
+        # Traces that are nearly one direction are one effect; those that have little in common hide nothing.
+        self.allowed = np.triu((close > 0.1) & (close < 0.98), 1)
         # Two effects that can only grow hide each other where their traces are opposite.
         self.allowed &= ~(self._sided[:, None] & self._sided[None, :] & (self.alike > 0.0))
-        for i, (one, _) in enumerate(self.traces):
-            for j in np.flatnonzero(self.allowed[i]):
-                self.allowed[i, j] = _two_things(one, self.traces[j][0])
-
-    def statistics(self, scores: Array, first: int) -> Array:
-        """Joint statistics of all pairs whose earlier member is given.
-
-        Parameters
-        ----------
-        scores : array, shape (n, m)
-            Errors along the traces, in their standard deviation, one row for each set of errors.
-        first : int
-
-        Returns
-        -------
-        array, shape (n, number of pairs allowed)
-            [s₁ s₂] G⁻¹ [s₁ s₂]ᵀ with the correlation matrix G; 0 where an effect would have the wrong
-            sign, or where the two do not hide each other.
-        """
-        others = np.flatnonzero(self.allowed[first])
-        alike = self.alike[first, others]
-        one, other = scores[:, first, None], scores[:, others]
-        left, right = one - alike * other, other - alike * one
-        value = (one * left + other * right) / (1.0 - alike**2)
-        good = alike * left * right < 0.0
-        if self._sided[first]:
-            good &= left > 0.0
-        good &= (right > 0.0) | ~self._sided[others]
-        return np.asarray(np.where(good, value, 0.0))
+        for i, j in np.argwhere(self.allowed):
+            self.allowed[i, j] = _two_things(self.traces[i][0], self.traces[j][0])
 
     def ranked(self) -> list[Scored]:
-        """The best shapes of every two effects, best first.
+        """The best shapes of every two effects that hide each other, best first.
 
-        How uneven the errors are along each trace alone says little: what the other one would explain
-        is still among them. It is reckoned with where the two are taken together.
+        [s₁ s₂] G⁻¹ [s₁ s₂]ᵀ with the correlation matrix G, of errors along the traces in their standard deviation. How
+        uneven these are along each trace alone says little: what the other one would explain is still among them. It
+        is reckoned with where the two are taken together.
         """
-        scores = np.array([[t.scores[0] for _, t in self.traces]])
+        scores = np.array([t.scores[0] for _, t in self.traces])
         best: dict[tuple[str, str], Scored] = {}
-        for first in np.flatnonzero(np.any(self.allowed, axis=1)):
-            others = np.flatnonzero(self.allowed[first])
-            for second, value in zip(others, self.statistics(scores, int(first))[0], strict=True):
-                names = self.traces[first][0].name, self.traces[second][0].name
-                if value > 0.0 and (names not in best or value > best[names].statistic):
-                    best[names] = Scored(int(first), int(second), float(value))
+        for first, second in np.argwhere(self.allowed):
+            one, other, alike = scores[first], scores[second], self.alike[first, second]
+            left, right = one - alike * other, other - alike * one
+            wrong_sign = (self._sided[first] and left <= 0.0) or (self._sided[second] and right <= 0.0)
+            if wrong_sign or not alike * left * right < 0.0:
+                continue
+            value = float((one * left + other * right) / (1.0 - alike * alike))
+            names = self.traces[first][0].name, self.traces[second][0].name
+            if value > 0.0 and (names not in best or value > best[names].statistic):
+                best[names] = Scored(int(first), int(second), value)
         return sorted(best.values(), key=lambda s: -s.statistic)
 
 
-@dataclass(frozen=True)
-class Joined:
-    """Two effects as the screening saw them together.
-
-    Attributes
-    ----------
-    first, second : tuple of Proposal and Trace
-        The first one does more.
-    trace : Trace
-        Of both, with the size of each.
-    """
-
-    first: tuple[Proposal, Trace]
-    second: tuple[Proposal, Trace]
-    trace: Trace
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Both, as ``effect@site``."""
-        return self.first[0].name, self.second[0].name
-
-
-def confirmed_pairs(
-    screen: Screen,
-    screened: Sequence[Screened],
-    bar: float,
-    report: Callable[[float, str], None] | None = None,
-) -> list[tuple[Confirmed, Confirmed]]:
+def confirmed_pairs(screen: Screen, screened: Sequence[Screened], bar: float, report: Progress) -> list[Confirmed]:
     """Refit the parent with both effects of the pairs that promise most.
 
-    Parameters
-    ----------
-    screen : Screen
-    screened : sequence of Screened
-    bar : float
-        Statistic from which on a single effect shows: each of the two must add as much to the other one, or it may be
-        chance beside an effect that nearly shows by itself.
-    report : callable, optional
-        Called with the share done and a text.
-
-    Returns
-    -------
-    list of tuple
-        The first effect, which does more, and the second one on top of it, both with the model that has both.
+    Each of the two must add as much to the other one as a single effect must show, `bar`, or it may be chance beside an
+    effect that nearly shows by itself.
     """
-    setting, parent = screen.setting, screen.parent
-    found = search(
-        setting,
-        parent,
-        _promising(screen, screened, bar),
-        lambda joined: _confirm(screen, joined),
-        lambda share, joined: report(share, " and ".join(joined.names)) if report is not None else None,
-    )
-    return [(replace(both, proposal=joined.first[0]), both) for joined, both in found]
+    chosen = [
+        (f"{first[0].name} and {second[0].name}", partial(_confirm, screen, first, second, trace))
+        for first, second, trace in _promising(screen, screened, bar)
+    ]
+    return search(screen.setting, screen.parent, chosen, report)
 
 
-def _promising(screen: Screen, screened: Sequence[Screened], bar: float) -> list[Joined]:
-    """The pairs that a score test of the traces themselves finds promising, best first; sketches chose them."""
+def _promising(screen: Screen, screened: Sequence[Screened], bar: float) -> list[tuple[Traced, Traced, Trace]]:
+    """The few pairs that a score test of the traces themselves finds promising, best first; sketches chose them.
+
+    The effect that does more comes first, then the other one, then the trace of both with the size of each.
+    """
     pairs, alone = Pairs(screened), {s.proposal.name: s.statistic for s in screened}
     found = []
-    for scored in pairs.ranked()[:_MOST_JOINED]:
+    for scored in pairs.ranked()[:24]:
         if scored.statistic < 2.0 * bar:
             break
         one, other = pairs.traces[scored.first], pairs.traces[scored.second]
@@ -203,41 +120,40 @@ def _promising(screen: Screen, screened: Sequence[Screened], bar: float) -> list
         if done[1] > done[0]:
             one, other = other, one
             trace = replace(trace, trials=trace.trials[::-1], size=trace.size[::-1])
-        found.append(Joined(one, other, trace))
-    return sorted(found, key=lambda joined: -joined.trace.statistic)[:_MOST_PAIRS]
+        found.append((one, other, trace))
+    return sorted(found, key=lambda one: -one[2].statistic)[:8]
 
 
-def _confirm(screen: Screen, joined: Joined) -> Confirmed | None:
-    setting, parent = screen.setting, screen.parent
-    choices: list[tuple[Trial, Trial]] = []
+def _confirm(screen: Screen, first: Traced, second: Traced, joint: Trace) -> Confirmed | None:
+    """The first round of a search for both effects."""
+    tops = []
     for place in (-1, 0):
         # The last start has the size of the joint solution, the first one that of the trial.
-        values = [
-            starts(proposal, replace(trace, size=joined.trace.size[i : i + 1]))[place]
-            for i, (proposal, trace) in enumerate((joined.first, joined.second))
-        ]
-        choices.append((values[0], values[1]))
-    tops = [_on_top(joined.first[0], values, joined.second[0], setting) for values, _ in choices]
-    if tops[0] is None:
+        one, other = (
+            starts(proposal, replace(trace, size=joint.size[i : i + 1]))[place]
+            for i, (proposal, trace) in enumerate((first, second))
+        )
+        tops.append((_on_top(first[0], one, second[0], screen), other))
+    top = tops[0][0]
+    if top is None:
         return None
-    models = [top.model(values) for top, (_, values) in zip(tops, choices, strict=True) if top is not None]
-    thetas = [theta for start in models for theta in points(parent, start, joined.trace.shift)]
-    scale = np.max(np.abs(np.array(thetas)), axis=0)
-    fit = refit(setting, models[0], thetas, parent, scale, rounds=1)
-    return Confirmed(tops[0], fit, 0.0, joined.trace.statistic).refitted(fit, parent)
+    parent, models = screen.parent, [one.model(values) for one, values in tops if one is not None]
+    thetas = [theta for start in models for theta in points(parent, start, joint.shift)]
+    fit = first_round(screen.setting, models[0], thetas, parent)
+    return None if fit is None else Confirmed(top, fit, 0.0, joint.statistic, first[0]).refitted(fit, parent)
 
 
-def _on_top(first: Proposal, values: Trial, second: Proposal, setting: Setting) -> Proposal | None:
+def _on_top(first: Proposal, values: Trial, second: Proposal, screen: Screen) -> Proposal | None:
     """The second effect, proposed for the model that has the first; None where the two are at odds."""
     try:
-        found = proposals(first.model(values), [second.name], setting.conditions)
+        found = proposals(first.model(values), [second.name], screen.setting.conditions)
     except IdloopError:
         return None
     return next((p for p in found if p.name == second.name and p.replaces == second.replaces), None)
 
 
 def _columns(traces: Sequence[Trace]) -> Array:
-    """Directions beside each other, shape (SKETCH, m)."""
+    """Sketched directions beside each other, one column for each trace."""
     found = [t.direction for t in traces if t.direction is not None]
     return np.column_stack(found) if found else np.zeros((1, 0))
 
@@ -250,7 +166,8 @@ def _shapes(traces: Sequence[Trace]) -> list[Trace]:
     while len(kept) < len(traces):
         nearest = np.max(alike[kept], axis=0)
         further = int(np.argmin(nearest))
-        if nearest[further] > _SAME_SHAPE:
+        # Sketches tell inner products to about 1.5 %: what is more alike than twice that is one shape.
+        if nearest[further] > 0.97:
             break
         kept.append(further)
     return [traces[i] for i in kept]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,25 +11,25 @@ from typing import Any
 
 import numpy as np
 
+from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.choice import PREDICTION
-from idloop.diagnose.confirm import Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.command_response import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
+from idloop.diagnose.confirm import STILL_IN_IT, Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.far_searches import beside_bare, far_searches, white
-from idloop.diagnose.follows import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
 from idloop.diagnose.force_view import unbalanced
-from idloop.diagnose.foretells import foretells
 from idloop.diagnose.gate import gate
+from idloop.diagnose.granger_test import foretells
 from idloop.diagnose.held_out import holds
 from idloop.diagnose.innovation_scores import InnovationScores
 from idloop.diagnose.learnt import LearntCurve, remaining
 from idloop.diagnose.pairs import confirmed_pairs
 from idloop.diagnose.predictive import Scores
 from idloop.diagnose.proposals import Proposal, proposals
-from idloop.diagnose.reach import at_its_bound
 from idloop.diagnose.same_motion import same_from_another_start, same_motion, within_rounding
 from idloop.diagnose.screen import Screen, Screened
-from idloop.diagnose.step import Step, View, Weighed
-from idloop.diagnose.verdict import ADEQUATE, NOT_EXCITED, UNKNOWN
+from idloop.diagnose.step import ADEQUATE, NOT_EXCITED, UNKNOWN, Step, View, Weighed
 from idloop.errors import IdloopError
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.likelihood.disturbance import LONG_MEMORY
@@ -39,46 +39,24 @@ from idloop.estimate.likelihood.refit import MANY_LAGS, Refit, refit, refit_or_n
 from idloop.estimate.likelihood.restarts import has_contacts, searched_anew
 from idloop.estimate.likelihood.setting import Setting
 from idloop.estimate.whitening import choose_order
-from idloop.physics.effect import OUTPUT
+from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validate.measures import NEGLIGIBLE
 
 Progress = Callable[[float, str], None]
-
-# A whitening of many lags that makes the errors' deviations smaller by more than this [log] has swallowed an effect.
-_MUCH_COLOUR = 0.05
-# Fewer lags that do so by this much: noise with a memory of a hundred samples would not.
-_ANY_COLOUR = 2.5
-# Part of what shows that the first round of a search must reach.
-_FIRST_ROUND = 0.5
-# Evidence for an effect beyond which no other search finds a model that does without.
-_BEYOND_DOUBT = 60.0
-# Least log-likelihood that is worth weighing.
-_LEAST_GAIN = 2.0
+# Effects, one or two, and the model that has them fitted.
+_Fitted = tuple[tuple[Proposal, ...], Refit]
 
 
 @dataclass(frozen=True)
 class PredictionStep(Step[Refit]):
-    """What one step has weighed by one-step or free-run errors.
+    """What one step has weighed by one-step or free-run errors."""
 
-    Attributes
-    ----------
-    setting : Setting
-        What was fitted.
-    unseen : tuple of Record
-        Records whose free run tells whether an effect is worth a name.
-    unfollowed : str
-        What to say where the motion does not follow the command; empty where it does.
-    known : dict
-        Fits whose free runs have been compared with the parent's, and the part by which each makes errors smaller.
-    held : dict
-        Fits that have been tried on the held-out records, and whether each holds there.
-    """
-
-    setting: Setting = field(kw_only=True)
-    unseen: tuple[Record, ...] = field(kw_only=True)
-    unfollowed: str = ""
+    setting: Setting = field(kw_only=True)  # what was fitted
+    unseen: tuple[Record, ...] = field(kw_only=True)  # their free run tells whether an effect is worth a name
+    unfollowed: str = ""  # what to say where the motion does not follow the command
+    # Fits with the part by which each makes errors smaller, and with whether each holds on the held-out records.
     known: dict[int, tuple[Refit, float]] = field(default_factory=dict, compare=False)
     held: dict[int, tuple[Refit, bool]] = field(default_factory=dict, compare=False)
 
@@ -90,26 +68,25 @@ class PredictionStep(Step[Refit]):
     def smaller(self, one: Weighed[Refit]) -> float:
         """Part by which an effect makes errors smaller: those one sample ahead, or those of the free run."""
         if id(one.fit) not in self.known:
-            self.known[id(one.fit)] = one.fit, self._smaller(one)
+            part = one.evidence.improvement
+            splits = any(proposal.effect.splits for proposal in one.proposals)
+            if not splits and same_motion(one.fit.model, self.parent.model, self.setting.records):
+                part = 0.0
+            elif not part >= self.least:
+                part = max(part, self._of_the_free_run(one.fit.model))
+            self.known[id(one.fit)] = one.fit, part
         return self.known[id(one.fit)][1]
-
-    def _smaller(self, one: Weighed[Refit]) -> float:
-        part = one.evidence.improvement
-        splits = any(proposal.effect.splits for proposal in one.proposals)
-        if not splits and same_motion(one.fit.model, self.parent.model, self.setting.records):
-            return 0.0
-        return part if part >= self.least else max(part, self._of_the_free_run(one))
 
     @cached_property
     def _before(self) -> dict[str, Any]:
         """Errors of the free run without any of the effects."""
         return model_errors(self.parent.model, self.unseen)
 
-    def _of_the_free_run(self, one: Weighed[Refit]) -> float:
-        before, after = self._before, model_errors(one.fit.model, self.unseen)
+    def _of_the_free_run(self, model: Model) -> float:
+        before, after = self._before, model_errors(model, self.unseen)
         parts = [0.0]
         for label in ("nrmse", "anew"):
-            was = np.array([before[label][name] for name in before[label]])
+            was = np.array(list(before[label].values()))
             now = np.array([after[label].get(name, np.inf) for name in before[label]])
             if np.any(was > 0.0):
                 parts.append(1.0 - float(np.linalg.norm(now) / np.linalg.norm(was)))
@@ -123,9 +100,8 @@ class PredictionStep(Step[Refit]):
     def only_together(self, pair: Weighed[Refit]) -> bool:
         """Whether each of two effects is needed beside the other."""
         alone = [one for one in self.weighed if len(one.names) == 1 and one.names[0] in pair.names]
-        known = {one.names[0] for one in alone}
         beyond = [pair.scores.against(one.scores) for one in alone]
-        if len(known) < len(pair.names):
+        if len({one.names[0] for one in alone}) < len(pair.names):
             beyond.append(pair.evidence)
         return all(evidence.log >= self.threshold() and evidence.told for evidence in beyond)
 
@@ -154,26 +130,8 @@ class PredictionStep(Step[Refit]):
 class PredictionView(View[Refit]):
     """Weighs what could be added to a model by its one-step errors, or those of its free run.
 
-    Parameters
-    ----------
-    setting : Setting
-        Records, and what models are measured by.
-    start : Model
-        As the user gave it.
-    level, least : float
-        As of `Step`.
-    effects : sequence of str, optional
-        Choose from these only.
-    held_out : Setting, optional
-        Validation records, on which an effect must do no harm.
-    seed : int
-    tell : callable, optional
-        Called with the share done and a text.
-
-    Attributes
-    ----------
-    weighed : Model or None
-        One of which a force balance has weighed all that it shows: this is not weighed again.
+    On held-out records an effect must do no harm. Of the model `weighed` a force balance has weighed all that it
+    shows: this is not weighed again.
     """
 
     def __init__(
@@ -193,15 +151,7 @@ class PredictionView(View[Refit]):
         self.held_out, self.seed, self._tell = held_out, seed, tell or (lambda share, text: None)
 
     def beside(self, model: Model, *, balanced: bool) -> PredictionView:
-        """The same view after a force balance.
-
-        Parameters
-        ----------
-        model : Model
-            Where it has led.
-        balanced : bool
-            Whether what the balance shows of that model is not weighed again.
-        """
+        """The same view after a force balance has led to a model; balanced: what it shows is not weighed again."""
         other = copy(self)
         other.start, other.weighed = model, model if balanced else None
         return other
@@ -217,15 +167,16 @@ class PredictionView(View[Refit]):
         self.effects = self.choices(parent.model)
         asked = proposals(parent.model, self.effects, self.setting.conditions)
         screen = Screen(self.setting, parent, self.seed)
-        screened = screen.all(asked, lambda share, text: self._tell(0.15 + 0.4 * share, f"screening {text}"))
+        screened = screen.all(asked, self._part(0.15, 0.4, "screening"))
         bar = 2.0 * math.log(max(len(asked), 1) / self.level)
         confirmed = self._confirmed(parent, screened, bar)
-        confirmed = _best_of_each(
-            [*confirmed, *far_searches(self.setting, parent, self.start, self.effects, self.seed)]
-        )
+        confirmed += far_searches(self.setting, parent, self.start, self.effects, self.seed)
+        confirmed = _best_of_each(confirmed)
         weigher = _Weigher(parent)
+        # What has gained less than two units of log-likelihood is not worth weighing.
+        singles = weigher([((one.proposal,), one.fit) for one in confirmed if one.gain >= 2.0])
         step = PredictionStep(
-            parent, tuple(weigher.singles(confirmed)), len(asked), self.level, self.least, tuple(asked),
+            parent, tuple(singles), len(asked), self.level, self.least, tuple(asked),
             gate(parent.model, self.setting, screened, bar), setting=self.setting,
             unseen=(self.setting if self.held_out is None else self.held_out).records,
         )  # fmt: skip
@@ -234,7 +185,7 @@ class PredictionView(View[Refit]):
         left = remaining(screen, self.level)
         step = replace(step, structures=tuple(LearntCurve.weighed(screen, left, weigher.innovations)))
         if self.setting.kind == PREDICTION and self.weighed is None and not step.tied and not step.stand_ins:
-            pairs = weigher.pairs(self._pairs(screen, screened, confirmed, bar))
+            pairs = weigher(self._pairs(screen, screened, confirmed, bar))
             step = self._with_first(self._judged(replace(step, weighed=(*step.weighed, *pairs)), moved), weigher)
         if moved or step.tied:
             return step
@@ -247,6 +198,10 @@ class PredictionView(View[Refit]):
         curves = tuple(one for one in step.structures if unfollowed != REVERSED and one.of_the_drive)
         return replace(step, unfollowed=unfollowed, structures=curves)
 
+    def _part(self, begin: float, width: float, what: str) -> Progress:
+        """Tells a part of the work."""
+        return lambda share, text: self._tell(begin + width * share, f"{what} {text}")
+
     def _confirmed(self, parent: Refit, screened: list[Screened], bar: float) -> list[Confirmed]:
         """Refits of what the score test does not rule out."""
         # What a balance has left is known to colour the noise.
@@ -255,33 +210,21 @@ class PredictionView(View[Refit]):
         chance = 2.0 * math.log(max(len(screened), 1))
         chosen = promising(screened, chance) if swallowed else promising(screened, bar, fewest=0)
         chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
-        found = confirm(
-            self.setting,
-            parent,
-            chosen,
-            lambda share, text: self._tell(0.55 + 0.2 * share, f"refitting with {text}"),
-            None if swallowed else lambda first: _may_decide(first, bar),
-        )
+        telling = self._part(0.55, 0.2, "refitting with")
+        found = confirm(self.setting, parent, chosen, telling, lambda first: swallowed or _may_decide(first, bar))
         if swallowed and (not found or _swallowed(found[0].fit)):
-            found += confirm_behind_noise(
-                self.setting,
-                parent,
-                screened,
-                lambda share, text: self._tell(0.75 + 0.1 * share, f"looking behind noise: {text}"),
-            )
-            found = _best_of_each(found)
+            telling = self._part(0.75, 0.1, "looking behind noise:")
+            found = _best_of_each([*found, *confirm_behind_noise(self.setting, parent, screened, telling)])
         return found
 
-    def _pairs(
-        self, screen: Screen, screened: list[Screened], confirmed: list[Confirmed], bar: float
-    ) -> list[tuple[Confirmed, Confirmed]]:
-        """Two effects each that may show only together, the model of the second has both."""
-        found = confirmed_pairs(
-            screen, screened, bar, lambda share, text: self._tell(0.85 + 0.1 * share, f"refitting with {text}")
-        )
+    def _pairs(self, screen: Screen, screened: list[Screened], confirmed: list[Confirmed], bar: float) -> list[_Fitted]:
+        """Two effects each that may show only together."""
+        both = confirmed_pairs(screen, screened, bar, self._part(0.85, 0.1, "refitting with"))
+        found: list[_Fitted] = [((one.beside, one.proposal), one.fit) for one in both if one.beside is not None]
         for bare in () if white(screen.parent) else confirmed:
             if not bare.proposal.effect.parameters:
-                found += [(bare, one) for one in beside_bare(self.setting, bare.fit, self.effects, self.seed)]
+                beside = beside_bare(self.setting, bare.fit, self.effects, self.seed)
+                found += [((bare.proposal, one.proposal), one.fit) for one in beside]
         return found
 
     def _with_first(self, step: PredictionStep, weigher: _Weigher) -> PredictionStep:
@@ -294,46 +237,35 @@ class PredictionView(View[Refit]):
         fit = refit_or_none(self.setting, first.model(own), None, step.parent)
         if fit is None:
             return step
-        return replace(step, weighed=(*step.weighed, *weigher.weighed([((first,), fit)])))
+        return replace(step, weighed=(*step.weighed, *weigher([((first,), fit)])))
 
     def _judged(self, step: PredictionStep, moved: bool) -> PredictionStep:
         """With the reasons for which effects that show are not named."""
         refused = {}
         for one in step.significant:
-            if len(one.proposals) > 1:
-                continue
-            (proposal,) = one.proposals
-            if why := at_its_bound(one.fit.model, proposal):
-                refused[proposal.name] = why
-            elif self._rounded_off(one.fit.model, proposal):
-                refused[proposal.name] = "it moves the reading by less than half a step of its rounding"
-            elif self._of_the_start(one.fit.model, proposal):
-                refused[proposal.name] = "another start does the same"
-            elif not self._holds(step, proposal, one.fit):
-                refused[proposal.name] = "it does harm on the unseen data"
-            elif not moved and not follows(self.setting, one.fit):
-                refused[proposal.name] = REFUSED
+            if len(one.proposals) == 1:
+                (proposal,) = one.proposals
+                if why := self._refused(step, proposal, one.fit, moved):
+                    refused[proposal.name] = why
         return replace(step, refused=refused)
 
-    def _holds(self, step: PredictionStep, proposal: Proposal, fit: Refit) -> bool:
-        """Whether an effect does no harm on the held-out records; a step is judged several times."""
-        if self.held_out is None:
-            return True
-        if id(fit) not in step.held:
-            step.held[id(fit)] = fit, holds(self.held_out, step.parent, proposal, fit)
-        return step.held[id(fit)][1]
-
-    def _rounded_off(self, model: Model, proposal: Proposal) -> bool:
-        """Whether all that an effect does to a reading is less than the sensor's rounding."""
-        if proposal.effect.site != OUTPUT or proposal.replaces is not None:
-            return False
-        return within_rounding(model, model.without_effect(proposal.name), proposal.at, self.setting.records)
-
-    def _of_the_start(self, model: Model, proposal: Proposal) -> bool:
-        """Whether all that an effect does is done by a start that nobody knows."""
-        if not proposal.effect.hidden_by_start or proposal.replaces is not None:
-            return False
-        return same_from_another_start(model, model.without_effect(proposal.name), self.setting.records)
+    def _refused(self, step: PredictionStep, proposal: Proposal, fit: Refit, moved: bool) -> str:
+        """Why an effect that shows is not named; empty where it is."""
+        model, effect = fit.model, proposal.effect
+        if why := at_its_bound(model, proposal):
+            return why
+        if proposal.replaces is None and (effect.site == OUTPUT or effect.hidden_by_start):
+            without = model.without_effect(proposal.name)
+            if effect.site == OUTPUT and within_rounding(model, without, proposal.at, self.setting.records):
+                return "it moves the reading by less than half a step of its rounding"
+            if effect.hidden_by_start and same_from_another_start(model, without, self.setting.records):
+                return "another start does the same"
+        if self.held_out is not None:
+            if id(fit) not in step.held:
+                step.held[id(fit)] = fit, holds(self.held_out, step.parent, proposal, fit)
+            if not step.held[id(fit)][1]:
+                return "it does harm on the unseen data"
+        return "" if moved or follows(self.setting, fit) else REFUSED
 
     def again(self, fit: Refit) -> Refit:
         """The same model, with the order of whitening that suits it."""
@@ -359,7 +291,8 @@ class PredictionView(View[Refit]):
             evidence = scores.against(InnovationScores(found).scores())
             if evidence.log < math.log(1.0 / self.level):
                 return found
-            if evidence.log > _BEYOND_DOUBT:
+            # No other search finds a model that does without.
+            if evidence.log > 60.0:
                 break
         return None
 
@@ -371,15 +304,7 @@ class _Weigher:
         self.parent, self.innovations = parent, InnovationScores(parent)
         self.base = self.innovations.scores()
 
-    def singles(self, confirmed: Iterable[Confirmed]) -> list[Weighed[Refit]]:
-        """Those that explain anything, with their evidence."""
-        return self.weighed([((one.proposal,), one.fit) for one in confirmed if one.gain >= _LEAST_GAIN])
-
-    def pairs(self, found: Iterable[tuple[Confirmed, Confirmed]]) -> list[Weighed[Refit]]:
-        """Two effects each."""
-        return self.weighed([((one.proposal, other.proposal), other.fit) for one, other in found])
-
-    def weighed(self, choices: Sequence[tuple[tuple[Proposal, ...], Refit]]) -> list[Weighed[Refit]]:
+    def __call__(self, choices: Sequence[_Fitted]) -> list[Weighed[Refit]]:
         """Effects, and the models that have them fitted, with the evidence for them."""
         scores = in_parallel(lambda choice: self._scores(choice[1]), choices)
         return [
@@ -399,8 +324,47 @@ class _Weigher:
         return scores if np.all(np.isfinite(scores.log_density)) else None
 
 
+def delay_or_lag(model: Model, name: str, setting: Setting, level: float, seed: int) -> tuple[Candidate, ...]:
+    """What predictions name in the place of an effect before the drive that a force balance has found, best first.
+
+    A window of a balance sees a delay and a lag alike: by what they make of quick changes of the command. Empty where
+    the effect has no memory or does not act on the command, and where predictions name just that or nothing.
+    """
+    active = next((active for active in model.effects if active.name == name), None)
+    if active is None or active.effect.site != INPUT or not active.effect.lags:
+        return ()
+    bare = refit_or_none(setting, model.without_effect(name))
+    if bare is None:
+        return ()
+    step = PredictionView(setting, model, level, 0.0, [name, *active.effect.looks_like], seed=seed).weigh(bare)
+    if not step.tied or step.names == (name,):
+        return ()
+    return tuple(candidate_of(step, one, 0, step.reported(one.fit)) for one in step.tied)
+
+
+def at_its_bound(model: Model, proposal: Proposal) -> str:
+    """Say that the strength of a fitted effect ended where no larger one makes sense; empty where it did not.
+
+    Nothing but the bound kept it from growing: it stands in for something, or for the scale of all forces, which
+    friction that takes a share of the drive's force imitates while the axis is only driven. Of an effect that takes a
+    plainer one's place, what makes it more than that is its strength.
+    """
+    sought = {proposal.effect.strength} if proposal.replaces is None else proposal.beyond
+    for spec in proposal.effect.parameters:
+        key = f"{proposal.name}.{spec.name}"
+        # What may go another parameter's way is a share, and all of it is one.
+        if spec.name not in sought or spec.optional or key not in model.free:
+            continue
+        for bound in (spec.min, spec.max):
+            way = abs(bound - spec.neutral)
+            # A search stops within a thousandth of the way to the bound.
+            if math.isfinite(way) and way > 0.0 and abs(model.values[key] - bound) <= 1e-3 * way:
+                return f"its {spec.name} ended at the bound of what makes sense, {bound:g}"
+    return ""
+
+
 def _best_of_each(found: Sequence[Confirmed]) -> list[Confirmed]:
-    """Of several searches for one effect the one that ended best."""
+    """Of several searches for one effect the one that ended best, in order of rising gain."""
     return list({one.proposal.name: one for one in sorted(found, key=lambda one: one.gain)}.values())
 
 
@@ -414,19 +378,20 @@ def _may_decide(first: Confirmed, bar: float) -> bool:
         reached = max(2.0 * first.gain, first.statistic)
     else:
         reached = 2.0 * first.gain if first.proposal.effect.slow else first.statistic
-    return reached > _FIRST_ROUND * bar
+    return reached > STILL_IN_IT * bar
 
 
 def _swallowed(fit: Refit) -> bool:
     """Whether the noise model explains what no noise would.
 
-    A free whitening imitates a filter, a resonance or a sensor's error so well that its innovations show
-    no effect any more. Noise of few lags is taken for noise.
+    A free whitening imitates a filter, a resonance or a sensor's error so well that its innovations show no effect any
+    more. Noise of few lags is taken for noise, unless these make the errors' deviations smaller than a memory of a
+    hundred samples would, by 2.5 [log]; many lags by 0.05 do.
     """
     if not isinstance(fit.criterion, InnovationCriterion):
         return False
-    if fit.coloured <= _MUCH_COLOUR or fit.coloured > _ANY_COLOUR:
-        return fit.coloured > _ANY_COLOUR
+    if fit.coloured <= 0.05 or fit.coloured > 2.5:
+        return fit.coloured > 2.5
     return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from idloop.errors import InputError
 from idloop.physics.conditions import condition_name
-from idloop.physics.effect import INPUT, OUTPUT, Effect, catalogue, parameter_as
+from idloop.physics.effect import OUTPUT, Effect, catalogue
 from idloop.physics.model import Model, effect_name, values_of
 from idloop.physics.schema import Value
 from idloop.physics.trial import Scales, Trial
@@ -18,27 +18,14 @@ from idloop.spelling import did_you_mean_or_known
 
 @dataclass(frozen=True)
 class Proposal:
-    """An effect at a site that a model does not have yet.
-
-    Attributes
-    ----------
-    effect : Effect
-    at : str
-    base : Model
-        The model that it is added to: without the effect that it takes the place of.
-    replaces : str or None
-        That effect, as ``effect@site``.
-    held : tuple of str
-        Parameters of the effect that stay at their neutral value, because another effect of the
-        model does that part already.
-    """
+    """An effect at a site that a model does not have yet."""
 
     effect: Effect
     at: str
-    base: Model
-    replaces: str | None = None
-    held: tuple[str, ...] = ()
-    plain: Trial | None = None
+    base: Model  # the model that it is added to: without the effect that it takes the place of
+    replaces: str | None = None  # that effect, as ``effect@site``
+    held: tuple[str, ...] = ()  # parameters that stay neutral, because another effect of the model does that part
+    plain: Trial | None = None  # values of the plain form that the model has, where this is the fuller one
 
     @property
     def number(self) -> int:
@@ -119,27 +106,11 @@ def _generic_trial(effect: Effect, scales: Scales, share: float) -> Trial:
 def proposals(
     model: Model, only: Sequence[str] | None = None, conditions: Mapping[str, str] | None = None
 ) -> list[Proposal]:
-    """All effects that could be added to a model.
+    """All effects that could be added to a model, of some names (``effect`` or ``effect@site``) only where these are.
 
-    Parameters
-    ----------
-    model : Model
-    only : sequence of str, optional
-        Names of effects, or ``effect@site``, to choose from; the whole catalogue when None.
-    conditions : mapping of str to str, optional
-        Names and units of the measured conditions that all records hold; not known when None.
-
-    Returns
-    -------
-    list of Proposal
-        Without those that the model has, those that its own free parameters do already, those that one of its
-        effects contains, and those that depend on a condition that was not recorded.
-
-    Raises
-    ------
-    InputError
-        ``only`` names an effect or a site that there is not, or an effect that depends on a condition that was not
-        recorded.
+    Without those that the model has, those that its own free parameters do already, those that one of its effects
+    contains, and those that depend on a condition that not all records hold (names and units; None: not known). An
+    `InputError` where `only` names what there is not, or what depends on a condition that was not recorded.
     """
     known = catalogue(*model.effect_folders)
     wanted = None if only is None else [re.sub(r"#\d+", "", text) for text in only]
@@ -149,18 +120,15 @@ def proposals(
             raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
         if at:
             model.site_kind(at)
-        _check_recorded(model, known[name], at, conditions)
+        if conditions is not None:
+            _check_recorded(model, known[name], at, conditions)
     found = []
-    for effects in known.values():
-        for effect in effects:
-            for at in model.sites(effect.site):
-                if wanted is None or effect.name in wanted or f"{effect.name}@{at}" in wanted:
-                    if not _recorded(effect, at, conditions or {}):
-                        continue
-                    proposal = _propose(model, effect, at)
-                    if proposal is not None:
-                        found.append(proposal)
-    return found
+    for effect in (one for several in known.values() for one in several):
+        for at in model.sites(effect.site):
+            asked = wanted is None or effect.name in wanted or f"{effect.name}@{at}" in wanted
+            if asked and _recorded(effect, at, conditions or {}) and _fits(model, effect, at):
+                found.append(_propose(model, effect, at))
+    return [proposal for proposal in found if proposal is not None]
 
 
 def _recorded(effect: Effect, at: str, conditions: Mapping[str, str]) -> bool:
@@ -170,10 +138,10 @@ def _recorded(effect: Effect, at: str, conditions: Mapping[str, str]) -> bool:
     return conditions.get(condition_name((at, effect.condition), conditions)) in (effect.condition_unit, "")
 
 
-def _check_recorded(model: Model, asked: Sequence[Effect], at: str, conditions: Mapping[str, str] | None) -> None:
+def _check_recorded(model: Model, asked: Sequence[Effect], at: str, conditions: Mapping[str, str]) -> None:
     """Refuse an effect that is asked for by name, but depends on a condition that was not recorded for any site."""
     sites = [(effect, site) for effect in asked for site in model.sites(effect.site) if at in ("", site)]
-    if conditions is None or not sites or any(_recorded(effect, site, conditions) for effect, site in sites):
+    if not sites or any(_recorded(effect, site, conditions) for effect, site in sites):
         return
     effect = sites[0][0]
     raise InputError(
@@ -183,27 +151,22 @@ def _check_recorded(model: Model, asked: Sequence[Effect], at: str, conditions: 
 
 
 def _fits(model: Model, effect: Effect, at: str) -> bool:
-    """Whether an effect makes sense at a site of a model that does not have it."""
-    there = f"{effect.name}@{at}" in model.effect_names
-    if there and not effect.several and not _is_plain(model, effect, at):
-        return False
+    """Whether an effect makes sense at a site of a model that does not have it, or only in its plain form."""
+    name = f"{effect.name}@{at}"
+    if name in model.effect_names and not effect.several:
+        optional = [f"{name}.{spec.name}" for spec in effect.parameters if spec.optional]
+        if effect.further is None or any(one in model.values for one in optional):
+            return False
     if effect.site == OUTPUT and next(o for o in model.outputs if o.site == at).field not in effect.outputs:
         return False
     if effect.needs_angle and model.units.position != "rad":
         return False
-    # The data's own lattice shows a sensor's resolution; no refit is needed to see it.
+    # The data's own quantum shows a sensor's resolution; no refit is needed to see it.
     return f"{at}.{effect.site_parameter}" not in model.free and not effect.resolution
 
 
-def _is_plain(model: Model, effect: Effect, at: str) -> bool:
-    """Whether the model has an effect that has a fuller form, with none of the parameters that this one adds."""
-    optional = [f"{effect.name}@{at}.{spec.name}" for spec in effect.parameters if spec.optional]
-    return effect.further is not None and not any(name in model.values for name in optional)
-
-
 def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
-    if not _fits(model, effect, at):
-        return None
+    """An effect beside, or in the place of, those of its site; None where one of them contains it."""
     beside = [active for active in model.effects if active.at == at and active.effect.site == effect.site]
     own = None if effect.several else next((active for active in beside if active.effect.name == effect.name), None)
     if own is not None:
@@ -228,22 +191,3 @@ def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
             return Proposal(effect, at, base)
         return None
     return Proposal(effect, at, model)
-
-
-def dry_level(model: Model, body: str) -> float:
-    """Dry friction that a model has at a body at speed, 0 without any."""
-    return sum(_values_as(model, body, lambda effect: effect.dry_level))
-
-
-def command_limit(model: Model) -> float:
-    """Command from which on a model cuts it at rest, infinite without such a limit."""
-    return min(_values_as(model, INPUT, lambda effect: effect.command_limit), default=float("inf"))
-
-
-def _values_as(model: Model, at: str, fact: Callable[[Effect], str]) -> Iterator[float]:
-    """Values of the parameters at a site that a fact is about."""
-    for active in model.effects:
-        if active.at == at:
-            name = parameter_as(active.effect, fact, *model.effect_folders)
-            if name:
-                yield values_of(active, model.values)[name]

@@ -9,23 +9,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idloop.diagnose.candidate import Candidate, effect_parameters
-from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, PREDICTION, check_numbers, first_kind
+from idloop.diagnose.choice import (
+    FORCE,
+    MINIMUM_IMPROVEMENT,
+    PREDICTION,
+    check_numbers,
+    first_kind,
+    with_common_whitening,
+)
 from idloop.diagnose.climb import Climb
-from idloop.diagnose.common_noise import with_common_whitening
+from idloop.diagnose.command_response import unmoved
 from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
-from idloop.diagnose.delay_or_lag import delay_or_lag
-from idloop.diagnose.diagnosis import candidate_of
+from idloop.diagnose.diagnosis import candidate_of, split_bodies
 from idloop.diagnose.errors import model_errors
-from idloop.diagnose.follows import unmoved
 from idloop.diagnose.force_view import ForceView, fitted_model
 from idloop.diagnose.ladder import Ladder
 from idloop.diagnose.ladder import Step as LadderStep
-from idloop.diagnose.lattice import quantised
-from idloop.diagnose.prediction_view import PredictionView
+from idloop.diagnose.prediction_view import PredictionView, delay_or_lag
 from idloop.diagnose.proposals import proposals
-from idloop.diagnose.split_bodies import split_bodies
-from idloop.diagnose.step import FitT, View
-from idloop.diagnose.verdict import ADEQUATE, MISSING
+from idloop.diagnose.quantisation import quantised
+from idloop.diagnose.step import ADEQUATE, MISSING, FitT, View
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnose.lattice import rounding_step
+from idloop.diagnose.quantisation import rounding_step
 from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data, prepare
 from idloop.estimate.engine import RememberingEngine

@@ -29,62 +29,26 @@ from idloop.physics.trial import Scales, Trial
 
 Array = NDArray[np.float64]
 
-# Random signs and sums of this many stretches keep all inner products of traces to about 1.5 %.
-SKETCH = 4096
-# A trace of which less than this part is left after projection is the free parameters' own.
-LEAST_LEFT = 1e-8
-# Twice the log-likelihood that a record must be worth to tell of an effect by itself.
-_TELLS = 25.0
 # Trials worth more than this are made weaker, where an effect has a strength that can be.
-MOST_DETECTABLE = 1e5
-# Least part of its usual strength that an effect is tried at.
-_LEAST_SHARE = 1e-9
+_MOST_DETECTABLE = 1e5
 
 
 @dataclass(frozen=True)
 class Trace:
-    """What one alternative of values would leave in the errors.
+    """What one alternative of values would leave in the errors, in g directions of its own."""
 
-    Attributes
-    ----------
-    trials : list of Trial
-        Values, one per direction.
-    statistic : float
-        Twice the gain in log-likelihood that the directions promise, robust to uneven variance.
-    size : array, shape (g,)
-        Coefficient of each direction: 1 means the trial values themselves.
-    detectable : float
-        Twice the log-likelihood that the effect would be worth at the trial values.
-    left : float
-        Part of the trace that the free parameters cannot produce.
-    one_sided : bool
-    sketch : array, shape (SKETCH, g)
-        Orthonormal directions, sketched; each points to where its trial leaves its trace.
-    scores : array, shape (g,)
-        What the errors have along these directions, in their standard deviation: above 0 where they
-        ask for more of the trial.
-    weakest : float
-        As `detectable`, of the direction that is worth least.
-    uneven : float
-        How much more the errors vary along the trace than elsewhere, at least 1.
-    worth : float
-        As `detectable`, at the strength that was asked for before it was made weaker.
-    shift : array, shape (k,), or None
-        How the free parameters would move when the effect takes its size.
-    """
-
-    trials: list[Trial]
-    statistic: float
-    size: Array
-    detectable: float
-    left: float
+    trials: list[Trial]  # values, one per direction
+    statistic: float  # twice the gain in log-likelihood that the directions promise, robust to uneven variance
+    size: Array  # coefficient of each direction, shape (g,): 1 means the trial values themselves
+    detectable: float  # twice the log-likelihood that the effect would be worth at the trial values
+    left: float  # part of the trace that the free parameters cannot produce
     one_sided: bool
-    sketch: Array
-    scores: Array
-    weakest: float = 0.0
-    uneven: float = 1.0
-    worth: float = 0.0
-    shift: Array | None = None
+    sketch: Array  # orthonormal directions, sketched, one column each; they point to where a trial leaves its trace
+    scores: Array  # errors along these directions, in their standard deviation: above 0 where they ask for more
+    weakest: float = 0.0  # as `detectable`, of the direction that is worth least
+    uneven: float = 1.0  # how much more the errors vary along the trace than elsewhere, at least 1
+    worth: float = 0.0  # as `detectable`, at the strength that was asked for before it was made weaker
+    shift: Array | None = None  # how the free parameters would move when the effect takes its size, shape (k,)
 
     @property
     def direction(self) -> Array | None:
@@ -108,27 +72,13 @@ class Screened:
         return max((t.statistic for t in self.traces), default=0.0)
 
     @property
-    def detectable(self) -> float:
-        """Largest detectability of an alternative."""
-        return max((t.detectable for t in self.traces), default=0.0)
-
-    @property
     def left(self) -> float:
         """Largest part that the free parameters cannot produce."""
         return max((t.left for t in self.traces), default=0.0)
 
 
 class Screen:
-    """The errors of a fitted model, ready to be compared with traces of effects.
-
-    Parameters
-    ----------
-    setting : Setting
-    parent : Refit
-        The fitted model.
-    seed : int
-        Of the sketch.
-    """
+    """The errors of a fitted model, ready to be compared with traces of effects; the seed is that of the sketch."""
 
     def __init__(self, setting: Setting, parent: Refit, seed: int) -> None:
         self.setting, self.parent = setting, parent
@@ -148,7 +98,8 @@ class Screen:
         self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
         # A record that is the only one is all of them.
         self._records = problem.rows_of_records(point) if len(setting.records) > 1 else []
-        self._edges = np.unique(np.linspace(0, rows, SKETCH + 1).astype(np.int64)[:-1])
+        # Random signs and sums of 4096 stretches keep all inner products of traces to about 1.5 %.
+        self._edges = np.unique(np.linspace(0, rows, 4097).astype(np.int64)[:-1])
 
     @np.errstate(all="ignore")
     def __call__(self, proposal: Proposal) -> Screened:
@@ -157,14 +108,14 @@ class Screen:
         traces = []
         share, weakest = 1.0, _weakest(proposal, scales)
         for trials in proposal.alternatives(scales):
+            asked = 1.0
             if trials not in weakest:
                 trace = self._trace(proposal, trials)
-                worth = trace.detectable if trace is not None else 0.0
             else:
                 trace, share = self._weak_trace(proposal, trials, share)
-                worth = trace.detectable / share**2 if trace is not None else 0.0
+                asked = share
             if trace is not None:
-                traces.append(replace(trace, worth=max(trace.detectable, worth)))
+                traces.append(replace(trace, worth=max(trace.detectable, trace.detectable / asked**2)))
         return Screened(proposal, traces)
 
     def _weak_trace(self, proposal: Proposal, trials: list[Trial], share: float) -> tuple[Trace | None, float]:
@@ -174,19 +125,20 @@ class Screen:
         """
         trace = self._trace(proposal, [proposal.weaker(trial, share) for trial in trials])
         for _ in range(3):
-            if trace is None or not trace.detectable > MOST_DETECTABLE:
+            if trace is None or not trace.detectable > _MOST_DETECTABLE:
                 break
-            share = max(share * max(float(np.sqrt(0.01 * MOST_DETECTABLE / trace.detectable)), 1e-3), _LEAST_SHARE)
+            share = max(share * max(float(np.sqrt(0.01 * _MOST_DETECTABLE / trace.detectable)), 1e-3), 1e-9)
             trace = self._trace(proposal, [proposal.weaker(trial, share) for trial in trials])
         return trace, share
 
-    def all(self, proposals: Sequence[Proposal], report: Callable[[float, str], None] | None = None) -> list[Screened]:
+    def all(
+        self, proposals: Sequence[Proposal], report: Callable[[float, str], None] = lambda share, text: None
+    ) -> list[Screened]:
         """Screen many proposals on all cores."""
         found = []
-        for i, screened in enumerate(in_parallel(self, proposals)):
+        for screened in in_parallel(self, proposals):
             found.append(screened)
-            if report is not None:
-                report((i + 1) / len(proposals), screened.proposal.name)
+            report(len(found) / len(proposals), screened.proposal.name)
         return found
 
     def moved(self, proposal: Proposal, trial: Trial) -> Array | None:
@@ -197,19 +149,11 @@ class Screen:
     def pushed(self, forces: Sequence[Array]) -> Array | None:
         """Change of the whitened errors that a force on the driven body makes, held like the command.
 
-        Parameters
-        ----------
-        forces : sequence of array, shape (n,)
-            At the instants of each record's measurements.
-
-        Returns
-        -------
-        array or None
-            None where it cannot be simulated. A force below a dead zone at the input moves nothing.
+        The forces are those at the instants of each record's measurements. None where it cannot be simulated. A force
+        below a dead zone at the input moves nothing.
         """
         model = self.parent.model
-        layout = RememberingEngine(model).layout(None)
-        gain = float(layout.axis.constants[kernel.GAIN])
+        gain = float(RememberingEngine(model).layout(None).axis.constants[kernel.GAIN])
         data = tuple(
             replace(d, input=d.input + np.interp(d.input_time, d.time, force) / gain)
             for d, force in zip(self.setting.data, forces, strict=True)
@@ -234,31 +178,20 @@ class Screen:
                     criterion.retune(theta)
                 else:
                     criterion.adopt(own)
-            nuisance = criterion.nuisance()[0]
-            if len(nuisance) != len(parent.nuisance):
-                nuisance = nuisance[: len(parent.nuisance)]
+            nuisance = criterion.nuisance()[0][: len(parent.nuisance)]
             change = parent.problem.whiten_like(criterion.errors(theta, nuisance)) - self.whitened
         except (IdloopError, np.linalg.LinAlgError, ValueError):
             return None
         return change if np.all(np.isfinite(change)) else None
 
     def joint(self, first: tuple[Proposal, Trial], second: tuple[Proposal, Trial]) -> Trace | None:
-        """What two effects together would leave in the errors.
+        """What two effects at given values together would leave in the errors, with one size for each.
 
-        Parameters
-        ----------
-        first, second : tuple of Proposal and Trial
-            Effects that can be added to the fitted model, and their values.
-
-        Returns
-        -------
-        Trace or None
-            With one size for each; None where they cannot be simulated or are one and the same direction.
+        None where they cannot be simulated or are one and the same direction.
         """
         sides = (first[0].one_sided, second[0].one_sided)
-        columns = [self.moved(*first), self.moved(*second)]
-        trace = self._measure([first[1], second[1]], columns, sides)
-        return trace if trace is not None and len(trace.scores) == len(columns) else None
+        trace = self._measure([first[1], second[1]], [self.moved(*first), self.moved(*second)], sides)
+        return trace if trace is not None and len(trace.scores) == 2 else None
 
     def _trace(self, proposal: Proposal, trials: list[Trial]) -> Trace | None:
         sides = [len(trials) == 1 and proposal.one_sided] * len(trials)
@@ -276,13 +209,16 @@ class Screen:
         if not np.any(power > 1e-12):
             return self._invisible(trials, 0.0, 0.0)
         own = raw - self.basis @ (self.basis.T @ raw)
-        left = self._left(raw, own)
+        # A record tells of an effect by itself where it is worth 25, twice the log-likelihood.
+        parts = [_parts(raw, own, 0.0), *(_parts(raw[rows], own[rows], 25.0) for rows in self._records)]
+        left = float(np.max(parts))
         powers = np.sum(own**2, axis=0)
         detectable, weakest = float(np.max(powers)), float(np.min(powers))
         q, r = np.linalg.qr(own)
         useful = np.abs(np.diag(r)) > 1e-3 * np.max(np.abs(np.diag(r)))
         q, r = q[:, useful], r[np.ix_(useful, useful)]
-        if left < LEAST_LEFT:
+        # Of what is less than the rounding of its projection nothing is left.
+        if left < 1e-8:
             return self._invisible(trials, detectable, left)
         # A factorisation may turn a direction round; the null distribution needs to know where it points.
         turn = np.where(np.diag(r) < 0.0, -1.0, 1.0)
@@ -291,20 +227,12 @@ class Screen:
         size = np.zeros(len(trials))
         size[useful] = np.linalg.solve(r, scores)
         uneven = unevenness(q, self.errors + q @ scores)
-        statistic = float(scores @ scores) / uneven
-        if np.any(size[np.asarray(sides)] < 0.0):
-            statistic = 0.0
+        statistic = 0.0 if np.any(size[np.asarray(sides)] < 0.0) else float(scores @ scores) / uneven
         shift = -self._back @ (raw @ size)
         sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)
         return Trace(
             trials, statistic, size, detectable, left, any(sides), sketch, scores, weakest, uneven, detectable, shift
         )  # fmt: skip
-
-    def _left(self, raw: Array, own: Array) -> float:
-        """Largest part of a trace that is its own: in all records, or in one that by itself tells of it."""
-        parts = [_parts(raw, own)]
-        parts += [_parts(raw[rows], own[rows], _TELLS) for rows in self._records]
-        return float(np.max(parts))
 
     def _invisible(self, trials: list[Trial], detectable: float, left: float) -> Trace:
         """What nothing can be said of: no direction of its own."""
@@ -312,7 +240,7 @@ class Screen:
         return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, True, none, np.zeros(0))
 
 
-def _parts(raw: Array, own: Array, least: float = 0.0) -> Array:
+def _parts(raw: Array, own: Array, least: float) -> Array:
     """Part of each trace that is its own; 0 where that is worth less than the least."""
     worth = np.sum(own**2, axis=0)
     return np.asarray(np.where(worth >= least, worth / np.maximum(np.sum(raw**2, axis=0), 1e-300), 0.0))

@@ -15,11 +15,13 @@ from idloop.diagnose.proposals import Proposal
 from idloop.diagnose.unknown import UnknownStructure
 from idloop.physics.model import Model
 
+# How a diagnosis may end: the words of its JSON.
+MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
+# Verdicts after which the reader may take what is left for noise.
+SAY_NOISE = (ADEQUATE, NOT_EXCITED)
 # A curve that explains so many times as much as an effect is what that stands in for: of three effects that are
 # missing together the largest explains more.
 FAR_MORE = 4.0
-# What explains this part of what a richer effect does is most of that.
-_MOST = 0.5
 
 
 class Fitted(Protocol):
@@ -69,28 +71,14 @@ FitT = TypeVar("FitT", bound=Fitted)
 
 @dataclass(frozen=True)
 class Weighed(Generic[FitT]):
-    """An effect, or two, with the model that has it fitted.
-
-    Attributes
-    ----------
-    proposals : tuple of Proposal
-        One, or two that show only together.
-    fit : Fitted
-    scores : Scores
-    evidence : Evidence
-        Against the model without.
-    gain : float
-        Log-likelihood on the samples that were fitted.
-    held_out : float or None
-        Part by which it makes the errors on held-out records smaller; None without such records.
-    """
+    """An effect, or two that show only together, with the model that has it fitted."""
 
     proposals: tuple[Proposal, ...]
     fit: FitT
     scores: Scores
-    evidence: Evidence
-    gain: float
-    held_out: float | None = None
+    evidence: Evidence  # against the model without
+    gain: float  # log-likelihood on the samples that were fitted
+    held_out: float | None = None  # part by which it makes the errors on held-out records smaller, where there are any
 
     @property
     def merit(self) -> float:
@@ -134,36 +122,17 @@ class Weighed(Generic[FitT]):
 
 @dataclass(frozen=True)
 class Step(ABC, Generic[FitT]):
-    """What one step has weighed.
-
-    Attributes
-    ----------
-    parent : Fitted
-    weighed : tuple of Weighed
-    count : int
-        Choices that there were.
-    level, least : float
-        Probability of naming an effect where nothing is missing, and the part by which an effect must make the errors
-        on unseen samples smaller to be named.
-    asked : tuple of Proposal
-        All that was looked for, fitted or not.
-    gate : Gate
-        What the data can show.
-    structures : tuple of Structure
-        Curves that the errors follow, best first.
-    refused : mapping of str to str
-        Effects that are not named whatever their evidence, and why.
-    """
+    """What one step has weighed."""
 
     parent: FitT
     weighed: tuple[Weighed[FitT], ...]
-    count: int
-    level: float
-    least: float
-    asked: tuple[Proposal, ...] = ()
-    gate: Gate = field(default_factory=lambda: Gate((), {}, {}))
-    structures: Sequence[Structure] = ()
-    refused: Mapping[str, str] = field(default_factory=dict)
+    count: int  # choices that there were
+    level: float  # probability of naming an effect where nothing is missing
+    least: float  # part by which an effect must make the errors on unseen samples smaller to be named
+    asked: tuple[Proposal, ...] = ()  # all that was looked for, fitted or not
+    gate: Gate = field(default_factory=lambda: Gate((), {}, {}))  # what the data can show
+    structures: Sequence[Structure] = ()  # curves that the errors follow, best first
+    refused: Mapping[str, str] = field(default_factory=dict)  # effects not named whatever their evidence, and why
 
     @property
     @abstractmethod
@@ -197,8 +166,7 @@ class Step(ABC, Generic[FitT]):
     @cached_property
     def significant(self) -> list[Weighed[FitT]]:
         """What shows beyond doubt, worth naming or not, best first."""
-        found = [one for one in self.weighed if self._shows(one)]
-        return sorted(found, key=lambda one: -one.merit)
+        return sorted((one for one in self.weighed if self._shows(one)), key=lambda one: -one.merit)
 
     def _shows(self, one: Weighed[FitT]) -> bool:
         return one.evidence.log >= self.threshold(len(one.proposals)) and one.evidence.told
@@ -223,18 +191,21 @@ class Step(ABC, Generic[FitT]):
     @cached_property
     def structure(self) -> Structure | None:
         """The curve that explains most of what no effect does; None where none shows or is worth telling."""
-        for one in self.structures:
-            if one.evidence.log >= self.threshold() and one.evidence.told and one.worth >= self.least:
-                return one
-        return None
+        found = (
+            one for one in self.structures
+            if one.evidence.log >= self.threshold() and one.evidence.told and one.worth >= self.least
+        )  # fmt: skip
+        return next(found, None)
 
     def _stands_in(self, one: Weighed[FitT]) -> bool:
         """Whether an effect is named for want of a curve that explains far more: it fits a part of that."""
-        for curve in self.structures:
-            far_more = curve.evidence.difference >= FAR_MORE * one.evidence.difference
-            if far_more and curve.evidence.told and curve.scores.against(one.scores).told and curve.imitated_by(one):
-                return True
-        return False
+        return any(
+            curve.evidence.difference >= FAR_MORE * one.evidence.difference
+            and curve.evidence.told
+            and curve.scores.against(one.scores).told
+            and curve.imitated_by(one)
+            for curve in self.structures
+        )
 
     @cached_property
     def stand_ins(self) -> list[Weighed[FitT]]:
@@ -252,13 +223,15 @@ class Step(ABC, Generic[FitT]):
         # A plain effect earns its place before a richer one that contains it.
         first = next((one for one in self.eligible if first.contains(one) or self._nearly_becomes(first, one)), first)
         others = [
-            one for one in self.eligible if one is not first and not one.contains(first) and not one.becomes(first)
+            one
+            for one in self.eligible
+            if one is not first and not one.contains(first) and not one.becomes(first) and not self._told(first, one)
         ]
-        return [first, *(one for one in others if not self._told(first, one))]
+        return [first, *others]
 
     def _nearly_becomes(self, rich: Weighed[FitT], plain: Weighed[FitT]) -> bool:
-        """Whether most of what an effect explains is what another one does, as which it ends at its edge."""
-        return rich.becomes(plain) and plain.evidence.difference >= _MOST * rich.evidence.difference
+        """Whether half of what an effect explains is what another one does, as which it ends at its edge."""
+        return rich.becomes(plain) and plain.evidence.difference >= 0.5 * rich.evidence.difference
 
     def _equal(self, best: Weighed[FitT], other: Weighed[FitT]) -> bool:
         """Whether the odds of two choices are less than those of a false alarm."""

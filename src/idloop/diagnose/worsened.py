@@ -12,33 +12,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-# The free run drifts by chance on an axis that integrates: less than this is not told, nor an error of less than that
-# part of the motion, nor what becomes of a run that has missed so much of it before.
-_FACTOR, _LEAST, _LOST = 1.25, 0.01, 0.5
-# An error of the force that falls by this part speaks for the step whatever the free run does.
-_FALLS = 0.98
-
 
 @dataclass(frozen=True)
 class Worsened:
-    """A step after which the free run is worse.
+    """A step after which the free run is worse."""
 
-    Attributes
-    ----------
-    name : str
-        Effect and site that were added.
-    unseen : bool
-        Judged on validation records; else on those of the fit.
-    output : str
-        The one that it made worst.
-    before, after : float
-        Error of its free run as a part of its standard deviation.
-    """
-
-    name: str
-    unseen: bool
-    output: str
-    before: float
+    name: str  # effect and site that were added
+    unseen: bool  # judged on validation records; else on those of the fit
+    output: str  # the one that it made worst
+    before: float  # error of its free run as a part of its standard deviation
     after: float
 
     @property
@@ -66,47 +48,29 @@ def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unsee
     """Steps after which an output's free run is worse by a quarter or more, and neither error below falls.
 
     The force's error, and that of the run when it is started anew at every fifth of a record: on an axis that
-    integrates a disturbance carries a long run away, whatever the model.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of what each step added; the first one's does not count.
-    errors : sequence of mapping
-        Of each step, as `idloop.diagnose.errors.model_errors` tells them.
-    unseen : bool
-        Whether no fit saw the records.
-
-    Returns
-    -------
-    list of Worsened
-        In the order of the steps.
+    integrates a disturbance carries a long run away, whatever the model. `names` are of what each step added, the first
+    one's does not count; `errors` are those of `idloop.diagnose.errors.model_errors`.
     """
     found = []
     for name, (before, after) in zip(names[1:], pairwise(errors), strict=True):
-        errors_before, errors_after = before.get("nrmse", {}), after.get("nrmse", {})
+        was, now = before.get("nrmse", {}), after.get("nrmse", {})
+        # The free run drifts by chance on an axis that integrates: an error of less than a hundredth of the motion is
+        # not told, nor what becomes of a run that has missed half of it before.
         factors = {
-            output: error / max(errors_before[output], 1e-300)
-            for output, error in errors_after.items()
-            if error > _LEAST and errors_before.get(output, 1.0) < _LOST
+            output: error / max(was[output], 1e-300)
+            for output, error in now.items()
+            if error > 0.01 and was.get(output, 1.0) < 0.5
         }
         worst = max(factors, key=lambda output: factors[output] if math.isfinite(factors[output]) else 0.0, default="")
-        if (
-            worst
-            and factors[worst] > _FACTOR
-            and not _force_falls(before, after)
-            and not _drifted(before, after, worst)
-        ):
-            found.append(Worsened(name, unseen, worst, errors_before[worst], errors_after[worst]))
+        # An error of the force that falls by 2 % speaks for the step whatever the free run does. Where the run is no
+        # worse once it is started anew time and again, what carried it away was chance.
+        falls = _known(after.get("force")) < 0.98 * _known(before.get("force"))
+        drifted = _known(after.get("anew", {}).get(worst)) <= _known(before.get("anew", {}).get(worst))
+        if worst and factors[worst] > 1.25 and not falls and not drifted:
+            found.append(Worsened(name, unseen, worst, was[worst], now[worst]))
     return found
 
 
-def _drifted(before: Mapping[str, Any], after: Mapping[str, Any], output: str) -> bool:
-    """Whether the run is no worse where it is started anew time and again: then what carried it away was chance."""
-    one, two = before.get("anew", {}).get(output), after.get("anew", {}).get(output)
-    return one is not None and two is not None and two <= one
-
-
-def _force_falls(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
-    one, two = before.get("force"), after.get("force")
-    return one is not None and two is not None and two < _FALLS * one
+def _known(value: float | None) -> float:
+    """NaN, which is neither less nor more than anything, where there is none."""
+    return math.nan if value is None else value

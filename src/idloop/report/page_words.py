@@ -10,7 +10,7 @@ import numpy as np
 from idloop.design.words import describe_signal
 from idloop.diagnose.candidate import effect_parameters
 from idloop.diagnose.characteristic import shifts_in_time
-from idloop.diagnose.twins import Twins, ladder_twins
+from idloop.diagnose.equivalent_effects import Twins, ladder_twins
 from idloop.report.contents import driven_step, step_force
 from idloop.report.effect_names import in_words, words
 from idloop.report.estimates import NORMAL_95, figure_text, fit_text, held_parameters, with_interval

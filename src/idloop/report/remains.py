@@ -105,7 +105,7 @@ def remainder_lines(verdict: str, found: Sequence[Remainder]) -> list[str]:
     list of str
         What more is left, and of which outputs; empty where the verdict says so already.
     """
-    from idloop.diagnose.verdict import SAY_NOISE  # not before: a comparison needs no diagnosis
+    from idloop.diagnose.step import SAY_NOISE  # not before: a comparison needs no diagnosis
 
     if verdict not in SAY_NOISE:
         return []

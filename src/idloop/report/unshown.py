@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from idloop.diagnose.verdict import MISSING
+from idloop.diagnose.step import MISSING
 from idloop.report.remains import also_significant
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from idloop.diagnose.follows import REVERSED, unmoved
-from idloop.diagnose.verdict import SAY_NOISE
+from idloop.diagnose.command_response import REVERSED, unmoved
+from idloop.diagnose.step import SAY_NOISE
 from idloop.estimate.direction import AGAINST
 from idloop.spelling import joined_names
 

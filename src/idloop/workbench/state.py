@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
 from idloop.design.words import describe_signal
-from idloop.diagnose.twins import find_twins, one_of_each
+from idloop.diagnose.equivalent_effects import find_twins, one_of_each
 from idloop.report.effect_names import in_words, words
 from idloop.report.estimates import with_interval
 from idloop.report.ladder import p_text

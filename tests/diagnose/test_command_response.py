@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from idloop.diagnose import diagnose, refine
-from idloop.diagnose.follows import REVERSED, UNMOVED, follows, unmoved, unrelated
-from idloop.diagnose.verdict import NOT_EXCITED
+from idloop.diagnose.command_response import REVERSED, UNMOVED, follows, unmoved, unrelated
+from idloop.diagnose.step import NOT_EXCITED
 from idloop.estimate.likelihood.refit import refit
 from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.physics import Model, load_model

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.diagnose.foretells import foretells
+from idloop.diagnose.granger_test import foretells
 from idloop.errors import IdloopError
 from idloop.estimate.direction import AGAINST, TURN
 from idloop.estimate.likelihood.likelihood_difference import distinguishable
@@ -38,19 +38,7 @@ REFUSED = "with it, too, the motion does not follow the command"
 
 
 def follows(setting: Setting, fit: Refit) -> bool:
-    """Whether a fitted model predicts the motion better with the command than without.
-
-    Parameters
-    ----------
-    setting : Setting
-        What it was fitted to.
-    fit : Refit
-
-    Returns
-    -------
-    bool
-        True as well where that cannot be computed.
-    """
+    """Whether a fitted model predicts the motion better with the command than without, or that cannot be computed."""
     # Of steps from rest, each a constant command, the mean of its own would be the command itself.
     means = [float(np.mean(one.input)) for one in setting.data]
     if all(np.ptp(one.input) == 0.0 for one in setting.data):
@@ -66,18 +54,7 @@ def follows(setting: Setting, fit: Refit) -> bool:
 def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
     """Whether a model that does not follow the command would follow one of the other sign.
 
-    Parameters
-    ----------
-    setting : Setting
-        What it was fitted to.
-    fit : Refit
-        One that does not follow.
-    start : Model
-        Where a fit to the turned command begins: the values here may be far from any machine's.
-
-    Returns
-    -------
-    bool
+    The fit to the turned command begins at `start`: the values found may be far from any machine's.
     """
     records = [replace(one, input=-one.input) for one in setting.records]
     turned = prepare_setting(start, records, setting.kind)
@@ -87,18 +64,9 @@ def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def unrelated(start: Model, records: Sequence[Record]) -> str:
-    """What to say of data whose motion a model does not follow, whatever its parameters.
+    """What to say of data whose motion a model, not fitted yet, does not follow, whatever its parameters.
 
-    Parameters
-    ----------
-    start : Model
-        Not fitted: a fit to such data may be far from any machine.
-    records : sequence of Record
-
-    Returns
-    -------
-    str
-        Empty where the motion follows the command, in whatever way, or that cannot be computed.
+    Empty where the motion follows the command, in whatever way, or that cannot be computed.
     """
     try:
         setting = prepare_setting(start, records, "prediction")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose.foretells import foretells
+from idloop.diagnose.granger_test import foretells
 from idloop.physics import Model, load_model
 from idloop.records import Record
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from idloop.diagnose import Candidate, Ladder
+from idloop.diagnose.equivalent_effects import find_twins, ladder_twins, one_of_each, rival_twins
 from idloop.diagnose.ladder import Step
-from idloop.diagnose.twins import find_twins, ladder_twins, one_of_each, rival_twins
 from idloop.physics import load_model, simulate
 from idloop.report.remains import also_significant
 from idloop.report.unshown import unshown

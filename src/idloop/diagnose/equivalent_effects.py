@@ -22,18 +22,10 @@ _AND = " + "
 
 @dataclass(frozen=True)
 class Twins:
-    """Effects that are one equation in a model.
+    """Effects that are one equation in a model."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        ``effect@site``, two or more.
-    checks : tuple of str
-        What tells them apart by hand.
-    """
-
-    names: tuple[str, ...]
-    checks: tuple[str, ...]
+    names: tuple[str, ...]  # ``effect@site``, two or more
+    checks: tuple[str, ...]  # what tells them apart by hand
 
     @property
     def parts(self) -> frozenset[str]:
@@ -56,22 +48,11 @@ class Twins:
 
 
 def find_twins(model: Model, names: Sequence[str], replaces: str | None = None) -> tuple[Twins, ...]:
-    """Groups of effects that are one equation.
+    """Groups of effects that are one equation, in the order of names that fit alike, ``effect@site``, or of one alone.
 
-    Parameters
-    ----------
-    model : Model
-        With or without one of them.
-    names : sequence of str
-        Effects that fit alike, ``effect@site``, or one alone.
-    replaces : str, optional
-        Effect of the model before that one of them took the place of.
-
-    Returns
-    -------
-    tuple of Twins
-        In the order of `names`, then what is one equation with them whatever a fit says, two effects that stand for
-        one as ``effect@site + effect@site``. Empty where data of another kind could tell them apart.
+    Then what is one equation with them whatever a fit says, two effects that stand for one as ``effect@site +
+    effect@site``. Empty where data of another kind could tell them apart. `replaces` is the effect of the model before
+    that one of them took the place of.
     """
     forms = _Forms(model)
     rest = {name for name in (*model.effect_names, replaces or "") if name and name not in names}
@@ -86,17 +67,7 @@ def find_twins(model: Model, names: Sequence[str], replaces: str | None = None) 
 
 
 def ladder_twins(ladder: Ladder) -> tuple[Twins, ...]:
-    """Groups among the ties of a ladder that are one equation in its last model.
-
-    Parameters
-    ----------
-    ladder : Ladder
-
-    Returns
-    -------
-    tuple of Twins
-        The effect that the model has first.
-    """
+    """Groups among the ties of a ladder that are one equation in its last model: the effect that it has first."""
     found: list[Twins] = []
     for step in ladder.steps:
         if step.added is not None and step.added.name in ladder.model.effect_names:
@@ -112,24 +83,15 @@ def one_of_each(names: Sequence[str], twins: Iterable[Twins]) -> tuple[str, ...]
 
 
 def rival_twins(models: Sequence[Model]) -> tuple[tuple[int, ...], Twins | None]:
-    """Rival models that are not one equation with one before them, and those that are.
+    """Indices of rival models, fitted, that are not one equation with one before them, and the first group that is.
 
-    Parameters
-    ----------
-    models : sequence of Model
-        With the same signals, fitted.
-
-    Returns
-    -------
-    indices : tuple of int
-        Of one model of each kind.
-    twins : Twins or None
-        The first group of models that are one, by the effects that not all models have.
+    The group is told by the effects that not all models have.
     """
     common = set(models[0].effect_names).intersection(*(model.effect_names for model in models[1:]))
     kinds: dict[tuple[frozenset[str], frozenset[str]], list[int]] = {}
     for index, model in enumerate(models):
-        others = frozenset(p.name for p in model.parameters if not _of_an_effect(model, p.name) and p.free)
+        effects = tuple(f"{name}." for name in model.effect_names)
+        others = frozenset(name for name in model.free if not name.startswith(effects))
         kinds.setdefault((_Forms(model).pieces(set(model.effect_names)), others), []).append(index)
     for group in kinds.values():
         own = [_AND.join(n for n in models[i].effect_names if n not in common) for i in group]
@@ -139,17 +101,8 @@ def rival_twins(models: Sequence[Model]) -> tuple[tuple[int, ...], Twins | None]
     return tuple(range(len(models))), None
 
 
-def _of_an_effect(model: Model, parameter: str) -> bool:
-    return any(parameter.startswith(f"{name}.") for name in model.effect_names)
-
-
 class _Forms:
-    """Effects of a model brought to a common form, by what the effects say they are.
-
-    Parameters
-    ----------
-    model : Model
-    """
+    """Effects of a model brought to a common form, by what the effects say they are."""
 
     def __init__(self, model: Model) -> None:
         self.model = model

@@ -1,4 +1,4 @@
-"""A sensor's resolution, read off the data: readings that lie on a lattice need no refit to be seen."""
+"""A sensor's resolution, read off the data: readings that are multiples of a quantum need no refit to be seen."""
 
 from __future__ import annotations
 
@@ -18,38 +18,23 @@ from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-# The lattice must be at least this coarse against what else the readings scatter by.
-_COARSE = 0.9
-# Mean size of the second differences of white noise of deviation 1, and the most of it beside a lattice of 1.
-_BEND, _MOST_BEND = math.sqrt(12.0 / math.pi), 1.5 * _COARSE
-# Part of the readings that must lie on the lattice.
-_ON_LATTICE = 0.99
+# The most of the readings' mean second difference in quanta. White noise of deviation 1 has one of √(12/π): the quantum
+# must be about this coarse against what else the readings scatter by.
+_MOST_BEND = 1.35
 
 
 def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = None) -> list[Candidate]:
-    """Outputs whose readings lie on a lattice coarser than their noise, which the model does not say.
+    """Outputs whose readings are multiples of a quantum coarser than their noise, which the model does not say.
 
-    Parameters
-    ----------
-    model : Model
-    setting : Setting
-    effects : sequence of str, optional
-        Effects to choose from.
-
-    Returns
-    -------
-    list of Candidate
-        Coarsest first.
+    Coarsest first, of some effects only where these are given.
     """
     found = []
     for column, output in enumerate(model.outputs):
         if any(active.at == output.site and active.effect.resolution for active in model.effects):
             continue
         effect = next((one for one in _rounding(model, output.field) if _asked(one, output.site, effects)), None)
-        if effect is None:
-            continue
         # A velocity computed from rounded positions has no converter of its own.
-        if not any(np.any(np.isfinite(d.output[:, column])) for d in setting.data):
+        if effect is None or not any(np.any(np.isfinite(d.output[:, column])) for d in setting.data):
             continue
         step = rounding_step(setting.records, column)
         if step <= 0.0:
@@ -79,19 +64,12 @@ def _rounding(model: Model, field: str) -> list[Effect]:
 
 
 def resolution_limits(model: Model, setting: Setting) -> dict[str, DetectionLimit]:
-    """From which resolution on each output's rounding would show beside its noise, by effect and site.
-
-    Parameters
-    ----------
-    model : Model
-    setting : Setting
-    """
+    """From which resolution on each output's rounding would show beside its noise, by effect and site."""
     limits = {}
     for output, noise in zip(model.outputs, setting.noise, strict=True):
-        least = _BEND / _MOST_BEND * float(noise)
+        least = math.sqrt(12.0 / math.pi) / _MOST_BEND * float(noise)
         for effect in _rounding(model, output.field):
-            name = effect_name(effect.name, output.site)
-            limits[name] = DetectionLimit(effect.resolution, output.unit, least, least)
+            limits[effect_name(effect.name, output.site)] = DetectionLimit(effect.resolution, output.unit, least, least)
     return limits
 
 
@@ -106,12 +84,11 @@ def rounding_step(records: Sequence[Record], column: int) -> float:
             return 0.0
         step = _refined(y, step)
         counts = y / step
-        off = np.abs(counts - np.round(counts))
-        if np.mean(off < 0.01) < _ON_LATTICE:
+        # Of a hundred readings one may have been disturbed on its way.
+        if np.mean(np.abs(counts - np.round(counts)) < 0.01) < 0.99:
             return 0.0
         # Curvature of the rounded readings: with a noise above the quantum it scatters by several of them.
-        bend = np.abs(np.diff(np.round(counts), 2))
-        if float(np.mean(bend)) > _MOST_BEND:
+        if float(np.mean(np.abs(np.diff(np.round(counts), 2)))) > _MOST_BEND:
             return 0.0
         steps.append(step)
     if not steps or max(steps) > 1.02 * min(steps):

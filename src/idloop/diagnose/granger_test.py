@@ -8,7 +8,7 @@ of which a table of F knows nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,36 +17,19 @@ from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-# Past samples of the output; of the command single samples as far back, then means over stretches that double.
-_PAST, _SINGLE = 10, 8
-# The longest stretch is this part of a record.
-_LONGEST = 0.25
-# Shifts of the command; how much more than the best of them the command itself must explain, and at least.
-_SHIFTS, _MORE, _LEAST = 49, 3.0, 0.02
-# Samples that a record is thinned to: quick samples say little of a slow motion, one to the next.
-_THINNED = 1000
-# Relative ridge that keeps what is exactly tied solvable.
-_RIDGE = 1e-10
+# Past samples of the output that take part.
+_PAST = 10
 
 
 def foretells(records: Sequence[Record], seed: int = 0) -> bool:
-    """Whether the command helps to predict some output from its own past.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With the same outputs.
-    seed : int
-        Of the shifts.
-    """
+    """Whether the command helps to predict some output of the records from its own past; the seed is of the shifts."""
     for column in range(len(records[0].output_names)):
         for thin in (False, True):
             pairs = [_signals(record, column, thin) for record in records]
             pairs = [pair for pair in pairs if len(pair[0]) > 4 * _PAST]
-            if not pairs:
-                continue
-            found = _share(pairs)
-            if found > _LEAST and found > _MORE * max(_share(list(shifted)) for shifted in _shifts(pairs, seed)):
+            # It must explain three times as much as the best of 49 shifts, and a fiftieth of the errors.
+            found = _share(pairs) if pairs else 0.0
+            if found > 0.02 and found > 3.0 * max(_share(shifted) for shifted in _shifts(pairs, seed)):
                 return True
     return False
 
@@ -57,35 +40,40 @@ def _signals(record: Record, column: int, thin: bool) -> tuple[Array, Array]:
     command = record.input_at(record.time)
     known = np.isfinite(output) & np.isfinite(command)
     output, command = output[known], command[known]
-    each = len(output) // _THINNED
+    # A thousand samples are left: quick samples say little of a slow motion, one to the next.
+    each = len(output) // 1000
     if not thin or each < 2:
         return output, command
     kept = len(output) // each * each
     return output[:kept].reshape(-1, each).mean(axis=1), command[:kept].reshape(-1, each).mean(axis=1)
 
 
-def _shifts(pairs: Sequence[tuple[Array, Array]], seed: int) -> Iterator[Iterator[tuple[Array, Array]]]:
+def _shifts(pairs: Sequence[tuple[Array, Array]], seed: int) -> list[list[tuple[Array, Array]]]:
+    """Pairs with their commands shifted by a quarter of a record or more."""
     generator = np.random.default_rng(seed)
-    for _ in range(_SHIFTS):
-        places = [int(generator.integers(len(y) // 4, len(y) - len(y) // 4)) for y, _ in pairs]
-        yield ((y, np.roll(u, place)) for (y, u), place in zip(pairs, places, strict=True))
+    return [
+        [(y, np.roll(u, int(generator.integers(len(y) // 4, len(y) - len(y) // 4)))) for y, u in pairs]
+        for _ in range(49)
+    ]
 
 
 def _share(pairs: Sequence[tuple[Array, Array]]) -> float:
     """Part of the squared errors that the command's past takes away from those of the output's own."""
-    longest = int(_LONGEST * min(len(y) for y, _ in pairs))
+    longest = min(len(y) for y, _ in pairs) // 4
     tables = [_table(y, u, longest) for y, u in pairs]
     moment = sum(table.T @ table for table in tables)
-    own = 1 + _PAST
-    before, after = _left(moment, own), _left(moment, len(moment) - 1)
+    before, after = _left(moment, 1 + _PAST), _left(moment, len(moment) - 1)
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
 def _table(output: Array, command: Array, longest: int) -> Array:
-    """Rows of a one, the output's past, the command's past, and the output; each of size about one."""
+    """Rows of a one, the output's past, the command's past, and the output.
+
+    Of the command eight single samples, then means over stretches that double, up to the longest.
+    """
     total = np.concatenate([[0.0], np.cumsum(command)])
     now = np.arange(max(_PAST, longest), len(output))
-    stretches = [(k, k + 1) for k in range(_SINGLE)]
+    stretches = [(k, k + 1) for k in range(8)]
     while 2 * stretches[-1][1] <= longest:
         stretches.append((stretches[-1][1], 2 * stretches[-1][1]))
     columns = [np.ones(len(now)), *(output[now - k] for k in range(1, _PAST + 1))]
@@ -98,6 +86,7 @@ def _left(moment: Array, count: int) -> float:
     """Squared errors of the last column after a regression on the first ones."""
     size = np.sqrt(np.maximum(np.diag(moment), 1e-300))
     scaled = moment / np.outer(size, size)
-    inner = scaled[:count, :count] + _RIDGE * np.eye(count)
+    # A relative ridge keeps what is exactly tied solvable.
+    inner = scaled[:count, :count] + 1e-10 * np.eye(count)
     cross = scaled[:count, -1]
     return float((scaled[-1, -1] - cross @ np.linalg.solve(inner, cross)) * size[-1] ** 2)
