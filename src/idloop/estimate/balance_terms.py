@@ -467,7 +467,7 @@ class BalanceTerms:
 
         hooks = (active.effect.force, active.effect.settle)
         inertia = (
-            values[f"{active.at}.inertia"] if any(one is not None and one.uses(_INERTIA) for one in hooks) else 0.0
+            values[f"{active.at}.inertia"] if any(one is not None and one.arguments[_INERTIA] for one in hooks) else 0.0
         )
         found: Term = self.along.kept((_identity(active.effect), self._place[active.at], numbers, inertia), made)
         return found * size if size != 1.0 else found
@@ -631,5 +631,5 @@ def _equation_error(layout: Any, constants: Array, motion: Instants, command: Ar
 def balance_of(model: Model, along: MotionInWindows) -> BalanceTerms:
     """The balance of a model along a motion: by terms where no dry friction depends on the others."""
     dry = [(one.effect.friction, one.effect.settle) for one in model.effects if one.effect.friction is not None]
-    raised = any(friction.uses(_ARRIVING) or settle is not None for friction, settle in dry)
+    raised = any(friction.arguments[_ARRIVING] or settle is not None for friction, settle in dry)
     return (WholeBalance if raised else BalanceTerms)(model, along)

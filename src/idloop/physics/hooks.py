@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dis
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 
@@ -33,12 +34,13 @@ class Hook:
             self._compiled = cfunc(signature, cache=True, error_model="numpy")(self.function)
         return int(self._compiled.address)
 
-    def uses(self, place: int) -> bool:
-        """Whether the equation depends on one of its arguments, by its place."""
-        code = self.function.__code__
-        name = code.co_varnames[place]
-        used = (step.argval for step in dis.get_instructions(code))
-        return any(name in one if isinstance(one, tuple) else name == one for one in used)
+    @cached_property
+    def arguments(self) -> tuple[bool, ...]:
+        """Of each argument, by its place, whether the equation depends on it."""
+        code, used = self.function.__code__, set[str]()
+        for step in dis.get_instructions(code):
+            used.update(step.argval if isinstance(step.argval, tuple) else (step.argval,))
+        return tuple(name in used for name in code.co_varnames[: code.co_argcount])
 
     def __call__(self, *arguments: Any) -> float:
         """Evaluate the equation in plain Python, for plots and tests."""
