@@ -62,6 +62,7 @@ class Characteristic:
     circular: bool
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def characteristic(model: Model, effect: str, record: Record) -> Characteristic | None:
     """Read the characteristic of ``effect@site`` of a fitted model off a record.
 
@@ -73,11 +74,10 @@ def characteristic(model: Model, effect: str, record: Record) -> Characteristic 
     if active.effect.splits or shifts_in_time(active.effect):
         return None
     read = _of_a_force if model.site_kind(active.at) in {BODY, INPUT, COUPLING} else _of_a_reading
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        try:
-            return read(model, without, active, record)
-        except IdloopError:
-            return None
+    try:
+        return read(model, without, active, record)
+    except IdloopError:
+        return None
 
 
 def shifts_in_time(effect: Effect) -> bool:
@@ -124,13 +124,14 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
         offset = named[f"{active.at}.stiffness"] * twist + named.get(f"{active.at}.damping", 0.0) * rate
         scale, quantity = 1.0, "torque that passes" if units.position == "rad" else "force that passes"
         over = {"twist": (twist, units.position)}
-    columns = [offset + scale * lacking, offset + scale * (lacking - left), *(values for values, _ in over.values())]
     # What dry friction takes while the body stands is no level of it: it follows the command, not the motion.
     slow = np.abs(motion.velocity[:, body]) <= motion.rest_speed[body]
     stands = slow if active.effect.friction is not None else np.zeros_like(slow)
-    kept = thin(np.column_stack([*columns, stands]), motion)
-    kept = kept[kept[:, -1] < _LITTLE]
-    over = {name: (kept[:, 2 + i], of) for i, (name, (_, of)) in enumerate(over.items())}
+    fitted = offset + scale * (lacking - left)
+    columns = [stands, offset + scale * lacking, fitted, *(values for values, _ in over.values())]
+    kept = thin(np.column_stack(columns), motion)
+    _, needed, fitted, *values = kept[kept[:, 0] < _LITTLE].T
+    over = {name: (x, of) for (name, (_, of)), x in zip(over.items(), values, strict=True)}
 
     def on_grid(variable: str, x: Array, x_unit: str) -> tuple[Array, Array]:
         """The effect over one variable while nothing else happens, with its corners."""
@@ -148,7 +149,7 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
         return x, scale * (lacking - left) + (x if np.any(offset) else 0.0)
 
     remembers = active.effect.states > 0 or bool(active.effect.delay) or kind == COUPLING
-    return _drawn(over, kept[:, 0], kept[:, 1], quantity, unit, None if remembers else on_grid)
+    return _drawn(over, needed, fitted, quantity, unit, None if remembers else on_grid)
 
 
 def _of_a_reading(model: Model, without: Model, active: ActiveEffect, record: Record) -> Characteristic | None:

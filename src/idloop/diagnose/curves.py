@@ -172,27 +172,54 @@ def factor_shapes(screen: Screen) -> list[Shape]:
 
     Empty where nothing predicts the motion, see `predicted_motion`. None over time where the command is a sweep.
     """
+    from scipy.interpolate import CubicSpline
+
     motions = predicted_motion(screen.parent)
     if motions is None or not all(np.all(np.isfinite(m.position + m.acceleration)) for m in motions):
         return []
     model = screen.parent.model
-    over, unit, units = f"{model.bodies[0]}.position", model.units.position, coefficient_units(model.units)
+    unit, units = model.units.position, coefficient_units(model.units)
+
+    def laid(over: str, unit: str, knots: Array, places: Sequence[Array], *, closed: bool = False) -> list[Shape]:
+        """Coefficients as cubic splines: smooth, so that the slope, which an inertia's force has too, does not jump."""
+        hats = np.eye(len(knots))
+        if closed:
+            hats = np.vstack([hats[:-1, :-1], hats[:1, :-1]])
+        splines = CubicSpline(knots, hats, bc_type="periodic" if closed else "natural")
+        slopes = splines.derivative()
+        inside = [np.clip(place, knots[0], knots[-1]) for place in places]
+        along = [(motion, splines(at), slopes(at)) for motion, at in zip(motions, inside, strict=True)]
+
+        def push(force: _Force, heights: Array) -> list[Array]:
+            return [force(motion, value @ heights, slope @ heights) for motion, value, slope in along]
+
+        def change(force: _Force, heights: Array) -> Array | None:
+            return screen.pushed(push(force, heights))
+
+        little, shapes = 1e-6 * motions[0].inertia, []
+        for of, force in _FORCES.items():
+            size = float(np.sqrt(np.mean(np.concatenate(push(force, np.full(hats.shape[1], little))) ** 2))) / little
+            # An inertia does not drift.
+            if np.isfinite(size) and size > 0.0 and (of, over) != ("inertia", "time"):
+                step = 0.01 * screen.setting.force / size
+                shapes.append(Shape(of, units[of], over, unit, knots, closed, step, partial(change, force)))
+        return shapes
+
     _, _, middle, span = screen.sizes.bodies[0]
-    places, closed = [m.position for m in motions], unit == "rad" and span > TURNS * 2.0 * np.pi
-    # A record sees the ends of the travel less often than every place of a turn.
-    knots = np.linspace(middle - 0.5 * span, middle + 0.5 * span, 9)
-    if closed:
-        over, places = f"{over} within a turn", [place % (2.0 * np.pi) for place in places]
-        knots = np.linspace(0.0, 2.0 * np.pi, COEFFICIENT_KNOTS)
-    shapes = _shapes(screen, motions, units, over, unit, knots, places, closed=closed)
+    over, places = f"{model.bodies[0]}.position", [m.position for m in motions]
+    if unit == "rad" and span > TURNS * 2.0 * np.pi:
+        knots, places = np.linspace(0.0, 2.0 * np.pi, COEFFICIENT_KNOTS), [place % (2.0 * np.pi) for place in places]
+        found = laid(f"{over} within a turn", unit, knots, places, closed=True)
+    else:
+        # A record sees the ends of the travel less often than every place of a turn.
+        found = laid(over, unit, np.linspace(middle - 0.5 * span, middle + 0.5 * span, 9), places)
     if not any(_swept(motion) for motion in motions):
         # The records one after the other, without what lay between them.
         elapsed: list[Array] = []
         for motion in motions:
             elapsed.append(motion.time - motion.time[0] + (elapsed[-1][-1] if elapsed else 0.0))
-        del units["inertia"]
-        shapes += _shapes(screen, motions, units, "time", "s", np.linspace(0.0, elapsed[-1][-1], TIME_KNOTS), elapsed)
-    return shapes
+        found += laid("time", "s", np.linspace(0.0, elapsed[-1][-1], TIME_KNOTS), elapsed)
+    return found
 
 
 def _swept(motion: PredictedMotion) -> bool:
@@ -204,44 +231,3 @@ def _swept(motion: PredictedMotion) -> bool:
     # Where hardly anything drives the machine the frequency is that of noise.
     frequency = (acceleration / np.maximum(speed, 1e-300))[drive > 0.3 * np.max(drive)]
     return bool(len(frequency) > 1 and np.max(frequency) > 5.0 * np.min(frequency))
-
-
-def _shapes(
-    screen: Screen,
-    motions: Sequence[PredictedMotion],
-    units: dict[str, str],
-    over: str,
-    unit: str,
-    knots: Array,
-    places: Sequence[Array],
-    *,
-    closed: bool = False,
-) -> list[Shape]:
-    """Coefficients over one variable, as cubic splines at the places of every record.
-
-    Smooth, so that its slope, which an inertia's force has as well, does not jump at the knots.
-    """
-    from scipy.interpolate import CubicSpline
-
-    hats = np.eye(len(knots))
-    if closed:
-        hats = np.vstack([hats[:-1, :-1], hats[:1, :-1]])
-    splines = CubicSpline(knots, hats, bc_type="periodic" if closed else "natural")
-    slopes = splines.derivative()
-    inside = [np.clip(place, knots[0], knots[-1]) for place in places]
-    along = [(motion, splines(at), slopes(at)) for motion, at in zip(motions, inside, strict=True)]
-
-    def push(force: _Force, heights: Array) -> list[Array]:
-        return [force(motion, value @ heights, slope @ heights) for motion, value, slope in along]
-
-    def change(force: _Force, heights: Array) -> Array | None:
-        return screen.pushed(push(force, heights))
-
-    little, shapes = 1e-6 * motions[0].inertia, []
-    for of, of_unit in units.items():
-        force = _FORCES[of]
-        size = float(np.sqrt(np.mean(np.concatenate(push(force, np.full(hats.shape[1], little))) ** 2))) / little
-        if np.isfinite(size) and size > 0.0:
-            step = 0.01 * screen.setting.force / size
-            shapes.append(Shape(of, of_unit, over, unit, knots, closed, step, partial(change, force)))
-    return shapes

@@ -50,13 +50,8 @@ class DetectionLimit:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; None where no size would show."""
-        return {
-            "parameter": self.parameter,
-            "unit": self.unit,
-            "least": self.least if math.isfinite(self.least) else None,
-            "sure": self.sure if math.isfinite(self.sure) else None,
-            "at_most": self.at_most,
-        }
+        least, sure = (value if math.isfinite(value) else None for value in (self.least, self.sure))
+        return {"parameter": self.parameter, "unit": self.unit, "least": least, "sure": sure, "at_most": self.at_most}
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> DetectionLimit:

@@ -30,12 +30,11 @@ _LEAST_WEIGHT = 1e-2
 
 @dataclass(frozen=True)
 class Learnt:
-    """A shape with the heights that the errors ask for, their standard errors, and which of them the errors feel."""
+    """A shape with the heights that the errors ask for and their standard errors; NaN where the errors feel nothing."""
 
     shape: Shape
     value: Array
     spread: Array
-    known: NDArray[np.bool_]
     # Orthonormal directions of the whitened errors that the curve reaches beside the free parameters.
     span: Array
     # Squared whitened errors that it explains, and their share of all.
@@ -43,11 +42,6 @@ class Learnt:
     share: float
     # Probability of as much among white errors, in their variance, which may be uneven along the curve.
     chance: float
-
-    @property
-    def merit(self) -> float:
-        """Twice the log-likelihood, less what so many directions gain by chance (Akaike)."""
-        return self.power - 2.0 * float(self.span.shape[1])
 
 
 def remaining(screen: Screen, level: float) -> list[Learnt]:
@@ -59,7 +53,8 @@ def remaining(screen: Screen, level: float) -> list[Learnt]:
     for shapes in (force_shapes(screen), factor_shapes(screen)):
         fits = [fit for fit in in_parallel(partial(_learn, screen), shapes) if fit is not None]
         found += [fit for fit in fits if fit.chance * len(fits) * fit.shape.tried < 0.5 * level]
-    return sorted(found, key=lambda one: -one.merit)
+    # Twice the log-likelihood, less what so many directions gain by chance (Akaike).
+    return sorted(found, key=lambda one: 2.0 * one.span.shape[1] - one.power)
 
 
 def _learn(screen: Screen, shape: Shape) -> Learnt | None:
@@ -95,13 +90,13 @@ def _learn(screen: Screen, shape: Shape) -> Learnt | None:
     sums = np.add.reduceat(left * rest[:, None], stretches(len(rest)), axis=0)
     uneven = max(1.0, *(float(np.max(np.linalg.eigvalsh(m))) / variance for m in (meat, sums.T @ sums)))
     solve = (right.T / weight) / size[known][:, None] * shape.step
-    value, spread = np.zeros(len(known)), np.zeros(len(known))
+    value, spread = np.full((2, len(known)), np.nan)
     value[known] = solve @ scores
     spread[known] = np.sqrt(np.sum(solve**2, axis=1) * variance * uneven)
     power = float(scores @ scores)
     share = power / max(float(screen.errors @ screen.errors), 1e-300)
     chance = float(f_distribution.sf(power / len(scores) / (variance * uneven), len(scores), freedom))
-    return Learnt(shape, value, spread, known, np.ascontiguousarray(left), power, share, chance)
+    return Learnt(shape, value, spread, np.ascontiguousarray(left), power, share, chance)
 
 
 @dataclass(frozen=True)
@@ -164,10 +159,10 @@ class LearntCurve:
         from scipy.stats import norm
 
         learnt, shape = self.learnt, self.learnt.shape
-        value = np.where(learnt.known, self._strength() * learnt.value, np.nan)
+        value = self._strength() * learnt.value
         if shape.coefficient:
             # The mean of a coefficient is the model's own parameter.
-            value = value - float(np.mean(value[learnt.known]))
+            value = value - float(np.mean(value[np.isfinite(value)]))
         # The knots span a period that the data have shown, not one that is known, such as a turn.
         period = float(shape.knots[-1] - shape.knots[0]) if shape.closed and not shape.coefficient else None
         band = float(norm.ppf(0.975)) * learnt.spread
@@ -184,7 +179,7 @@ class LearntCurve:
         from scipy.optimize import minimize_scalar
 
         def left(share: float) -> float:
-            change = self.learnt.shape.change(share * self.learnt.value)
+            change = self.learnt.shape.change(share * np.nan_to_num(self.learnt.value))
             if change is None:
                 return np.inf
             errors = self.screen.beside_parameters(self.screen.whitened + change)
