@@ -22,7 +22,7 @@ from idloop.errors import IdloopError
 from idloop.estimate.dataset import Data, recorded
 from idloop.estimate.engine import RememberingEngine
 from idloop.estimate.likelihood.parallel import in_parallel
-from idloop.estimate.likelihood.setting import Setting
+from idloop.estimate.likelihood.setting import ENOUGH, Setting
 from idloop.estimate.weak_fit import (
     MOST_ITERATIONS,
     RANKING,
@@ -58,10 +58,7 @@ _FIRST_ROUNDS = 3
 _LEAST_INERTIA = 1e-3
 # Part of a trace that must not be the free parameters' own.
 _OWN_PART = 3e-3
-# Effects are weighed in so many windows at most: what makes their errors smaller by 1 % is worth 500 units of
-# log-likelihood there, fifty times what a name asks for.
-_ENOUGH = 50_000
-# ... and at a glance, where these are more, in so many: the best few go on to all.
+# Effects are fitted at a glance first, in so many windows: the best few go on to all in which they are weighed.
 _GLANCE = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 _ADEQUATE = 0.1
@@ -199,7 +196,7 @@ class ForceView(View[WeakFit]):
 
     def weigh(self, parent: WeakFit) -> Step[WeakFit]:
         """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
-        whole, parent = parent, parent.thinned(_ENOUGH)
+        whole, parent = parent, parent.thinned(ENOUGH)
         model, glance = parent.model, parent.thinned(_GLANCE)
         screen = _Screen(self.setting, parent, glance)
         asked = proposals(model, self.effects, self.setting.conditions)
@@ -250,7 +247,7 @@ class ForceView(View[WeakFit]):
 
     def without(self, fit: WeakFit, name: str) -> WeakFit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
-        fit = fit.thinned(_ENOUGH)
+        fit = fit.thinned(ENOUGH)
         smaller = fit_in(fit.form, fit.model.without_effect(name), fit.shift)
         if smaller is None:
             return None
@@ -517,7 +514,7 @@ class _Weigher:
         self.setting, self.parent, self.base = setting, parent, scores_of(parent)
         self.glance = glance
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
-        self._held_out = None if form is None else form.thinned(_ENOUGH)
+        self._held_out = None if form is None else form.thinned(ENOUGH)
         self._before = self._typical_error(parent)
 
     def _typical_error(self, fit: WeakFit) -> float:

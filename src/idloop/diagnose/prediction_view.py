@@ -37,7 +37,7 @@ from idloop.estimate.likelihood.intervals import with_stderr
 from idloop.estimate.likelihood.parallel import in_parallel
 from idloop.estimate.likelihood.refit import MANY_LAGS, Refit, refit, refit_or_none
 from idloop.estimate.likelihood.restarts import has_contacts, searched_anew
-from idloop.estimate.likelihood.setting import Setting
+from idloop.estimate.likelihood.setting import ENOUGH, Setting
 from idloop.estimate.whitening import choose_order
 from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model
@@ -55,6 +55,8 @@ class PredictionStep(Step[Refit]):
 
     setting: Setting = field(kw_only=True)  # what was fitted
     unseen: tuple[Record, ...] = field(kw_only=True)  # their free run tells whether an effect is worth a name
+    # Where effects were weighed in some of the samples only: all of them.
+    whole: Setting | None = None
     unfollowed: str = ""  # what to say where the motion does not follow the command
     # Fits with the part by which each makes errors smaller, and with whether each holds on the held-out records.
     known: dict[int, tuple[Refit, float]] = field(default_factory=dict, compare=False)
@@ -116,8 +118,11 @@ class PredictionStep(Step[Refit]):
         )
 
     def reported(self, fit: Refit) -> Model:
-        """A fitted model with its standard errors."""
-        return with_stderr(fit, self.setting.records)
+        """A fitted model with its standard errors; what was weighed in some samples is fitted to all first."""
+        setting = self.setting if self.whole is None else self.whole
+        if self.whole is not None and any(fit is one.fit for one in self.weighed):
+            fit = refit_or_none(setting, fit.model, None, self.parent) or fit
+        return with_stderr(fit, setting.records)
 
     def verdict(self) -> tuple[str, tuple[str, ...]]:
         """What is left when no effect is named."""
@@ -164,6 +169,16 @@ class PredictionView(View[Refit]):
 
     def weigh(self, parent: Refit) -> Step[Refit]:
         """Weigh the effects of the catalogue that a score test finds promising, and pairs of them."""
+        some = self.setting.thinned(ENOUGH)
+        fit = parent if some is self.setting else refit_or_none(some, parent.model, None, parent)
+        if fit is None or fit is parent:
+            return self._in_all(parent)
+        other = copy(self)
+        other.setting = some
+        return replace(PredictionView._in_all(other, fit), parent=parent, whole=self.setting)
+
+    def _in_all(self, parent: Refit) -> PredictionStep:
+        """The same in all samples."""
         self.effects = self.choices(parent.model)
         asked = proposals(parent.model, self.effects, self.setting.conditions)
         screen = Screen(self.setting, parent, self.seed)

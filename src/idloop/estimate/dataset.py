@@ -62,6 +62,18 @@ class Data:
         index = np.searchsorted(self.input_time, self.time + 1e-9, side="right") - 1
         return np.where(index >= 0, self.input[np.maximum(index, 0)], 0.0)
 
+    def part(self, first: int, last: int) -> Data:
+        """From one sample up to another; the command that is held at the first stays known."""
+        time = self.time[first:last]
+        begin = max(int(np.searchsorted(self.input_time, time[0], side="right")) - 1, 0)
+        end = max(int(np.searchsorted(self.input_time, time[-1], side="right")), begin + 1)
+        gaps = self.gaps[(self.gaps > first) & (self.gaps < last)] - first
+        own, inputs = slice(first, last), slice(begin, end)
+        return replace(
+            self, input_time=self.input_time[inputs], input=self.input[inputs], time=time, output=self.output[own],
+            gaps=gaps,
+        )  # fmt: skip
+
 
 def prepare(
     model: Model, records: Sequence[Record], *, beside: Sequence[Record] = (), every: bool = False
