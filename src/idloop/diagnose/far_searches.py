@@ -247,8 +247,10 @@ def _ends(
 
     def search(values: Mapping[str, float], begun: Refit | None = None) -> Refit | None:
         theta = np.array([values.get(name, model.values[name]) for name in model.free])
-        rounds = 1 if begun is None else MORE_ROUNDS
-        return refit_or_none(setting, model, [theta], begun or beside, rounds=rounds) or begun
+        if begun is None:
+            # A first round tells which starts lead anywhere: it need not look for another noise.
+            return refit_or_none(setting, model, [theta], beside, rounds=1, near=True)
+        return refit_or_none(setting, model, [theta], begun, rounds=MORE_ROUNDS) or begun
 
     begun = _best_first(in_parallel(search, choices))[:most]
     return _best_first(in_parallel(lambda fit: search(fit.model.values, fit), begun))

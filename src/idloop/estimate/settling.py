@@ -20,7 +20,7 @@ Places = NDArray[np.int64]
 # Gains that change less than this over the rest of the record are taken as settled.
 _SETTLED = 1e-3
 # From so many measurements on the gain is held for this part of those so far.
-_SLOWLY, _HELD = 256, 128
+_SLOWLY, _HELD = 64, 32
 # Measurements after which the gain is held in any case.
 _MOST = 20_000
 
