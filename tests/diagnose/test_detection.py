@@ -24,7 +24,7 @@ NEEDED = (2.5 * (3.0 + 1.645)) ** 2
 def trace(trials: list[dict[str, float]], detectable: float, weakest: float | None = None) -> Trace:
     none = np.zeros((1, 0))
     return Trace(
-        trials, 0.0, np.zeros(1), detectable, 1.0, True, none, np.zeros(0),
+        trials, 0.0, np.zeros(1), detectable, 1.0, none, np.zeros(0),
         detectable if weakest is None else weakest,
     )  # fmt: skip
 

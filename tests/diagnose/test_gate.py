@@ -66,7 +66,7 @@ def test_no_size_is_named_that_the_machine_cannot_have(
 ) -> None:
     model = load_model("axis")
     (proposal,) = proposals(model, [name])
-    trace = Trace([size], 0.0, np.zeros(1), power, 1.0, True, np.zeros((1, 0)), np.zeros(0), power)
+    trace = Trace([size], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 0)), np.zeros(0), power)
     found = gate(model, setting, [Screened(proposal, [trace])], 9.0)
     assert found.testable[name] == "no"
     assert said in found.why[name]
@@ -101,7 +101,7 @@ def test_what_is_as_quick_as_the_samples_must_show_to_be_ruled_out(setting, name
     (proposal,) = proposals(model, [name])
 
     def judged(power):
-        trace = Trace([shape], 0.0, np.zeros(1), power, 1.0, False, np.zeros((1, 1)), np.zeros(1), power, worth=1e6)
+        trace = Trace([shape], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 1)), np.zeros(1), power, worth=1e6)
         return gate(model, setting, [Screened(proposal, [trace])], 20.0)
 
     weak, strong = judged(1.0), judged(1e4)

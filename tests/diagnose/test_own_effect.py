@@ -156,7 +156,7 @@ def test_it_takes_the_place_of_what_it_contains(plain: Model) -> None:
 
 
 def test_the_gate_judges_it_by_what_it_is(plain: Model, setting: Setting) -> None:
-    trace = Trace([{"most": 1.0}], 0.0, np.zeros(1), 1e6, 1.0, True, np.zeros((1, 0)), np.zeros(0), 1e6, worth=1e6)
+    trace = Trace([{"most": 1.0}], 0.0, np.zeros(1), 1e6, 1.0, np.zeros((1, 0)), np.zeros(0), 1e6, worth=1e6)
     (limit,) = (Screened(one, [trace]) for one in proposals(plain, ["soft_limit"]))
     one_size = gate(plain, setting, [limit], 9.0)
     assert one_size.testable == {"soft_limit@input": "no"}

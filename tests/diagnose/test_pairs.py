@@ -35,9 +35,7 @@ def screened(
         effect = effects[i] if effects is not None else an_effect(f"effect_{i}", one_sided)
         statistic = 0.0 if one_sided and score < 0.0 else score**2
         size, scores = np.array([score / np.linalg.norm(column)]), np.array([score])
-        trace = Trace(
-            [{"size": 1.0}], statistic, size, float(column @ column), 1.0, one_sided, direction[:, None], scores
-        )
+        trace = Trace([{"size": 1.0}], statistic, size, float(column @ column), 1.0, direction[:, None], scores)
         found.append(Screened(Proposal(effect, "axis", base), [trace]))
     return found
 

@@ -60,19 +60,20 @@ class Candidate:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {
-            "effect": self.effect,
-            "at": self.at,
-            "p_value": self.p_value,
-            "explains": self.explains,
-            "testable": self.testable,
-            "gain": None if np.isnan(self.gain) else self.gain,
-            "parameters": self.parameters,
-            "replaces": self.replaces,
-            "number": self.number,
-            "text": self.text,
-            "why": self.why,
-        }
+        told = (
+            "effect",
+            "at",
+            "p_value",
+            "explains",
+            "testable",
+            "gain",
+            "parameters",
+            "replaces",
+            "number",
+            "text",
+            "why",
+        )
+        return {name: getattr(self, name) for name in told} | ({"gain": None} if np.isnan(self.gain) else {})
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> Candidate:

@@ -15,8 +15,6 @@ from idloop.diagnose.step import MISSING, FitT, Step, View
 from idloop.physics.model import Model
 from idloop.records import Record
 
-Progress = Callable[[float, str], None]
-
 
 @dataclass(frozen=True)
 class Climb(Generic[FitT]):
@@ -28,7 +26,7 @@ class Climb(Generic[FitT]):
     criterion: str  # what the models are measured by
     level: float  # family-wise error rate of every step
     most: int  # most effects to add
-    tell: Progress
+    tell: Callable[[float, str], None]
     on_step: Callable[[Ladder], None] | None = None
     spoils: Callable[[Model, Model], bool] | None = None  # the second model must not take the place of the first
 

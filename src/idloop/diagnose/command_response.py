@@ -34,7 +34,6 @@ OTHERWISE = (
     " machine's"
 )
 REVERSED = f"{AGAINST}: with the sign of the command turned the model predicts it. {TURN}"
-REFUSED = "with it, too, the motion does not follow the command"
 
 
 def follows(setting: Setting, fit: Refit) -> bool:

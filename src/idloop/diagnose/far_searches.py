@@ -46,7 +46,6 @@ from idloop.physics.schema import BODY_PARAMETERS, COUPLING_PARAMETERS
 _LEFT_BEHIND = 5.0
 # Models that are taken further, of those that began.
 _TAKEN_FURTHER = 3
-_GAIN = "drive.gain"
 
 
 def far_searches(
@@ -189,16 +188,15 @@ def _from_near(
     found = confirm(setting, start, chosen, matters=lambda c: c.fit.log_likelihood > parent.log_likelihood)
     if all(c.fit.log_likelihood <= parent.log_likelihood for c in found):
         for proposal in proposals(parent.model, effects, setting.conditions):
-            if _begins_at_the_users(parent.model, given, proposal):
-                found += _from_the_users(setting, parent, proposal, given)
+            found += _from_the_users(setting, parent, proposal, given)
     return [replace(c, gain=c.fit.log_likelihood - parent.log_likelihood) for c in found]
 
 
 def _held_near(setting: Setting, model: Model, given: Mapping[str, float]) -> Refit | None:
     """The model at its best within a factor of three of the user's values; free to leave them again."""
     names = _given(model, given, (*BODY_PARAMETERS, *COUPLING_PARAMETERS))
-    if _GAIN in model.free and given.get(_GAIN, 0.0) != 0.0:
-        names.append(_GAIN)
+    if "drive.gain" in model.free and given.get("drive.gain", 0.0) != 0.0:
+        names.append("drive.gain")
     start = model.with_values({name: given[name] for name in names})
 
     def near(parameter: Parameter) -> Parameter:
@@ -210,24 +208,22 @@ def _held_near(setting: Setting, model: Model, given: Mapping[str, float]) -> Re
     return None if fit is None else replace(fit, model=model.with_values(fit.model.values))
 
 
-def _begins_at_the_users(model: Model, given: Mapping[str, float], proposal: Proposal) -> bool:
-    """Whether an effect is one of a coupling whose stiffness the fit has left, or of the drive where it has left that.
-
-    A coupling that slips all the time is nowhere near the user's values without its slip, nor is a drive that answers
-    late without its delay.
-    """
-    if proposal.replaces is not None:
-        return False
-    if proposal.effect.site == COUPLING:
-        return f"{proposal.at}.stiffness" in left_behind(model, given)
-    of_the_drive = proposal.effect.site == INPUT or bool(proposal.effect.delay)
-    return of_the_drive and _GAIN in model.free and abs(model.values[_GAIN]) < abs(given.get(_GAIN, 0.0)) / _LEFT_BEHIND
-
-
 def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
-    """Where the best search with an effect ends that starts from the very values the user gave."""
-    near = {**parent.model.values, **given}
-    scales = Sizes(parent.model.with_values(near), setting).at(proposal.effect.site, proposal.at)
+    """Where the best search ends that starts from the very values of the user, with an effect that they need.
+
+    A coupling that slips all the time is nowhere near the user's stiffness without its slip, nor is a drive that
+    answers late near the user's gain without its delay.
+    """
+    model, effect, gain = parent.model, proposal.effect, "drive.gain"
+    if effect.site == COUPLING:
+        needed = f"{proposal.at}.stiffness" in left_behind(model, given)
+    else:
+        lost = gain in model.free and abs(model.values[gain]) < abs(given.get(gain, 0.0)) / _LEFT_BEHIND
+        needed = lost and (effect.site == INPUT or bool(effect.delay))
+    if not needed or proposal.replaces is not None:
+        return []
+    near = {**model.values, **given}
+    scales = Sizes(model.with_values(near), setting).at(effect.site, proposal.at)
     trials = [trial for alternative in proposal.alternatives(scales) for trial in alternative]
     choices = [{**near, **{f"{proposal.name}.{name}": v for name, v in trial.items()}} for trial in trials]
     return [Confirmed(proposal, f, 0.0, 0.0) for f in _ends(setting, proposal.model(trials[0]), choices, most=2)[:1]]

@@ -73,13 +73,13 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
     findings, levels, turns = _excitation(model, setting, sizes)
     testable, why, limits = {}, {}, {}
     for s in screened:
-        name, limit, reach = s.proposal.name, detection_limit(s, chance), ""
-        scales = sizes.at(s.proposal.effect.site, s.proposal.at) if limit is not None else None
-        if limit is not None and scales is not None:
+        name, scales = s.proposal.name, sizes.at(s.proposal.effect.site, s.proposal.at)
+        limit, reach = detection_limit(s, chance), ""
+        if limit is not None:
             most, reach = reach_of(s.proposal, limit, model, scales)
             limit = within(limit, most)
         testable[name], why[name] = _judge(s, levels, turns, chance, limit, reach)
-        if limit is not None and scales is not None and testable[name] != "no":
+        if limit is not None and testable[name] != "no":
             limits[name] = limit
             if quicker := _quicker(s.proposal, limit, scales):
                 testable[name], why[name] = "no", quicker

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from copy import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -13,8 +12,8 @@ import numpy as np
 
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.choice import PREDICTION
-from idloop.diagnose.command_response import OTHERWISE, REFUSED, REVERSED, UNMOVED, follows, reversed_command
-from idloop.diagnose.confirm import STILL_IN_IT, Confirmed, confirm, confirm_behind_noise, promising
+from idloop.diagnose.command_response import OTHERWISE, REVERSED, UNMOVED, follows, reversed_command
+from idloop.diagnose.confirm import STILL_IN_IT, Confirmed, Progress, confirm, confirm_behind_noise, promising
 from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
 from idloop.diagnose.far_searches import beside_bare, far_searches, white
@@ -44,7 +43,6 @@ from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validate.measures import NEGLIGIBLE
 
-Progress = Callable[[float, str], None]
 # Effects, one or two, and the model that has them fitted.
 _Fitted = tuple[tuple[Proposal, ...], Refit]
 
@@ -55,8 +53,7 @@ class PredictionStep(Step[Refit]):
 
     setting: Setting = field(kw_only=True)  # what was fitted
     unseen: tuple[Record, ...] = field(kw_only=True)  # their free run tells whether an effect is worth a name
-    # Where effects were weighed in some of the samples only: all of them.
-    whole: Setting | None = None
+    whole: Setting | None = None  # all samples, where effects were weighed in some of them only
     unfollowed: str = ""  # what to say where the motion does not follow the command
     # Fits with the part by which each makes errors smaller, and with whether each holds on the held-out records.
     known: dict[int, tuple[Refit, float]] = field(default_factory=dict, compare=False)
@@ -105,7 +102,7 @@ class PredictionStep(Step[Refit]):
         beyond = [pair.scores.against(one.scores) for one in alone]
         if len({one.names[0] for one in alone}) < len(pair.names):
             beyond.append(pair.evidence)
-        return all(evidence.log >= self.threshold() and evidence.told for evidence in beyond)
+        return all(map(self.shows, beyond))
 
     def too_small(self, one: Weighed[Refit]) -> str:
         """Why an effect that shows is not worth a name."""
@@ -132,6 +129,7 @@ class PredictionStep(Step[Refit]):
         return (NOT_EXCITED if self.gate.poor or self.unfollowed else ADEQUATE), findings
 
 
+@dataclass(frozen=True)
 class PredictionView(View[Refit]):
     """Weighs what could be added to a model by its one-step errors, or those of its free run.
 
@@ -139,33 +137,25 @@ class PredictionView(View[Refit]):
     shows: this is not weighed again.
     """
 
-    def __init__(
-        self,
-        setting: Setting,
-        start: Model,
-        level: float,
-        least: float,
-        effects: Sequence[str] | None = None,
-        held_out: Setting | None = None,
-        seed: int = 0,
-        tell: Progress | None = None,
-    ) -> None:
-        self.setting, self.start, self.level, self.least = setting, start, level, least
-        self._asked = self.effects = effects
-        self.weighed: Model | None = None
-        self.held_out, self.seed, self._tell = held_out, seed, tell or (lambda share, text: None)
+    setting: Setting
+    start: Model  # as the user gave it
+    level: float
+    least: float
+    effects: Sequence[str] | None = None  # to choose from
+    held_out: Setting | None = None
+    seed: int = 0
+    tell: Progress = lambda share, text: None
+    weighed: Model | None = None
 
     def beside(self, model: Model, *, balanced: bool) -> PredictionView:
         """The same view after a force balance has led to a model; balanced: what it shows is not weighed again."""
-        other = copy(self)
-        other.start, other.weighed = model, model if balanced else None
-        return other
+        return replace(self, start=model, weighed=model if balanced else None)
 
     def choices(self, model: Model) -> Sequence[str] | None:
         """What there is to choose from beside a model; None for the whole catalogue."""
         if self.weighed is None:
-            return self._asked
-        return unbalanced(model, self._asked, self.setting.conditions, self.weighed)
+            return self.effects
+        return unbalanced(model, self.effects, self.setting.conditions, self.weighed)
 
     def weigh(self, parent: Refit) -> Step[Refit]:
         """Weigh the effects of the catalogue that a score test finds promising, and pairs of them."""
@@ -173,19 +163,18 @@ class PredictionView(View[Refit]):
         fit = parent if some is self.setting else refit_or_none(some, parent.model, None, parent)
         if fit is None or fit is parent:
             return self._in_all(parent)
-        other = copy(self)
-        other.setting = some
-        return replace(PredictionView._in_all(other, fit), parent=parent, whole=self.setting)
+        step = PredictionView._in_all(replace(self, setting=some), fit)
+        return replace(step, parent=parent, whole=self.setting)
 
     def _in_all(self, parent: Refit) -> PredictionStep:
         """The same in all samples."""
-        self.effects = self.choices(parent.model)
-        asked = proposals(parent.model, self.effects, self.setting.conditions)
+        effects = self.choices(parent.model)
+        asked = proposals(parent.model, effects, self.setting.conditions)
         screen = Screen(self.setting, parent, self.seed)
         screened = screen.all(asked, self._part(0.15, 0.4, "screening"))
         bar = 2.0 * math.log(max(len(asked), 1) / self.level)
         confirmed = self._confirmed(parent, screened, bar)
-        confirmed += far_searches(self.setting, parent, self.start, self.effects, self.seed)
+        confirmed += far_searches(self.setting, parent, self.start, effects, self.seed)
         confirmed = _best_of_each(confirmed)
         weigher = _Weigher(parent)
         # What has gained less than two units of log-likelihood is not worth weighing.
@@ -215,7 +204,7 @@ class PredictionView(View[Refit]):
 
     def _part(self, begin: float, width: float, what: str) -> Progress:
         """Tells a part of the work."""
-        return lambda share, text: self._tell(begin + width * share, f"{what} {text}")
+        return lambda share, text: self.tell(begin + width * share, f"{what} {text}")
 
     def _confirmed(self, parent: Refit, screened: list[Screened], bar: float) -> list[Confirmed]:
         """Refits of what the score test does not rule out."""
@@ -250,19 +239,13 @@ class PredictionView(View[Refit]):
         prefix = f"{first.name}."
         own = {name.removeprefix(prefix): v for name, v in best.model.values.items() if name.startswith(prefix)}
         fit = refit_or_none(self.setting, first.model(own), None, step.parent)
-        if fit is None:
-            return step
-        return replace(step, weighed=(*step.weighed, *weigher([((first,), fit)])))
+        return step if fit is None else replace(step, weighed=(*step.weighed, *weigher([((first,), fit)])))
 
     def _judged(self, step: PredictionStep, moved: bool) -> PredictionStep:
         """With the reasons for which effects that show are not named."""
-        refused = {}
-        for one in step.significant:
-            if len(one.proposals) == 1:
-                (proposal,) = one.proposals
-                if why := self._refused(step, proposal, one.fit, moved):
-                    refused[proposal.name] = why
-        return replace(step, refused=refused)
+        singles = [one for one in step.significant if len(one.proposals) == 1]
+        refused = {one.names[0]: self._refused(step, one.proposals[0], one.fit, moved) for one in singles}
+        return replace(step, refused={name: why for name, why in refused.items() if why})
 
     def _refused(self, step: PredictionStep, proposal: Proposal, fit: Refit, moved: bool) -> str:
         """Why an effect that shows is not named; empty where it is."""
@@ -280,7 +263,9 @@ class PredictionView(View[Refit]):
                 step.held[id(fit)] = fit, holds(self.held_out, step.parent, proposal, fit)
             if not step.held[id(fit)][1]:
                 return "it does harm on the unseen data"
-        return "" if moved or follows(self.setting, fit) else REFUSED
+        if not moved and not follows(self.setting, fit):
+            return "with it, too, the motion does not follow the command"
+        return ""
 
     def again(self, fit: Refit) -> Refit:
         """The same model, with the order of whitening that suits it."""
@@ -411,18 +396,16 @@ def _swallowed(fit: Refit) -> bool:
 
 
 def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
-    """Effects of which a score says little.
+    """Effects of which a score says little: those that would take a plainer one's place, and slow forces.
 
-    Slow forces that a long memory of the noise may stand for (of those that act on bodies alike, on the
-    first), and effects that would take a plainer one's place.
+    A long memory of the noise may stand for the latter; of those that act on bodies alike, the first body's counts.
     """
-    criterion = parent.criterion
-    if not isinstance(criterion, InnovationCriterion):
+    if not isinstance(parent.criterion, InnovationCriterion):
         return []
-    remembers = criterion.memory >= LONG_MEMORY or any(parent.problem.orders)
-    places = ("input", parent.model.bodies[0])
+    remembers = parent.criterion.memory >= LONG_MEMORY or any(parent.problem.orders)
 
     def slow(proposal: Proposal) -> bool:
-        return remembers and proposal.effect.slow and (proposal.at in places or not proposal.effect.anywhere)
+        alike = proposal.effect.anywhere and proposal.at not in (INPUT, parent.model.bodies[0])
+        return remembers and proposal.effect.slow and not alike
 
     return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]

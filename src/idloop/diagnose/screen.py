@@ -42,7 +42,6 @@ class Trace:
     size: Array  # coefficient of each direction, shape (g,): 1 means the trial values themselves
     detectable: float  # twice the log-likelihood that the effect would be worth at the trial values
     left: float  # part of the trace that the free parameters cannot produce
-    one_sided: bool
     sketch: Array  # orthonormal directions, sketched, one column each; they point to where a trial leaves its trace
     scores: Array  # errors along these directions, in their standard deviation: above 0 where they ask for more
     weakest: float = 0.0  # as `detectable`, of the direction that is worth least
@@ -108,12 +107,9 @@ class Screen:
         traces = []
         share, weakest = 1.0, _weakest(proposal, scales)
         for trials in proposal.alternatives(scales):
-            asked = 1.0
-            if trials not in weakest:
-                trace = self._trace(proposal, trials)
-            else:
-                trace, share = self._weak_trace(proposal, trials, share)
-                asked = share
+            weak = trials in weakest
+            trace, asked = self._weak_trace(proposal, trials, share) if weak else (self._trace(proposal, trials), 1.0)
+            share = asked if weak else share
             if trace is not None:
                 traces.append(replace(trace, worth=max(trace.detectable, trace.detectable / asked**2)))
         return Screened(proposal, traces)
@@ -231,13 +227,13 @@ class Screen:
         shift = -self._back @ (raw @ size)
         sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)
         return Trace(
-            trials, statistic, size, detectable, left, any(sides), sketch, scores, weakest, uneven, detectable, shift
+            trials, statistic, size, detectable, left, sketch, scores, weakest, uneven, detectable, shift
         )  # fmt: skip
 
     def _invisible(self, trials: list[Trial], detectable: float, left: float) -> Trace:
         """What nothing can be said of: no direction of its own."""
         none = np.zeros((len(self._edges), 0))
-        return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, True, none, np.zeros(0))
+        return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, none, np.zeros(0))
 
 
 def _parts(raw: Array, own: Array, least: float) -> Array:

@@ -31,10 +31,6 @@ class Fitted(Protocol):
     def model(self) -> Model:
         """With the values found."""
 
-    @property
-    def log_likelihood(self) -> float:
-        """Of the samples that were fitted."""
-
 
 class Structure(Protocol):
     """A curve that the errors follow."""
@@ -166,10 +162,12 @@ class Step(ABC, Generic[FitT]):
     @cached_property
     def significant(self) -> list[Weighed[FitT]]:
         """What shows beyond doubt, worth naming or not, best first."""
-        return sorted((one for one in self.weighed if self._shows(one)), key=lambda one: -one.merit)
+        found = [one for one in self.weighed if self.shows(one.evidence, len(one.proposals))]
+        return sorted(found, key=lambda one: -one.merit)
 
-    def _shows(self, one: Weighed[FitT]) -> bool:
-        return one.evidence.log >= self.threshold(len(one.proposals)) and one.evidence.told
+    def shows(self, evidence: Evidence, effects: int = 1) -> bool:
+        """Whether there is evidence beyond doubt for so many effects together."""
+        return evidence.log >= self.threshold(effects) and evidence.told
 
     @cached_property
     def eligible(self) -> list[Weighed[FitT]]:
@@ -180,7 +178,8 @@ class Step(ABC, Generic[FitT]):
         """Of some choices those that show beyond doubt and are worth naming, best first."""
         found = [
             one for one in several
-            if self._shows(one) and not one.hollow and not self.refused.keys() & set(one.names) and self.worth(one)
+            if self.shows(one.evidence, len(one.proposals)) and not one.hollow
+            and not self.refused.keys() & set(one.names) and self.worth(one)
         ]  # fmt: skip
         return sorted(found, key=lambda one: -one.merit)
 
@@ -191,11 +190,7 @@ class Step(ABC, Generic[FitT]):
     @cached_property
     def structure(self) -> Structure | None:
         """The curve that explains most of what no effect does; None where none shows or is worth telling."""
-        found = (
-            one for one in self.structures
-            if one.evidence.log >= self.threshold() and one.evidence.told and one.worth >= self.least
-        )  # fmt: skip
-        return next(found, None)
+        return next((one for one in self.structures if self.shows(one.evidence) and one.worth >= self.least), None)
 
     def _stands_in(self, one: Weighed[FitT]) -> bool:
         """Whether an effect is named for want of a curve that explains far more: it fits a part of that."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -35,13 +35,8 @@ class Worsened:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {
-            "effect": self.name,
-            "unseen": self.unseen,
-            "output": self.output,
-            "before": self.before,
-            "after": self.after,
-        }
+        own = asdict(self)
+        return {"effect": own.pop("name"), **own}
 
 
 def worsened(names: Sequence[str], errors: Sequence[Mapping[str, Any]], *, unseen: bool) -> list[Worsened]:
