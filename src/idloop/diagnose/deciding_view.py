@@ -31,20 +31,9 @@ _BEGINNINGS = 4000
 class Views:
     """The force balance of a model beside predictions of the next sample: which of them decides what it lacks.
 
-    Parameters
-    ----------
-    model : Model
-    setting : Setting
-        Of predictions.
-    forms : dict of int to WeakForm
-        Windows of the records by width; what is made anew is added.
-
-    Attributes
-    ----------
-    balance : WeakFit or None
-        The model fitted by its force balance; None where it cannot decide: where some body is not measured, where
-        sensor noise is what it would show, where it leaves next to nothing, where windows that are wide enough for that
-        leave out much of the motion, where the command is turned, and where what it shows is a feedback.
+    `balance` is None where it cannot decide: where some body is not measured, where sensor noise is what it would show,
+    where it leaves next to nothing, where windows that are wide enough for that leave out much of the motion, where the
+    command is turned, and where what it shows is a feedback. Windows that are made anew are added to `forms`.
     """
 
     def __init__(self, model: Model, setting: Setting, forms: dict[int, WeakForm]) -> None:
@@ -92,13 +81,6 @@ class Views:
 
         Where a disturbance moves an axis and a loop answers it, the balance shows that loop and not the axis.
         Predictions have the disturbance for what it is; those that are blind contradict nothing.
-
-        Parameters
-        ----------
-        found : Model
-            After the balance has added to it.
-        level : float
-            Probability of naming an effect where nothing is missing.
         """
         if self.blind:
             return False
@@ -109,15 +91,7 @@ class Views:
 
 
 def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) -> Candidate:
-    """A candidate with the values of a fit to prediction errors.
-
-    Parameters
-    ----------
-    candidate : Candidate
-    fit : Refit
-        Of the model that has it.
-    records : sequence of Record
-    """
+    """A candidate with the values of a fit to prediction errors, of the model that has it."""
     model = with_stderr(fit, records)
     return replace(candidate, model=model, parameters=effect_parameters(model, candidate.name))
 
@@ -125,15 +99,7 @@ def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) ->
 def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> WeakFit:
     """The model fitted by its force balance, which was asked for: it decides wherever it can be evaluated.
 
-    Parameters
-    ----------
-    model, setting, forms
-        As of `Views`.
-
-    Raises
-    ------
-    InputError
-        It cannot be evaluated.
+    Raises `InputError` where it cannot be.
     """
     fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms, insist=True)
     if fit is None:

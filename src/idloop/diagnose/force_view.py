@@ -74,17 +74,10 @@ _LEAST_PROMISE = 2.0
 
 @dataclass(frozen=True)
 class ForceStep(Step[WeakFit]):
-    """What one step has weighed by the balance of forces.
+    """What one step has weighed by the balance of forces."""
 
-    Attributes
-    ----------
-    thinned : WeakFit
-        The parent, fitted to the windows in which the effects are weighed.
-    beside : tuple of Weighed
-        The same effects beside a curve that explains far more than any of them; empty where there is none.
-    """
-
-    thinned: WeakFit = field(kw_only=True)
+    thinned: WeakFit = field(kw_only=True)  # the parent, fitted to the windows in which the effects are weighed
+    # The same effects beside a curve that explains far more than any of them; empty where there is none.
     beside: tuple[Weighed[WeakFit], ...] = ()
 
     @property
@@ -166,20 +159,8 @@ def fitted_model(fit: WeakFit) -> Model:
 class ForceView(View[WeakFit]):
     """Weighs what could be added to a model by its force balance.
 
-    Parameters
-    ----------
-    setting : Setting
-        Records and sizes.
-    level : float
-        Probability of naming an effect where nothing is missing, over all effects of a step.
-    least : float
-        Part by which an effect must make the errors on unseen samples smaller to be named.
-    effects : sequence of str, optional
-        Choose from these only.
-    held_out : sequence of Data
-        Records on which an effect has to explain something, too.
-    forms : dict of int to WeakForm, optional
-        Windows of the records by width; what is made anew is added.
+    On held-out records an effect has to explain something, too. Windows that are made anew are added to ``forms``, by
+    their width.
     """
 
     def __init__(
@@ -294,16 +275,7 @@ def _balances(proposal: Proposal) -> bool:
 def unbalanced(model: Model, effects: Sequence[str] | None, conditions: Mapping[str, str], weighed: Model) -> list[str]:
     """Names of the effects that could be added to a model and that the balance of another one does not show.
 
-    Parameters
-    ----------
-    model, effects, conditions
-        As of `proposals`.
-    weighed : Model
-        The other one: without the bodies and couplings that the model has gained since.
-
-    Returns
-    -------
-    list of str
+    `weighed` is that one: without the bodies and couplings that the model has gained since.
     """
     return [
         one.name
@@ -327,13 +299,7 @@ class _Promising:
 class _Screen:
     """Correlates the traces that effects would leave in a balance with what it leaves unexplained.
 
-    Parameters
-    ----------
-    setting : Setting
-    whole : WeakFit
-        The balance, in all windows.
-    parent : WeakFit
-        The same in those in which traces are computed.
+    Traces are computed in the windows of `parent`, some of those of `whole`.
     """
 
     def __init__(self, setting: Setting, whole: WeakFit, parent: WeakFit) -> None:
@@ -444,23 +410,9 @@ def _starts(proposal: Proposal, trials: Sequence[Trial], size: Array) -> list[Tr
 def fit_in(
     form: WeakForm, model: Model, shift: float, tolerance: float = RANKING, rounds: int = MOST_ITERATIONS
 ) -> WeakFit | None:
-    """A model fitted in the windows of another one; None where it cannot be.
+    """A model fitted in the windows of another one, from its values and a time from stamp to action [s].
 
-    Parameters
-    ----------
-    form : WeakForm
-    model : Model
-        At the values to start from.
-    shift : float
-        Time from the stamp of a command to its action to start from [s].
-    tolerance : float
-        Log-likelihood that a further iteration must promise.
-    rounds : int
-        Most iterations.
-
-    Returns
-    -------
-    WeakFit or None
+    None where it cannot be. A further iteration must promise `tolerance` of log-likelihood.
     """
     form = form.with_engine(RememberingEngine(model))
     start = np.append(model.theta, shift) if form.free_timing else model.theta
@@ -500,15 +452,7 @@ def _again(fit: WeakFit, form: WeakForm, tolerance: float = RANKING) -> WeakFit 
 
 
 class _Weigher:
-    """Weighs fitted models against one without what they have: at a glance all, in all windows the best of them.
-
-    Parameters
-    ----------
-    setting : Setting
-    parent, glance : WeakFit
-        The one without, in all windows and in few of them, evenly spread.
-    held_out : sequence of Data
-    """
+    """Weighs fitted models against one without what they have: at a glance all, in all windows the best of them."""
 
     def __init__(self, setting: Setting, parent: WeakFit, glance: WeakFit, held_out: Sequence[Data]) -> None:
         self.setting, self.parent, self.base = setting, parent, scores_of(parent)
@@ -525,15 +469,7 @@ class _Weigher:
         return -float(np.mean(fit.along(form).log_densities()))
 
     def __call__(self, fits: Iterable[_Fitted | None], level: float) -> list[Weighed[WeakFit]]:
-        """Those that explain anything, with their evidence.
-
-        Parameters
-        ----------
-        fits : iterable
-            Effects, and the models that have them fitted at a glance.
-        level : float
-            Probability of naming an effect where nothing is missing.
-        """
+        """Of effects and models that have them fitted at a glance those that explain anything, with their evidence."""
         fitted = [one for one in fits if one is not None]
         if self.glance is self.parent:
             return self._weighed((*one, scores_of) for one in fitted)

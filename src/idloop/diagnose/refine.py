@@ -124,16 +124,7 @@ def refine(
 
 
 def views_apart(ladder: Ladder) -> str:
-    """What to say of a model that is adequate in one view and far off in free run; empty where it is not.
-
-    Parameters
-    ----------
-    ladder : Ladder
-
-    Returns
-    -------
-    str
-    """
+    """What to say of a model that is adequate in one view and far off in free run; empty where it is not."""
     last = ladder.steps[-1]
     missed: Mapping[str, float] = (last.validation or last.train).get("nrmse", {})
     far = {name: share for name, share in missed.items() if not share < 1.0}
