@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 Values = Mapping[str, float]
 
-# Memory for the terms that are kept [bytes].
-_KEPT = 64e6
+# Memory for the terms that are kept [bytes], and how many it has room for at least.
+_KEPT, _FEWEST_KEPT = 32_000_000, 16
 # A change of the command by this part of its rms shows how far the balance still depends on it.
 PROBE = 1e-3
 # Places of the arguments of a friction and a force that depend on other terms: the torque that arrives, the inertia.
@@ -71,6 +71,11 @@ class Term:
     weak: Array
     near: Array
 
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return self.weak.nbytes + self.near.nbytes
+
     def __mul__(self, factor: float) -> Term:
         return Term(factor * self.weak, factor * self.near)
 
@@ -103,6 +108,11 @@ class DriveTerm:
     sent: Array
 
     @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return sum(weak.nbytes + near.nbytes for weak, near in [(self.weak, self.near), *self.changes])
+
+    @property
     def mean(self) -> Array:
         """At the instants near rest, shape (k,): of two sides the mean."""
         return _mean_of_sides(self.near, len(self.near) - 2 * len(self.jumps), self.jumps, self.late)
@@ -121,6 +131,11 @@ class _Friction:
     near: Array
     ahead: Array
     back: Array
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return self.weak.nbytes + 3 * self.near.nbytes
 
     def __mul__(self, factor: float) -> _Friction:
         return _Friction(factor * self.weak, factor * self.near, factor * self.ahead, factor * self.back)
@@ -197,8 +212,9 @@ class MotionInWindows:
         # Of every instant its place among those near rest, -1 of others.
         self.place = np.full(len(self.whole.time), -1)
         self.place[self.near] = np.arange(len(self.near))
-        self._kept: OrderedDict[Any, Any] = OrderedDict()
-        self._size, self._lock = 0.0, Lock()
+        self._kept: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
+        self._size, self._lock = 0, Lock()
+        self._most = max(_KEPT, _FEWEST_KEPT * 8 * (len(rows) + len(self.near)))
 
     def weak(self, values: Array) -> Array:
         """Mean of a signal (m,) over every window, shape (rows,)."""
@@ -234,16 +250,15 @@ class MotionInWindows:
         with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)
-                return self._kept[key]
+                return self._kept[key][0]
         found = made()
+        size = int(getattr(found, "nbytes", 0))
         with self._lock:
             if key not in self._kept:
-                self._kept[key] = found
-                # A term has few arrays beside the one over all windows and the one near rest.
-                self._size += 8.0 * (len(self.rows) + len(self.near))
-                while self._size > _KEPT and len(self._kept) > 1:
-                    self._kept.popitem(last=False)
-                    self._size -= 8.0 * (len(self.rows) + len(self.near))
+                self._kept[key] = found, size
+                self._size += size
+            while self._size > self._most and len(self._kept) > 1:
+                self._size -= self._kept.popitem(last=False)[1][1]
         return found
 
     def term(self, values: Array) -> Term:
@@ -282,6 +297,11 @@ class _Commands:
         kept = np.flatnonzero(along.place[around.jumps] >= 0)
         self._jumps, self._late, sides = along.place[around.jumps[kept]], around.late[kept], count + kept
         self.near = np.concatenate([along.near, sides, sides + len(around.jumps)])
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return 6 * self.command.nbytes
 
     def both(self, force: Array) -> tuple[Array, Array]:
         """A force at the same in every window, and near rest."""
