@@ -94,8 +94,8 @@ class DriveTerm:
         Which of the k instants those are.
     late : array, shape (j,)
         Part of the sample time around them after the jump.
-    changes : list of (array, array)
-        What small changes of the command do to both.
+    probe : callable
+        What small changes of the command do to both, one by one.
     sent : array, shape (rows,)
         Rms of these changes in every window.
     """
@@ -104,13 +104,18 @@ class DriveTerm:
     near: Array
     jumps: Places
     late: Array
-    changes: list[tuple[Array, Array]]
+    probe: Callable[[], list[tuple[Array, Array]]]
     sent: Array
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes."""
-        return sum(weak.nbytes + near.nbytes for weak, near in [(self.weak, self.near), *self.changes])
+        return 3 * (self.weak.nbytes + self.near.nbytes)
+
+    @cached_property
+    def changes(self) -> list[tuple[Array, Array]]:
+        """What `probe` finds."""
+        return self.probe()
 
     @property
     def mean(self) -> Array:
@@ -230,10 +235,27 @@ class MotionInWindows:
         shape = (len(self.rows), len(self.near))
         return csr_array((self.weights[offset[there]], (row[there], column[there])), shape=shape)
 
+    def waves(self, *, slow_and_quick: bool) -> tuple[list[Array], Array]:
+        """Small changes of the command (m,), and their rms in every window (rows,).
+
+        A constant one; of what lags two square waves, a quarter of a period apart: it passes no quick changes.
+        """
+        return self._square_waves if slow_and_quick else self._constant
+
     @cached_property
-    def probed(self) -> Array:
-        """The same small change of the command in every window, shape (rows,)."""
-        return np.full(len(self.rows), PROBE * self.command_rms)
+    def _constant(self) -> tuple[list[Array], Array]:
+        probe = PROBE * self.command_rms
+        return [np.full(len(self.whole.time), probe)], np.full(len(self.rows), probe)
+
+    @cached_property
+    def _square_waves(self) -> tuple[list[Array], Array]:
+        probe = PROBE * self.command_rms
+        counts = [np.arange(len(motion.time)) / len(self.weights) for motion in self.motions]
+        waves = [
+            np.concatenate([np.where((count + late) % 2.0 < 1.0, probe, -probe) for count in counts])
+            for late in (0.0, 0.5)
+        ]
+        return waves, np.asarray(np.sqrt(sum(self.weak(wave) ** 2 for wave in waves)))
 
     @cached_property
     def weak_velocity(self) -> Array:
@@ -295,7 +317,7 @@ class _Commands:
         self.time = np.arange(len(self.instants), dtype=float)
         self.velocity = along.whole.velocity[self.instants, 0]
         kept = np.flatnonzero(along.place[around.jumps] >= 0)
-        self._jumps, self._late, sides = along.place[around.jumps[kept]], around.late[kept], count + kept
+        self.jumps, self.late, sides = along.place[around.jumps[kept]], around.late[kept], count + kept
         self.near = np.concatenate([along.near, sides, sides + len(around.jumps)])
 
     @property
@@ -307,10 +329,6 @@ class _Commands:
         """A force at the same in every window, and near rest."""
         around = self.around
         return self._along.weak(_mean_of_sides(force, len(around.mean), around.jumps, around.late)), force[self.near]
-
-    def term(self, force: Array, changes: list[tuple[Array, Array]], sent: Array) -> DriveTerm:
-        """The term of a drive with this force at the same."""
-        return DriveTerm(*self.both(force), self._jumps, self._late, changes, sent)
 
 
 def _numbers(active: ActiveEffect, values: Values) -> tuple[float, ...]:
@@ -542,58 +560,51 @@ class BalanceTerms:
         along, gain = self.along, values["drive.gain"]
         numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in self.inputs)
         found = along.kept(("drive", timing, numbers), lambda: self._drive_per_gain(values, timing))
-        changes = [(gain * weak, gain * near) for weak, near in found.changes]
-        return DriveTerm(gain * found.weak, gain * found.near, found.jumps, found.late, changes, found.sent)
+
+        def probe() -> list[tuple[Array, Array]]:
+            return [(gain * weak, gain * near) for weak, near in found.changes]
+
+        return DriveTerm(gain * found.weak, gain * found.near, found.jumps, found.late, probe, found.sent)
 
     def _drive_per_gain(self, values: Values, timing: float) -> DriveTerm:
-        along, rows = self.along, len(self.along.rows)
-        probe = PROBE * along.command_rms
+        along = self.along
         commands: _Commands = along.kept(("commands", timing), lambda: _Commands(along, timing))
+        waves, sent = along.waves(slow_and_quick=self._lags)
         if self._lags:
-            return self._drive_with_memory(values, commands.around.mean, probe)
+            # What has a memory is asked for one command between two samples, not for both sides of a jump.
+            given, jumps, late = commands.around.mean, commands.jumps[:0], commands.late[:0]
+        else:
+            given, jumps, late = commands.command, commands.jumps, commands.late
+            waves = [wave[commands.instants] for wave in waves]
+        force = self._drive_force(values, commands)
+        base = force(given)
+
+        def seen(force: Array) -> tuple[Array, Array]:
+            return (along.weak(force), force[along.near]) if self._lags else commands.both(force)
+
+        return DriveTerm(*seen(base), jumps, late, lambda: [seen(force(given + wave) - base) for wave in waves], sent)
+
+    def _drive_force(self, values: Values, commands: _Commands) -> Callable[[Array], Array]:
+        """From commands to the force of the drive, per gain."""
+        along, values = self.along, {**values, "drive.gain": 1.0}
+        if self._lags:
+            starts = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
+            alone, axis = self._alone(self.inputs, values)
+            constants = axis.constants.copy()
+            constants[kernel.GAIN] = 1.0
+            axis = axis._replace(constants=constants)
+            return lambda command: -self._balance(alone, axis, np.split(command, starts))[0][:, 0]
         if not any(one.effect.command is not None for one in self.inputs):
-            # What comes in goes out.
-            changes = [(np.full(rows, probe), np.full(len(commands.near), probe))]
-            return commands.term(commands.command, changes, along.probed)
-        layout = lay_out(self.model, {**values, "drive.gain": 1.0}, final=False)
-        conditions = along.whole.at(commands.instants).conditions if layout.wanted else None
-        axis = layout.under(conditions).axis
+            return lambda command: command
+        layout = lay_out(self.model, values, final=False)
+        drive = layout.under(along.whole.at(commands.instants).conditions if layout.wanted else None).axis
 
         def force(command: Array) -> Array:
             given = np.empty(len(command))
-            kernel.drive_along(axis, commands.time, command, commands.velocity, layout.new_state(), given)
+            kernel.drive_along(drive, commands.time, command, commands.velocity, layout.new_state(), given)
             return given
 
-        base = force(commands.command)
-        change = force(commands.command + probe) - base
-        return commands.term(base, [commands.both(change)], along.probed)
-
-    def _drive_with_memory(self, values: Values, command: Array, probe: float) -> DriveTerm:
-        along, starts = self.along, np.cumsum([len(motion.time) for motion in self.along.motions])[:-1]
-        layout, axis = self._alone(self.inputs, values)
-        constants = axis.constants.copy()
-        constants[kernel.GAIN] = 1.0
-        axis = axis._replace(constants=constants)
-
-        def force(command: Array) -> Array:
-            return -self._balance(layout, axis, np.split(command, starts))[0][:, 0]
-
-        base = force(command)
-        changes, sent = [], np.zeros(len(along.rows))
-        for wave in self._waves(probe):
-            change = force(command + wave) - base
-            changes.append((along.weak(change), change[along.near]))
-            sent += along.weak(wave) ** 2
-        none = np.zeros(0, dtype=np.int64)
-        return DriveTerm(along.weak(base), base[along.near], none, np.zeros(0), changes, np.sqrt(sent))
-
-    def _waves(self, probe: float) -> list[Array]:
-        """Two square waves, a quarter of a period apart: what lags passes no quick changes of the command."""
-        counts = [np.arange(len(motion.time)) / len(self.along.weights) for motion in self.along.motions]
-        return [
-            np.concatenate([np.where((count + late) % 2.0 < 1.0, probe, -probe) for count in counts])
-            for late in (0.0, 0.5)
-        ]
+        return force
 
 
 class WholeBalance(BalanceTerms):
@@ -609,12 +620,10 @@ class WholeBalance(BalanceTerms):
 
     def slope(self, values: Values, timing: float, rest: float) -> Array:
         """As of `BalanceTerms`."""
-        probe, base = PROBE * self.along.command_rms, self._whole(values, timing, rest, None)[:, 0]
-        count = len(self.along.whole.time)
-        waves = self._waves(probe) if self._lags else [np.full(count, probe)]
+        base = self._whole(values, timing, rest, None)[:, 0]
+        waves, sent = self.along.waves(slow_and_quick=self._lags)
         squares = sum((self._whole(values, timing, rest, wave)[:, 0] - base) ** 2 for wave in waves)
-        sent = sum(self.along.weak(wave) ** 2 for wave in waves)
-        return np.asarray(np.sqrt(squares / np.maximum(sent, 1e-300)))
+        return np.asarray(np.sqrt(squares / np.maximum(sent**2, 1e-300)))
 
     def _whole(self, values: Values, timing: float, rest: float, wave: Array | None) -> Array:
         along = self.along
