@@ -111,10 +111,6 @@ def plan_compensation(compensation: Compensation, values: Mapping[str, Any]) -> 
     values : mapping
         Controller, from ``check_controller``.
 
-    Returns
-    -------
-    Plan
-
     Raises
     ------
     InputError

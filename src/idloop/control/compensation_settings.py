@@ -63,10 +63,6 @@ def choose_settings(compensation: Compensation, plan: Plan, values: Mapping[str,
     values : mapping
         Controller, from ``check_controller``.
 
-    Returns
-    -------
-    Settings
-
     Raises
     ------
     InputError

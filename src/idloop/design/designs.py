@@ -92,10 +92,6 @@ def machine_scale(engine: Engine, sample_time: float, duration: float | None) ->
         Of the signal [s].
     duration : float, optional
         Of the experiment [s], where the user has chosen it.
-
-    Returns
-    -------
-    Scale
     """
     roots = np.linalg.eigvals(engine.linearise(None).A)
     size = np.abs(roots)

@@ -53,10 +53,6 @@ def suggest_effect(
     records, limits, duration, seed, start, adds_to, progress
         As in `suggest`.
 
-    Returns
-    -------
-    Suggestion
-
     Raises
     ------
     InputError
@@ -80,10 +76,6 @@ def effect_rivals(model: Model, effect: str, records: Sequence[Record], limits: 
     records : sequence of Record
     limits : Limits
         Of the experiment to come.
-
-    Returns
-    -------
-    without, with_effect : Model
     """
     proposal = find_proposal(model, effect)
     sizes = Sizes(model, prepare_setting(model, records, "prediction"))

@@ -44,10 +44,6 @@ def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion
     criterion : str
         As in `idloop.diagnose.diagnose`; anything but the force is judged by innovations.
 
-    Returns
-    -------
-    list of Rival
-
     Raises
     ------
     InputError

@@ -157,10 +157,6 @@ def force_views(models: Sequence[Model], data: Sequence[Data]) -> list[ForceView
     models : sequence of Model
     data : sequence of Data
         The data so far.
-
-    Returns
-    -------
-    list of ForceView or None
     """
     engines = [RememberingEngine(model) for model in models]
     if any(engine.layout(None).bodies != len(model.bodies) for engine, model in zip(engines, models, strict=True)):
@@ -191,10 +187,6 @@ def force_noise(errors: Sequence[Array], width: int, sample_time: float) -> Forc
         [samples]
     sample_time : float
         [s]
-
-    Returns
-    -------
-    ForceNoise
     """
     series = [np.ascontiguousarray(e) for e in errors]
     whitener = fit_whitener(series, choose_order(series, _MOST_LAGS))

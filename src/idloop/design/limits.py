@@ -61,11 +61,6 @@ class Limits:
     def completed(self, model: Model, records: Sequence[Record]) -> Limits:
         """Fill in what is not given: the largest command and motion so far.
 
-        Parameters
-        ----------
-        model : Model
-        records : sequence of Record
-
         Returns
         -------
         Limits
@@ -123,11 +118,6 @@ def motion(model: Model, record: Record) -> tuple[Array, Array]:
     """Positions and velocities of all measured bodies in a record, one after the other.
 
     A body of which only one of the two is measured has the other one from it.
-
-    Parameters
-    ----------
-    model : Model
-    record : Record
 
     Returns
     -------

@@ -102,13 +102,6 @@ def open_question(
     """The latest tie as models, each with one of the tied effects fitted; None without a tie.
 
     Of effects that are one equation only the first counts: no experiment tells them apart.
-
-    Parameters
-    ----------
-    found : Diagnosis or Ladder
-    records : sequence of Record
-    seed : int
-    progress : callable, optional
     """
     from idloop.diagnose.diagnose import diagnose
     from idloop.diagnose.diagnosis import Diagnosis

@@ -76,17 +76,7 @@ class Noise:
 
 
 def common_noise(models: Sequence[Model], data: list[Data]) -> Noise:
-    """Noise of the rival that explains the data so far best, its disturbance included.
-
-    Parameters
-    ----------
-    models : sequence of Model
-    data : list of Data
-
-    Returns
-    -------
-    Noise
-    """
+    """Noise of the rival that explains the data so far best, its disturbance included."""
     engines = [RememberingEngine(model) for model in models]
     sensors = output_noise(models[0], data)
     force = force_scale(engines[0], data)

@@ -149,10 +149,6 @@ class PredictionView:
             Series of innovations.
         decades : float
             Of the observer that they are from.
-
-        Returns
-        -------
-        ndarray (samples, k)
         """
         noise = self.noise
         parts = []

@@ -103,10 +103,6 @@ class Rival:
             What the truth itself leaves of it, which is no motion that tells.
         searched : bool
             Refit by a search instead of one linear step: slower, and exact where the rival bends.
-
-        Returns
-        -------
-        Missed
         """
         raw = self._with_slopes(record, start, own)
         if not np.all(np.abs(raw[:: self.view.period]) < _RUNS_AWAY):

@@ -157,10 +157,6 @@ def suggest(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Suggestion
-
     Raises
     ------
     InputError
@@ -263,10 +259,6 @@ def prepare_setup(
         Rivals, or those that will be; their values do not count.
     records, limits, duration, seed, start, adds_to
         As in `suggest`.
-
-    Returns
-    -------
-    Setup
 
     Raises
     ------

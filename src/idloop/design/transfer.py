@@ -27,10 +27,6 @@ def transfer(innovations: Array, transition: Array, output: Array, given: Array,
     output : ndarray (p, m)
     given, wanted : ndarray (s m, p)
         Gains one below the other, the last held; as of `settling_observer`.
-
-    Returns
-    -------
-    ndarray (n, p, k)
     """
     return np.asarray(
         _transfer(

@@ -72,10 +72,6 @@ def outcomes_of(
         From `experiment_gains`.
     against_first : bool
         Only the first rival is held against the others.
-
-    Returns
-    -------
-    tuple of Outcome
     """
     outcomes = []
     inside = contained([rival.model for rival in rivals])
@@ -128,10 +124,6 @@ def describe(
         Expected lead for the pair that is hardest to tell apart.
     gains : ndarray (m, m)
         From `experiment_gains`.
-
-    Returns
-    -------
-    str
     """
     names = " and ".join(rival.label for rival in rivals) if len(rivals) == 2 else f"{len(rivals)} rivals"
     if score >= DECISIVE:
@@ -177,10 +169,6 @@ def describe_signal(signal: Mapping[str, Any], adds_to: str, unit: str = "") -> 
         "command" or "reference".
     unit : str
         Of the amplitude.
-
-    Returns
-    -------
-    str
     """
     from idloop.signals.catalogue import SIGNALS
 

@@ -11,10 +11,6 @@ def bode_labels(
 ) -> tuple[str | None, list[list[str]]]:
     """Unit of the magnitude, where all curves have the same, and the text of each curve.
 
-    Parameters
-    ----------
-    inputs, input_units, outputs, output_units : sequence of str
-
     Returns
     -------
     unit : str or None

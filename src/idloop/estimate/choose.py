@@ -54,10 +54,6 @@ def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> C
     prediction, simulation : FitResult
     data : list of Data
         The records of both.
-
-    Returns
-    -------
-    Choice
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.log(prediction.stderr / simulation.stderr)

@@ -54,10 +54,6 @@ def together_notes(data: Sequence[SampledData], model: LinearModel) -> tuple[str
     data : sequence of SampledData
     model : LinearModel
         Identified from them.
-
-    Returns
-    -------
-    tuple of str
     """
     names = data[0].input_names
     if len(names) < 2:

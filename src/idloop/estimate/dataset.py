@@ -92,10 +92,6 @@ def prepare(
     every : bool
         Keep a computed velocity as well.
 
-    Returns
-    -------
-    list of Data
-
     Raises
     ------
     InputError
@@ -182,26 +178,13 @@ def _conditions(model: Model, record: Record) -> Conditions | None:
 
 
 def recorded(data: Sequence[Data]) -> dict[str, str]:
-    """Names and units of the conditions that all records hold.
-
-    Parameters
-    ----------
-    data : sequence of Data
-
-    Returns
-    -------
-    dict of str to str
-    """
+    """Names and units of the conditions that all records hold."""
     several = [set() if d.conditions is None else set(d.conditions.units.items()) for d in data]
     return dict(sorted(set.intersection(*several))) if several else {}
 
 
 def openings(data: list[Data]) -> list[Data] | None:
     """First part of every record, from the same initial states: on it a search comes near at a small part of the cost.
-
-    Parameters
-    ----------
-    data : list of Data
 
     Returns
     -------
@@ -230,11 +213,6 @@ def output_noise(model: Model, data: list[Data]) -> Array:
     Taken from the model file where that states it, from the data's high-frequency
     part otherwise (median over the records).
 
-    Parameters
-    ----------
-    model : Model
-    data : list of Data
-
     Returns
     -------
     array, shape (p,)
@@ -256,14 +234,6 @@ def output_groups(data: list[Data]) -> list[list[int]]:
 
     Outputs of one group share a vector noise model; groups sampled at different
     instants are treated as independent. Never measured outputs are in no group.
-
-    Parameters
-    ----------
-    data : list of Data
-
-    Returns
-    -------
-    list of list of int
     """
     known = np.concatenate([np.isfinite(d.output) for d in data])
     groups: list[list[int]] = []
@@ -282,11 +252,6 @@ def output_groups(data: list[Data]) -> list[list[int]]:
 
 def first_motion(model: Model, data: Data) -> tuple[Array, Array]:
     """Position and velocity of every body at the first sample, from the first few samples.
-
-    Parameters
-    ----------
-    model : Model
-    data : Data
 
     Returns
     -------
@@ -314,17 +279,7 @@ def first_motion(model: Model, data: Data) -> tuple[Array, Array]:
 
 
 def travel(model: Model, data: Data) -> float:
-    """Typical travel of the bodies in a record [position unit], never 0.
-
-    Parameters
-    ----------
-    model : Model
-    data : Data
-
-    Returns
-    -------
-    float
-    """
+    """Typical travel of the bodies in a record [position unit], never 0."""
     spans = [1e-9]
     for place, speed in body_sensors(model):
         if place is not None and np.any(np.isfinite(data.output[:, place])):

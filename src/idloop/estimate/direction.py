@@ -24,10 +24,6 @@ _SURE = 3.0
 def turned(start: Model, fitted: Model) -> str:
     """What to say of a fit in which the drive pushes the other way than in the model that it began with.
 
-    Parameters
-    ----------
-    start, fitted : Model
-
     Returns
     -------
     str

@@ -77,10 +77,6 @@ def loop_of(data: SampledData | Sequence[SampledData]) -> Loop:
     ----------
     data : SampledData or sequence of SampledData
         The first input is the command.
-
-    Returns
-    -------
-    Loop
     """
     experiments = together(data)
     reference = all(one.reference is not None for one in experiments) and any(

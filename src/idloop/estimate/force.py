@@ -41,10 +41,6 @@ def balance_of(engine: Engine, data: Data, cutoff: float | None = None) -> Balan
     data : Data
     cutoff : float, optional
         Cut-off of the differentiating filter [Hz]; from the data when left out.
-
-    Returns
-    -------
-    Balance or None
     """
     motion = measured_motion(engine.model, data, cutoff)
     if motion is None or engine.layout(None).bodies != len(engine.model.bodies):

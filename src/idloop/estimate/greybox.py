@@ -314,11 +314,6 @@ def _criterion(name: str, engine: Engine, data: list[Data], noise: Array) -> Cri
 def force_scale(engine: Engine, data: list[Data]) -> float:
     """Typical drive force of the records: gain times the command's root mean square.
 
-    Parameters
-    ----------
-    engine : Engine
-    data : list of Data
-
     Returns
     -------
     float

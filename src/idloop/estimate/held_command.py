@@ -110,10 +110,6 @@ class HeldCommand:
             [s]
         sample_time : float
             [s]
-
-        Returns
-        -------
-        CommandAround
         """
         mean, before, after = _around(self._edges, self._area, self._value, time, sample_time)
         change = after - before

@@ -39,10 +39,6 @@ def identify(
     progress : callable, optional
         Told the share done and what is tried.
 
-    Returns
-    -------
-    Identified
-
     Raises
     ------
     InputError

@@ -18,10 +18,6 @@ _MEMORY = 5000
 class InnovationCovariance:
     """Running covariance of the innovations.
 
-    Parameters
-    ----------
-    outputs : int
-
     Attributes
     ----------
     value : array, shape (p, p)

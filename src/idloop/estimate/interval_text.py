@@ -11,10 +11,6 @@ _FEWEST, _MOST, _OF_WIDTH = 5, 15, 2
 def interval_text(low: float, high: float) -> str:
     """Both ends of an interval.
 
-    Parameters
-    ----------
-    low, high : float
-
     Returns
     -------
     str

@@ -200,10 +200,6 @@ def minimise(
         the others follow. A nuisance that the data hardly show would keep the search busy for nothing.
     derivative : callable, optional
         Exact Jacobian at a point, shape (n, k); differences otherwise.
-
-    Returns
-    -------
-    Minimum
     """
     point = np.clip(start, lower, upper)
     residual = function(point)

@@ -132,16 +132,7 @@ class Identified:
         return self.model if isinstance(self.model, LinearModel) else None
 
     def plot(self, axes: Any = None) -> Any:
-        """Draw the result as it draws itself: Bode diagram, impulse response or training of a network.
-
-        Parameters
-        ----------
-        axes : matplotlib axes, optional
-
-        Returns
-        -------
-        matplotlib axes
-        """
+        """Draw the result as it draws itself: Bode diagram, impulse response or training of a network."""
         return self.model.plot(axes)
 
     def to_dict(self) -> dict[str, Any]:

@@ -219,10 +219,6 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
         Measured outputs; jitter and short gaps are resampled.
     cutoff : float, optional
         Cut-off of the differentiating filter [Hz]; from the data when left out.
-
-    Returns
-    -------
-    Motion or None
     """
     sensors = body_sensors(model)
     if any(pair == (None, None) for pair in sensors) or len(record.time) < 100:

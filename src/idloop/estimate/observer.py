@@ -141,10 +141,6 @@ def design(
     output_noise : array, shape (p,)
         Standard deviation of the measurement noise [output unit].
 
-    Returns
-    -------
-    Observer
-
     Raises
     ------
     IdloopError

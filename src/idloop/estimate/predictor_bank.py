@@ -48,10 +48,6 @@ class PredictorBank:
     the prediction are asked for. Until then they are laid out and follow one by one,
     so that no sample waits for all of them.
 
-    Parameters
-    ----------
-    model : Model
-
     Attributes
     ----------
     gain : array, shape (2 b + 1, p)
@@ -225,10 +221,6 @@ class PredictorBank:
             Standard deviation of the innovations.
         upper : float
             Upper bound of the parameter.
-
-        Returns
-        -------
-        float
         """
         t, y, base = self._samples.since(0)
         best, distance = 1e-3, np.inf

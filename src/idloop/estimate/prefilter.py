@@ -75,10 +75,6 @@ def band_filter(low: float, high: float, sample_time: float) -> Filter:
     sample_time : float
         [s].
 
-    Returns
-    -------
-    (numerator, denominator)
-
     Raises
     ------
     InputError

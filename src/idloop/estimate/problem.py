@@ -187,17 +187,7 @@ class Problem:
         return [np.concatenate(rows) for rows in found.values()]
 
     def stretches(self, point: Array, count: int) -> list[NDArray[np.int64]]:
-        """Rows of the residual by stretch of time, about ``count`` stretches in all.
-
-        Parameters
-        ----------
-        point : array
-        count : int
-
-        Returns
-        -------
-        list of array of int
-        """
+        """Rows of the residual by stretch of time, about ``count`` stretches in all."""
         errors = self.whitened(point)
         lengths = [len(e) for e in errors[0]]
         parts = [max(round(count * n / max(sum(lengths), 1)), 1) for n in lengths]

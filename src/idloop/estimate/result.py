@@ -149,10 +149,6 @@ class FitResult:
         ----------
         name : str
             One of `names`.
-
-        Returns
-        -------
-        low, high : float
         """
         index = self.names.index(name)
         return _interval(float(self.values[index]), float(self.stderr[index]))

@@ -35,10 +35,6 @@ def is_rough(
         The point, its box, typical sizes.
     count : int
         Number of parameters to look along, the first ones.
-
-    Returns
-    -------
-    bool
     """
     residual = function(point)
     for index in range(count):

@@ -195,10 +195,6 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
 def together(data: SampledData | Sequence[SampledData]) -> list[SampledData]:
     """Check that experiments can be identified together.
 
-    Returns
-    -------
-    list of SampledData
-
     Raises
     ------
     InputError

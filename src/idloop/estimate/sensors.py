@@ -11,10 +11,6 @@ if TYPE_CHECKING:
 def body_sensors(model: Model) -> list[tuple[int | None, int | None]]:
     """For every body the output that measures its position and its velocity.
 
-    Parameters
-    ----------
-    model : Model
-
     Returns
     -------
     list of (int or None, int or None)
@@ -30,10 +26,6 @@ def body_sensors(model: Model) -> list[tuple[int | None, int | None]]:
 
 def lagging_sensors(model: Model) -> set[int]:
     """Outputs that, as the model has it, show another motion than that of the moment.
-
-    Parameters
-    ----------
-    model : Model
 
     Returns
     -------

@@ -91,10 +91,6 @@ def settling_observer(
         Length of the record.
     decay : float
         Part of the disturbance force that one sample leaves for the next: 1 makes it a random walk, 0 white.
-
-    Returns
-    -------
-    SettlingObserver
     """
     # Loaded on first use: verbs that fit nothing do without.
     from scipy.linalg import expm

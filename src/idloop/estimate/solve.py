@@ -100,10 +100,6 @@ def solve(
     exact_slopes : bool
         Whether exact slopes of free runs have agreed with differences close to the start (`slopes_agree`).
 
-    Returns
-    -------
-    Solution
-
     Raises
     ------
     IdloopError
@@ -188,10 +184,6 @@ def slopes_agree(found: Solution) -> bool:
     ----------
     found : Solution
         Of a `SimulationCriterion`.
-
-    Returns
-    -------
-    bool
     """
     slopes = FreeRunSlopes(found.problem, found.lower, found.upper, found.scale, found.step)
     return slopes.agree(np.concatenate([found.theta, found.nuisance]))

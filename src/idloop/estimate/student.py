@@ -59,16 +59,6 @@ def scale_of(errors: Array, count: float | None = None) -> float:
 
 
 def log_density(errors: Array, scale: float) -> Array:
-    """Logarithm of the density of each error.
-
-    Parameters
-    ----------
-    errors : array
-    scale : float
-
-    Returns
-    -------
-    array
-    """
+    """Logarithm of the density of each error."""
     tail = np.log1p((errors / scale) ** 2 / FREEDOM)
     return np.asarray(_CONSTANT - log(scale) - 0.5 * (FREEDOM + 1.0) * tail)

@@ -152,10 +152,6 @@ def effect_scales(model: Model, records: Sequence[Record]) -> list[Undetermined]
     model : Model
         Fitted to the records.
     records : sequence of Record
-
-    Returns
-    -------
-    list of Undetermined
     """
     values, free = model.values, model.free
     found = []

@@ -242,16 +242,7 @@ class WeakFit:
         return np.asarray(covariance)
 
     def refitted(self, rows: Rows) -> WeakFit:
-        """The same model fitted to some of the windows, to first order around this fit.
-
-        Parameters
-        ----------
-        rows : array of int
-
-        Returns
-        -------
-        WeakFit
-        """
+        """The same model fitted to some of the windows, to first order around this fit."""
         base, slopes = (part[rows] for part in self.linear)
         lower, upper = _limits(self.form)
         flat, move = slopes.reshape(-1, len(self.point)), np.zeros(len(self.point))
@@ -302,10 +293,6 @@ def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
     form : WeakForm
     theta, shift
         As of `WeakForm.residual`.
-
-    Returns
-    -------
-    bool
     """
     if not _motion_shows(form):
         return False
@@ -485,10 +472,6 @@ def fit_weak(
     alike : bool
         Take every window as one that tells of its command: not the likelihood, but a place to search for it from.
 
-    Returns
-    -------
-    WeakFit
-
     Raises
     ------
     IdloopError
@@ -642,10 +625,6 @@ def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:
     fit : WeakFit
     tolerance : float
         As of `fit_weak`.
-
-    Returns
-    -------
-    WeakFit
     """
     while (likelier := likelier_rest_speed(fit.form, fit.point)) is not None:
         fit = fit_weak(likelier, fit.point, tolerance=tolerance)

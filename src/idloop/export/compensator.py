@@ -44,14 +44,6 @@ def export(model: Model) -> Exported:
 def export_compensation(compensation: Compensation) -> Exported:
     """Write a compensation whose model names the controller.
 
-    Parameters
-    ----------
-    compensation : Compensation
-
-    Returns
-    -------
-    Exported
-
     Raises
     ------
     InputError

@@ -37,10 +37,6 @@ def effects_left_out(
         Names of the effects that it carries whole, such as ``coulomb_friction@motor``.
     partly : mapping, optional
         Name of an effect that it carries in part, to what is lost of it.
-
-    Returns
-    -------
-    tuple of str
     """
     lines = []
     for active in model.effects:

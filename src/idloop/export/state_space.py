@@ -23,10 +23,6 @@ SCHEMA = "idloop/state-space/1"
 def state_space(model: Model) -> control.StateSpace:
     """Linear part of a model as a continuous-time system of python-control.
 
-    Parameters
-    ----------
-    model : Model
-
     Returns
     -------
     control.StateSpace
@@ -42,10 +38,6 @@ def from_document(document: Mapping[str, Any]) -> control.StateSpace:
     ----------
     document : mapping
         The parsed JSON.
-
-    Returns
-    -------
-    control.StateSpace
 
     Raises
     ------

@@ -173,10 +173,6 @@ def read_tracking(bag: Path, model: Model) -> Tracking:
     model : Model
         Whose controller ran.
 
-    Returns
-    -------
-    Tracking
-
     Raises
     ------
     InputError

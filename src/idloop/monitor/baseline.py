@@ -124,14 +124,6 @@ class Baseline:
     def scores(self, record: Record) -> Scores:
         """Scores of the whole blocks of a record, on the grid of its absolute clock.
 
-        Parameters
-        ----------
-        record : Record
-
-        Returns
-        -------
-        Scores
-
         Raises
         ------
         InputError

@@ -144,10 +144,6 @@ def join(parts: Sequence[Scores]) -> Scores:
     ----------
     parts : sequence of Scores
         In the order of time, at least one.
-
-    Returns
-    -------
-    Scores
     """
     index = np.concatenate([part.index for part in parts])
     # Of a block that two stretches saw, the first knew it whole as well: its observer had settled for longer.
@@ -170,10 +166,6 @@ def evident(scores: Scores, parameter: int, sizes: Array) -> Evident:
         Its place among the k.
     sizes : array, shape (k,)
         Typical changes; none of the others is taken to have changed by more than about ten times this.
-
-    Returns
-    -------
-    Evident
     """
     others = [i for i in range(scores.gradient.shape[1]) if i != parameter]
     own = scores.information[:, parameter, parameter]

@@ -95,10 +95,6 @@ def grind(engine: Engine | CompiledEngine, data: Sequence[Data], theta: Array) -
     theta : array, shape (k,)
         Free parameters.
 
-    Returns
-    -------
-    Lens
-
     Raises
     ------
     IdloopError

@@ -84,17 +84,7 @@ def run_length(threshold: ArrayLike, drift: ArrayLike, variance: ArrayLike) -> A
 
 
 def false_alarm_rate(threshold: float, evidence: Evidence) -> float:
-    """False alarms per block, averaged over what the reference leaves open.
-
-    Parameters
-    ----------
-    threshold : float
-    evidence : Evidence
-
-    Returns
-    -------
-    float
-    """
+    """False alarms per block, averaged over what the reference leaves open."""
     from scipy.stats import chi2
 
     nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
@@ -116,10 +106,6 @@ def find_threshold(blocks: float, evidence: Evidence) -> float:
     blocks : float
         Blocks of running between two false alarms.
     evidence : Evidence
-
-    Returns
-    -------
-    float
 
     Raises
     ------

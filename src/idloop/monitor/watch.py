@@ -118,10 +118,6 @@ def may_vary(model: Model, watches: Sequence[Watch], more: Iterable[str] = ()) -
     more : iterable of str
         Further parameters of the model.
 
-    Returns
-    -------
-    tuple of str
-
     Raises
     ------
     InputError

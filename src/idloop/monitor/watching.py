@@ -118,10 +118,6 @@ class Monitor:
         record : Record
             Later than those before; its clock counts by ``start_ns``.
 
-        Returns
-        -------
-        Trace
-
         Raises
         ------
         InputError
@@ -130,16 +126,7 @@ class Monitor:
         return self.take(self.baseline.scores(record))
 
     def take(self, scores: Scores) -> Trace:
-        """Take in the scores of a stretch, as `follow` does.
-
-        Parameters
-        ----------
-        scores : Scores
-
-        Returns
-        -------
-        Trace
-        """
+        """Take in the scores of a stretch, as `follow` does."""
         fresh = np.ones(len(scores), dtype=bool) if self.last is None else scores.index > self.last
         index = scores.index[fresh]
         shape = (len(index), len(self.sums))

@@ -122,10 +122,6 @@ def reproduce(name: str, seed: int = 0, progress: Progress | None = None, parts:
     parts : sequence of str
         Of a row that has parts: which of them; the row's own choice when empty.
 
-    Returns
-    -------
-    Reproduction
-
     Raises
     ------
     InputError

@@ -253,10 +253,6 @@ def reproduce(seed: int, progress: Progress, frequencies: int = FREQUENCIES) -> 
     progress : callable
     frequencies : int
         2 or more, between the thesis's ends.
-
-    Returns
-    -------
-    ClosedLoopResponse
     """
     from idloop.papers.dead_zone_and_backlash import chosen_gap
 

@@ -155,10 +155,6 @@ def reproduce(seed: int, progress: Progress, repeats: int = REPEATS) -> GreyBoxF
     progress : callable
     repeats : int
         Experiments from which the spread of the estimates is counted, 2 or more.
-
-    Returns
-    -------
-    GreyBoxFit
     """
     from idloop.estimate import fit
     from idloop.estimate.sampled import sampled

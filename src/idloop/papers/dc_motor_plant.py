@@ -156,10 +156,6 @@ def reproduce(seed: int, progress: Progress) -> PlantModel:
     seed : int
         Nothing here is random.
     progress : callable
-
-    Returns
-    -------
-    PlantModel
     """
     import control
     from idloop.physics import Engine, load_model, simulate

@@ -212,12 +212,7 @@ class DeadZoneAndBacklash(Reproduction):
 
 
 def machine(gap: float | None) -> Any:
-    """The motor with its dead zone, and the coupling with a gap [rad] where one is given.
-
-    Returns
-    -------
-    Model
-    """
+    """The motor with its dead zone, and the coupling with a gap [rad] where one is given."""
     effects = [f"dead_zone@input(width={lehigh_motor.DEAD_ZONE})"]
     if gap is not None:
         effects.append(f"backlash@position[motor](gap={gap})")
@@ -236,10 +231,6 @@ def reproduce(
     progress : callable
     amplitudes : sequence of float
         Of the thesis's [V].
-
-    Returns
-    -------
-    DeadZoneAndBacklash
     """
     from idloop.estimate import fit
     from idloop.estimate.sampled import sampled

@@ -284,10 +284,6 @@ def reproduce(
         Of the sines, 2 or more.
     loops : sequence of str, optional
         Names of the loops to check, of `limit_cycle_check.LOOPS`; all by default.
-
-    Returns
-    -------
-    DescribingFunctions
     """
     import control
     from idloop.estimate.describing import (

@@ -130,10 +130,6 @@ def implied(gains: Mapping[float, float]) -> tuple[float, float]:
     ----------
     gains : mapping of float to float
         b/a by amplitude.
-
-    Returns
-    -------
-    gain, width : float
     """
     regressor = np.array([[1.0, -1.0 / u] for u in gains])
     gain, product = np.linalg.lstsq(regressor, np.array(list(gains.values())), rcond=None)[0]
@@ -147,10 +143,6 @@ def true_motor(friction: float) -> Model:
     ----------
     friction : float
         Part of the dead zone that is Coulomb friction instead, 0 to 1.
-
-    Returns
-    -------
-    Model
     """
     from idloop.physics import load_model
 
@@ -217,10 +209,6 @@ def motor_fits(
     simulate : callable
     level : float
         Family-wise error rate.
-
-    Returns
-    -------
-    MotorFits
     """
     from idloop.physics import load_model
     from idloop.validate import compare
@@ -411,10 +399,6 @@ def reproduce(seed: int, progress: Progress, parts: Sequence[str] = ()) -> Drift
     progress : callable
     parts : sequence of str
         Keys of `FRICTION`; all when empty.
-
-    Returns
-    -------
-    DriftingFits
     """
     names = [name for name in FRICTION if name in parts or not parts]
     count = len(names)

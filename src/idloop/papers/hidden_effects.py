@@ -89,10 +89,6 @@ def to_record(model: Model, recording: Recording, command: Array, output: Array)
     recording : Recording
     command : ndarray, shape (n,)
     output : ndarray, shape (n, p)
-
-    Returns
-    -------
-    Record
     """
     from idloop.records import Record
 
@@ -276,10 +272,6 @@ def climb(
     progress : callable
     level : float
         Family-wise error rate.
-
-    Returns
-    -------
-    Answer
     """
     from idloop.diagnose import refine
 
@@ -305,10 +297,6 @@ def answer(ladder: Ladder, truth: Model, seconds: float) -> Answer:
     truth : Model
     seconds : float
         That it took.
-
-    Returns
-    -------
-    Answer
     """
     hidden = list(truth.effect_names)
     rungs = []

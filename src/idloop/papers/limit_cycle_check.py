@@ -153,10 +153,6 @@ def check_cycles(names: Sequence[str] | None, progress: Progress) -> tuple[Cycle
     names : sequence of str, optional
         Of `LOOPS`; all by default.
     progress : callable
-
-    Returns
-    -------
-    tuple of CycleCheck
     """
     chosen = [loop for loop in LOOPS if names is None or loop.name in names]
     found = []

@@ -6,12 +6,7 @@ from typing import Any
 
 
 def plain_ticks(*axes: Any) -> None:
-    """Write 0.2, 0.5, 1, 2, ... at logarithmic axes instead of powers of ten that run into each other.
-
-    Parameters
-    ----------
-    *axes : matplotlib XAxis or YAxis
-    """
+    """Write 0.2, 0.5, 1, 2, ... at logarithmic axes instead of powers of ten that run into each other."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     for axis in axes:

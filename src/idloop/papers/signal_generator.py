@@ -113,10 +113,6 @@ def reproduce(seed: int, progress: Progress) -> SignalGenerator:
     seed : int
         Of the measurement noise.
     progress : callable
-
-    Returns
-    -------
-    SignalGenerator
     """
     from idloop.design.experiment import Experiment
     from idloop.records import read_record, write_bag

@@ -53,10 +53,6 @@ def bench(seed: int, duration: float = stage_paper.DURATION) -> Bench:
     seed : int
     duration : float
         Of each [s].
-
-    Returns
-    -------
-    Bench
     """
     full, half = stage_paper.AMPLITUDE, 0.5 * stage_paper.AMPLITUDE
     runs = [(full, 3 * seed), (full, 3 * seed + 1), (half, 3 * seed + 2)]
@@ -116,17 +112,7 @@ HEADER = ("FIT one step ahead [%]", "FIT free run [%]", "MSE free run [in²/s²]
 
 
 def scores(candidate: Candidate, data: Bench) -> Scores:
-    """Judge a candidate.
-
-    Parameters
-    ----------
-    candidate : Candidate
-    data : Bench
-
-    Returns
-    -------
-    Scores
-    """
+    """Judge a candidate."""
     train, free, half = candidate.free
     ahead = free if candidate.ahead is None else candidate.ahead
     judged = (_judged(data.validation, ahead), _judged(data.validation, free), _judged(data.half, half))
@@ -211,12 +197,6 @@ class StageFits(Reproduction):
 
 def draw(data: Bench, candidates: tuple[Candidate, ...], axes: Any = None) -> Any:
     """Draw the free runs of candidates over the measured speed.
-
-    Parameters
-    ----------
-    data : Bench
-    candidates : tuple of Candidate
-    axes : array of two matplotlib axes, optional
 
     Returns
     -------

@@ -221,10 +221,6 @@ def diagnosed(record: Record, progress: Progress) -> Ladder:
     record : Record
         Of the encoder.
     progress : callable
-
-    Returns
-    -------
-    Ladder
     """
     from idloop.diagnose import refine
 
@@ -251,10 +247,6 @@ def reproduce(
         Further stretches on which the order of methods is counted.
     find : callable
         ``(record, progress) -> Ladder``: how the effects are found.
-
-    Returns
-    -------
-    StageComparison
     """
     progress(0.0, "experiments")
     data = bench(seed, duration)

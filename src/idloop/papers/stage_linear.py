@@ -35,10 +35,6 @@ def reproduce(seed: int, progress: Progress, duration: float = stage_paper.DURAT
     progress : callable
     duration : float
         Of each record [s].
-
-    Returns
-    -------
-    StageFits
     """
     from idloop.estimate.polynomial import arx
 

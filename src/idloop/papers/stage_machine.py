@@ -222,10 +222,6 @@ def reproduce(seed: int, progress: Progress, duration: float = stage_paper.DURAT
     progress : callable
     duration : float
         [s]
-
-    Returns
-    -------
-    StageMachine
     """
     progress(0.0, "equations")
     plain = stage_paper.plain()

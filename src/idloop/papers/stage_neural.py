@@ -46,10 +46,6 @@ def reproduce(seed: int, progress: Progress, duration: float = stage_paper.DURAT
     progress : callable
     duration : float
         Of each record [s].
-
-    Returns
-    -------
-    StageFits
     """
     progress(0.0, "experiments")
     data = bench(seed, duration)

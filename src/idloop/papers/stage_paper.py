@@ -131,10 +131,6 @@ def measure(amplitude: float, seed: int, duration: float = DURATION) -> Record:
         Place in the sequence; nothing else is random.
     duration : float
         [s]
-
-    Returns
-    -------
-    Record
     """
     from idloop.design.experiment import Experiment
 

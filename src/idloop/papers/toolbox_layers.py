@@ -276,10 +276,6 @@ def reproduce(seed: int, progress: Progress, samples: int = SAMPLES) -> ToolboxL
     progress : callable
     samples : int
         Of each record, 500 or more.
-
-    Returns
-    -------
-    ToolboxLayers
     """
     bench = _bench(seed, samples)
     methods, responses = [], {}

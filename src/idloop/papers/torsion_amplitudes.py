@@ -168,10 +168,6 @@ def reproduce(
     simulate : callable
     level : float
         Family-wise error rate.
-
-    Returns
-    -------
-    TorsionAmplitudes
     """
     from idloop.estimate import fit
 

@@ -194,10 +194,6 @@ def reproduce(
         Of the benchmark [s], 20 or more.
     ways : tuple of str
         Of `torsion_thesis.WAYS`.
-
-    Returns
-    -------
-    OffsetCompensation
     """
     progress(0.0, "currents")
     current, bare = (currents(_LEVELS, compensated=flag) for flag in (True, False))

@@ -194,10 +194,6 @@ def reproduce(seed: int, progress: Progress, length: float = LENGTH) -> TorsionC
     progress : callable
     length : float
         Of the steps [s], 10 or more.
-
-    Returns
-    -------
-    TorsionControllers
     """
     progress(0.0, "law")
     wanted = thesis.excitation("prbs", np.radians(thesis.PRBS_LEVEL), thesis.BAND, seed + 1, 10.0)

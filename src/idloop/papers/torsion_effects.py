@@ -202,10 +202,6 @@ def torsion_case(
     simulate : callable
     level : float
         Family-wise error rate.
-
-    Returns
-    -------
-    TorsionCase
     """
     truth = torsion(CASES[name])
     progress(0.0, f"{name}: experiments")
@@ -344,10 +340,6 @@ def reproduce(seed: int, progress: Progress, parts: Sequence[str] = ()) -> Torsi
     progress : callable
     parts : sequence of str
         Keys of `CASES`; every effect by itself when empty.
-
-    Returns
-    -------
-    TorsionEffects
     """
     names = [name for name in CASES if name in (parts or ALL)]
     count = len(names)

@@ -208,10 +208,6 @@ def reproduce(seed: int, progress: Progress, length: float = thesis.LENGTH) -> T
     progress : callable
     length : float
         Of the benchmark [s], 20 or more.
-
-    Returns
-    -------
-    TorsionExcitations
     """
     from scipy.signal import welch
 

@@ -125,10 +125,6 @@ def reproduce(seed: int, progress: Progress, length: float = thesis.LENGTH) -> F
     progress : callable
     length : float
         Of the benchmark [s], 20 or more.
-
-    Returns
-    -------
-    FitMeasure
     """
     from idloop.estimate.dataset import prepare
     from idloop.physics import Engine

@@ -176,10 +176,6 @@ def reproduce(seed: int, progress: Progress) -> TorsionPlant:
     seed : int
         Nothing here is random.
     progress : callable
-
-    Returns
-    -------
-    TorsionPlant
     """
     from scipy.linalg import expm
 

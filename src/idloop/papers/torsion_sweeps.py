@@ -305,10 +305,6 @@ def reproduce(
         5 and 9 among the states, as 1 and 3; one above 6 among the horizons.
     ways : tuple of str
         Of the settings.
-
-    Returns
-    -------
-    TorsionSweeps
     """
     choices = torsion_methods.Choices(iterations=_ITERATIONS)
     fits = {}

@@ -239,10 +239,6 @@ def reproduce(seed: int, progress: Progress, length: float = thesis.LENGTH) -> A
     progress : callable
     length : float
         Of the benchmark signals [s], 20 or more.
-
-    Returns
-    -------
-    AlgorithmVerification
     """
     plant = thesis.quanser()
     section = thesis.controller("pd", current=False)

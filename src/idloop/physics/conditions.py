@@ -75,10 +75,6 @@ def condition_name(wanted: Wanted, names: Collection[str]) -> str:
 class Conditions:
     """The conditions of one experiment, as the compiled simulator reads them.
 
-    Parameters
-    ----------
-    conditions : iterable of Condition
-
     Raises
     ------
     InputError

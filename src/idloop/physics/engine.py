@@ -312,12 +312,7 @@ class Engine:
         undelayed: bool = False,
         conditions: Conditions | None = None,
     ) -> tuple[Array, Array]:
-        """Force of the drive as commanded, and as the model needs it for the measured motion.
-
-        Returns
-        -------
-        applied, required : ndarray (n,)
-        """
+        """Force of the drive as commanded, and as the model needs it for the measured motion."""
         residual, required = self._balance(
             theta,
             position,

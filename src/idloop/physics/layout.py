@@ -166,10 +166,6 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
         Value of every parameter by name; those of the model by default.
     final : bool
         With the effects that act after the noise of the sensors.
-
-    Returns
-    -------
-    Layout
     """
     values = model.values if values is None else values
     chain = _Chain(model, values)

@@ -42,13 +42,7 @@ class AxisSignal:
 
 @dataclass(frozen=True)
 class AxisSignals:
-    """Command and measurements of an axis, as `read_record` takes them.
-
-    Attributes
-    ----------
-    input : AxisSignal
-    outputs : tuple of AxisSignal
-    """
+    """Command and measurements of an axis, as `read_record` takes them."""
 
     input: AxisSignal
     outputs: tuple[AxisSignal, ...]
@@ -71,10 +65,6 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
         commanded joint that moves.
     joint : str, optional
         Commanded joint; needed where ``joint_command`` holds several.
-
-    Returns
-    -------
-    AxisSignals
 
     Raises
     ------

@@ -75,11 +75,6 @@ def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
     where : str
         Named in the message.
 
-    Returns
-    -------
-    unit : str
-    factor : float
-
     Raises
     ------
     InputError

@@ -110,10 +110,6 @@ def difference(time: Floats, position: Floats, velocity: Floats) -> Difference |
     ----------
     time, position, velocity : array, shape (n,)
         Measured at the same instants; NaN where not measured. Units do not matter.
-
-    Returns
-    -------
-    Difference or None
     """
     known = np.isfinite(position) & np.isfinite(velocity) & np.isfinite(time)
     if np.sum(known) < _FEWEST or np.ptp(velocity[known]) == 0.0 or np.ptp(position[known]) == 0.0:
@@ -133,10 +129,6 @@ def difference(time: Floats, position: Floats, velocity: Floats) -> Difference |
 
 def differenced(record: Record) -> tuple[Finding, ...]:
     """Findings on every velocity of a record that is no more than a position's difference.
-
-    Parameters
-    ----------
-    record : Record
 
     Returns
     -------
@@ -160,10 +152,6 @@ def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Findin
     time : array, shape (n,)
         Stamps [s].
     columns : dict of str to array, shape (n,)
-
-    Returns
-    -------
-    list of Finding
     """
     found = []
     for name, velocity in columns.items():

@@ -14,11 +14,6 @@ COARSEST = 1e-4
 def unusable_magnitude(signal: str, lowest: float, highest: float) -> str:
     """Say why a signal between two values cannot be computed with.
 
-    Parameters
-    ----------
-    signal : str
-    lowest, highest : float
-
     Returns
     -------
     str

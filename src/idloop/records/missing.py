@@ -26,10 +26,6 @@ def missing_values(name: str, stamp_ns: Stamps, value: Floats, where: str, *, co
         Topic or column.
     command : bool
         A command is held over its holes, which no measurement is: then a fit may be wrong because of them.
-
-    Returns
-    -------
-    list of Finding
     """
     lost = np.flatnonzero(np.isnan(value))
     if not lost.size:

@@ -49,10 +49,6 @@ def unwrap(time: Floats, value: Floats, span: float) -> Unwrapped:
     span : float
         Declared range, e.g. 2π or 4096 counts, in the unit of `value`.
 
-    Returns
-    -------
-    Unwrapped
-
     Raises
     ------
     InputError

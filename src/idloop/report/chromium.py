@@ -19,10 +19,6 @@ _PATIENCE, _PAGE_TIME = 180, 60_000
 def find_chromium() -> str:
     """Path of a browser that can print.
 
-    Returns
-    -------
-    str
-
     Raises
     ------
     InputError

@@ -97,10 +97,6 @@ class Contents:
 def driven_step(ladder: Ladder) -> int | None:
     """Last step whose drive force can be read off the motion, where the last one's cannot.
 
-    Parameters
-    ----------
-    ladder : Ladder
-
     Returns
     -------
     int or None
@@ -115,10 +111,6 @@ def driven_step(ladder: Ladder) -> int | None:
 def step_force(step: Step) -> float | None:
     """Error of the drive force at a step, of unseen data where there are any.
 
-    Parameters
-    ----------
-    step : Step
-
     Returns
     -------
     float or None
@@ -129,16 +121,7 @@ def step_force(step: Step) -> float | None:
 
 
 def labelled_models(ladder: Ladder) -> list[tuple[str, Model]]:
-    """First and last model of a ladder with their names in figures.
-
-    Parameters
-    ----------
-    ladder : Ladder
-
-    Returns
-    -------
-    list of (str, Model)
-    """
+    """First and last model of a ladder with their names in figures."""
     found = [("start", ladder.steps[0].model)]
     more = len(ladder.steps) - 1
     if more:
@@ -170,10 +153,6 @@ def gather(
     provenance : mapping, optional
     progress : callable, optional
         Called with the share done and a text.
-
-    Returns
-    -------
-    Contents
     """
     tell = progress or (lambda share, text: None)
     models = labelled_models(ladder)
@@ -224,10 +203,6 @@ def noise_floor(model: Model, records: Sequence[Record], refuted: Iterable[str] 
     records : sequence of Record
     refuted : iterable of str
         Outputs whose stated noise the data refute: they have no floor.
-
-    Returns
-    -------
-    dict
     """
     floor = {}
     noise = believed_noise(model, refuted)

@@ -17,10 +17,6 @@ def figure_items(places: Mapping[str, Sequence[figure]]) -> str:
     ----------
     places : mapping of str to sequence of figure
         Figures that stand below one another, by the name of their place.
-
-    Returns
-    -------
-    str
     """
     from bokeh.embed import json_item
     from bokeh.layouts import column
@@ -33,12 +29,7 @@ def figure_items(places: Mapping[str, Sequence[figure]]) -> str:
 
 
 def browser_code() -> str:
-    """The JavaScript of Bokeh that the figures need: no widgets, no tables, no fonts.
-
-    Returns
-    -------
-    str
-    """
+    """The JavaScript of Bokeh that the figures need: no widgets, no tables, no fonts."""
     from bokeh.resources import Resources
 
     return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw).replace("</script", "<\\/script")

@@ -96,25 +96,12 @@ class _Writer:
 
 
 def plain_words(name: str) -> str:
-    """A user's name without the characters that mean something in LaTeX.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-    """
+    """A user's name without the characters that mean something in LaTeX."""
     return re.sub(r"[^\w.\- ]|_", " ", name)
 
 
 def equations(model: Model) -> tuple[list[Equation], dict[str, str]]:
     """Write a model's equations.
-
-    Parameters
-    ----------
-    model : Model
 
     Returns
     -------

@@ -19,10 +19,6 @@ _MOST_DIGITS = 8
 def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
     """Free parameters of a fitted model, as the document of a fit has them.
 
-    Parameters
-    ----------
-    model : Model
-
     Returns
     -------
     dict
@@ -49,10 +45,6 @@ def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
 def held_parameters(ladder: Ladder) -> dict[str, Parameter]:
     """Parameters of the effects of a ladder that were held when these were added: no estimates.
 
-    Parameters
-    ----------
-    ladder : Ladder
-
     Returns
     -------
     dict
@@ -70,10 +62,6 @@ def held_parameters(ladder: Ladder) -> dict[str, Parameter]:
 def read_off_parameters(ladder: Ladder) -> dict[str, Parameter]:
     """Parameters of the effects of a ladder that were read off the data without a fit, such as a resolution.
 
-    Parameters
-    ----------
-    ladder : Ladder
-
     Returns
     -------
     dict
@@ -88,17 +76,7 @@ def read_off_parameters(ladder: Ladder) -> dict[str, Parameter]:
 
 
 def figure_text(value: float | None, digits: int = 4) -> str:
-    """Write a number with a few digits; "–" where there is none.
-
-    Parameters
-    ----------
-    value : float or None
-    digits : int
-
-    Returns
-    -------
-    str
-    """
+    """Write a number with a few digits; "–" where there is none."""
     if value is None or math.isnan(value):
         return "–"
     if math.isinf(value):
@@ -108,11 +86,6 @@ def figure_text(value: float | None, digits: int = 4) -> str:
 
 def fit_text(value: float | None, digits: int = 4) -> str:
     """Write a FIT [%] with a few digits, and with more where it would look perfect and is not.
-
-    Parameters
-    ----------
-    value : float or None
-    digits : int
 
     Returns
     -------

@@ -77,10 +77,6 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
         On which the models were judged; the longest stretch is drawn.
     title : str
         What the data are.
-
-    Returns
-    -------
-    matplotlib Figure
     """
     from matplotlib.figure import Figure
 
@@ -133,10 +129,6 @@ def plot_sweep(name: str, unit: str | None, lines: Sequence[SweepLine], steps: i
     steps : int
         How far ahead the prediction is [samples].
     title : str
-
-    Returns
-    -------
-    matplotlib Figure
     """
     with drawing.styled():
         figure, axes = drawing.new_figure(2, 1, (2.2, 2.2))

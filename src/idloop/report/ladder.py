@@ -65,16 +65,7 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
 
 
 def plot_unknown(unknown: UnknownStructure) -> Figure:
-    """Draw the force that no effect explains, as a curve with its band.
-
-    Parameters
-    ----------
-    unknown : UnknownStructure
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Draw the force that no effect explains, as a curve with its band."""
     with drawing.styled():
         figure, axes = drawing.new_figure(1, 1, (2.6,))
         _draw_unknown(axes[0, 0], unknown)

@@ -14,10 +14,6 @@ SCHEMA = "idloop/next/1"
 def next_document(suggestion: Suggestion) -> dict[str, Any]:
     """Plain values for JSON.
 
-    Parameters
-    ----------
-    suggestion : Suggestion
-
     Returns
     -------
     dict
@@ -42,10 +38,6 @@ def read_next(document: dict[str, Any], folder: Path | None = None) -> Suggestio
     document : dict
     folder : Path, optional
         Where the models' own effects lie.
-
-    Returns
-    -------
-    Suggestion
     """
     from idloop.design.suggest import Limits, Outcome, Suggestion
     from idloop.physics.model_file import from_text

@@ -23,10 +23,6 @@ TEMPLATES = Path(__file__).parent / "templates"
 def render_page(contents: Contents) -> str:
     """Write the page.
 
-    Parameters
-    ----------
-    contents : Contents
-
     Returns
     -------
     str

@@ -40,11 +40,6 @@ _FEWEST_FOR_TESTS = 100
 def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[figure]]:
     """Draw every figure of a report.
 
-    Parameters
-    ----------
-    contents : Contents
-    theme : Theme
-
     Returns
     -------
     dict
@@ -86,11 +81,6 @@ def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[fig
 def maps_of(judged: Judged, name: str) -> list[tuple[str, ErrorMap]]:
     """Where the first and the last model fail, of one output or of the drive force.
 
-    Parameters
-    ----------
-    judged : Judged
-    name : str
-
     Returns
     -------
     list of (str, ErrorMap)
@@ -113,10 +103,6 @@ def where_place(name: str, variable: str) -> str:
 def where_places(contents: Contents) -> list[tuple[str, str]]:
     """Output (or drive force) and variable of every figure of where the model fails.
 
-    Parameters
-    ----------
-    contents : Contents
-
     Returns
     -------
     list of (str, str)
@@ -135,16 +121,7 @@ def where_places(contents: Contents) -> list[tuple[str, str]]:
 
 
 def panel_of(judged: Judged) -> Panel:
-    """Measured and modelled outputs of one record, as the figures of comparisons take them.
-
-    Parameters
-    ----------
-    judged : Judged
-
-    Returns
-    -------
-    Panel
-    """
+    """Measured and modelled outputs of one record, as the figures of comparisons take them."""
     return make_panel(judged.title, judged.rows)
 
 

@@ -35,10 +35,6 @@ if TYPE_CHECKING:
 def page_words(contents: Contents) -> dict[str, Any]:
     """Everything that the page says, as plain texts and tables.
 
-    Parameters
-    ----------
-    contents : Contents
-
     Returns
     -------
     dict
@@ -110,16 +106,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
 
 
 def headline(ladder: Ladder) -> str:
-    """Say in one sentence what is missing.
-
-    Parameters
-    ----------
-    ladder : Ladder
-
-    Returns
-    -------
-    str
-    """
+    """Say in one sentence what is missing."""
     # An effect that stands in for another one is not what is missing.
     in_place = stand_ins(ladder)
     names = [_or_its_rivals(ladder, name) for name in ladder.added if name not in in_place]
@@ -166,10 +153,6 @@ def verdict_text(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
     ladder : Ladder
     left : sequence of Remainder
         Residual tests of the last model on the fitted data.
-
-    Returns
-    -------
-    str
     """
     only = only_words(ladder)
     end = conclusion(ladder, left, only)
@@ -205,10 +188,6 @@ def _capital(text: str) -> str:
 
 def changes(ladder: Ladder) -> list[dict[str, str]]:
     """Error of the first and the last step: the drive force, then the FIT of each output; unseen data where there is.
-
-    Parameters
-    ----------
-    ladder : Ladder
 
     Returns
     -------
@@ -351,10 +330,6 @@ def _evidence(p_value: float | None) -> str:
 
 def rungs(ladder: Ladder) -> list[dict[str, Any]]:
     """Rows of the ladder's table: every number that ``ladder.json`` has of each step.
-
-    Parameters
-    ----------
-    ladder : Ladder
 
     Returns
     -------

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
 def paper_figures(contents: Contents) -> dict[str, Figure]:
     """Draw them.
 
-    Parameters
-    ----------
-    contents : Contents
-
     Returns
     -------
     dict
@@ -66,10 +62,6 @@ def save_paper_figures(contents: Contents, folder: Path) -> list[Path]:
     contents : Contents
     folder : Path
         Is made where it is not there.
-
-    Returns
-    -------
-    list of Path
 
     Raises
     ------

@@ -43,12 +43,7 @@ def provenance(
 
 
 def versions() -> dict[str, str]:
-    """Version of idloop, of Python and of what the numbers depend on.
-
-    Returns
-    -------
-    dict
-    """
+    """Version of idloop, of Python and of what the numbers depend on."""
     return {
         "idloop": __version__,
         "python": platform.python_version(),
@@ -58,10 +53,6 @@ def versions() -> dict[str, str]:
 
 def checksum(bag: Path) -> dict[str, Any]:
     """Size and SHA-256 of a recording; of a folder that of its files' names and contents, in order.
-
-    Parameters
-    ----------
-    bag : Path
 
     Returns
     -------

@@ -28,13 +28,7 @@ FEWEST_FOR_TESTS = 100
 
 @dataclass(frozen=True)
 class Remainder:
-    """Residual test of one output on one record.
-
-    Attributes
-    ----------
-    record : str
-    test : ResidualTest
-    """
+    """Residual test of one output on one record."""
 
     record: str
     test: ResidualTest
@@ -145,10 +139,6 @@ def _p_text(value: float) -> str:
 
 def also_significant(ladder: Ladder) -> list[Candidate]:
     """Effects that are significant on the fitted data and that the ladder did not add, without having passed them over.
-
-    Parameters
-    ----------
-    ladder : Ladder
 
     Returns
     -------

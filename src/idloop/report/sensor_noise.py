@@ -21,10 +21,6 @@ FEWEST = 100
 def refuted_noise(comparisons: Iterable[Comparison]) -> dict[str, float]:
     """Outputs of which a model misses less than the stated noise, and how much that is.
 
-    Parameters
-    ----------
-    comparisons : iterable of Comparison
-
     Returns
     -------
     dict
@@ -49,10 +45,6 @@ def believed_noise(model: Model, refuted: Iterable[str]) -> dict[str, float]:
     model : Model
     refuted : iterable of str
         Outputs without one, see `refuted_noise`.
-
-    Returns
-    -------
-    dict
     """
     wrong = set(refuted)
     return {o.name: o.noise for o in model.outputs if o.noise is not None and o.name not in wrong}

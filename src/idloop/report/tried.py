@@ -19,10 +19,6 @@ _NAMED = 6
 def only_tried(result: Ladder | Diagnosis) -> tuple[str, ...]:
     """Effects that were looked for in the end, where the catalogue has more for this machine.
 
-    Parameters
-    ----------
-    result : Ladder or Diagnosis
-
     Returns
     -------
     tuple of str
@@ -43,16 +39,7 @@ def only_tried(result: Ladder | Diagnosis) -> tuple[str, ...]:
 
 
 def only_words(result: Ladder | Diagnosis) -> str:
-    """Say what was looked for, to go on a sentence: "only backlash and dead zone were looked for"; else empty.
-
-    Parameters
-    ----------
-    result : Ladder or Diagnosis
-
-    Returns
-    -------
-    str
-    """
+    """Say what was looked for, to go on a sentence: "only backlash and dead zone were looked for"; else empty."""
     names = only_tried(result)
     if not names:
         return ""

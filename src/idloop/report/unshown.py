@@ -18,10 +18,6 @@ def unshown(ladder: Ladder) -> dict[str, str]:
     is left of it beside the other says nothing about what the data could show. Nor is one that was significant and was
     not added: that is told of it, with the reason.
 
-    Parameters
-    ----------
-    ladder : Ladder
-
     Returns
     -------
     dict
@@ -34,10 +30,6 @@ def unshown(ladder: Ladder) -> dict[str, str]:
 
 def absent(ladder: Ladder) -> dict[str, str]:
     """Effects that were not found, and the size at which they would have been, for a table.
-
-    Parameters
-    ----------
-    ladder : Ladder
 
     Returns
     -------

@@ -57,10 +57,6 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -
         Residual tests of the last model on the fitted data.
     only : str
         What was looked for where that was not the whole catalogue, as `idloop.report.tried.only_words` says it.
-
-    Returns
-    -------
-    str
     """
     end = ending(ladder.verdict, only, ladder.findings)
     if ladder.verdict not in SAY_NOISE or unmoved(ladder.findings):
@@ -89,10 +85,6 @@ def ending(verdict: str, only: str = "", findings: Sequence[str] = ()) -> str:
         As for `conclusion`.
     findings : sequence of str
         What the data can show.
-
-    Returns
-    -------
-    str
     """
     plain = (_OF_THESE if only else VERDICTS).get(verdict, verdict)
     end = f"{plain}: {only}" if only else plain
@@ -108,10 +100,6 @@ def unexplained(only: str) -> str:
     ----------
     only : str
         As for `conclusion`.
-
-    Returns
-    -------
-    str
     """
     return UNEXPLAINED_BY_THESE if only else UNEXPLAINED
 
@@ -130,10 +118,6 @@ def explained_of(criterion: str) -> str:
     ----------
     criterion : str
         Of the diagnosis or the ladder.
-
-    Returns
-    -------
-    str
     """
     return f"the power of {_LEFT.get(criterion, 'the errors that the model without it leaves')}"
 

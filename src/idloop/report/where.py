@@ -140,10 +140,6 @@ def _link(axes: list[Any]) -> None:
 def places(breakdown: Breakdown) -> Array:
     """Edges of the bins on the axis: the variable's own where they are ranges on a plain or logarithmic axis.
 
-    Parameters
-    ----------
-    breakdown : Breakdown
-
     Returns
     -------
     array, shape (bins + 1,)

@@ -57,10 +57,6 @@ def choose_basis(runs: Runs, column: int) -> Basis:
     runs : Runs
     column : int
         Output.
-
-    Returns
-    -------
-    Basis
     """
     measured, simulated = runs.measured[:, column], runs.simulated[:, column]
     free = measured - simulated
@@ -88,10 +84,6 @@ def drift(time: Array, measured: Array, error: Array) -> str:
     ----------
     time, measured, error : array, shape (n,)
         Instants [s], measurement and measured minus simulated; NaN where not known.
-
-    Returns
-    -------
-    str
     """
     known = np.isfinite(measured)
     if not np.all(np.isfinite(error[known])):

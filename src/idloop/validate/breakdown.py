@@ -214,10 +214,6 @@ def break_down(
         See `Breakdown`.
     levels : array, shape (bins,), optional
         See `Breakdown`.
-
-    Returns
-    -------
-    Breakdown
     """
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     index = np.where(np.isfinite(values), index, len(edges) - 1)

@@ -84,10 +84,6 @@ def doing_of(model: Model, data: Data, body: str) -> Doing:
     data : Data
     body : str
         Name of the body.
-
-    Returns
-    -------
-    Doing
     """
     sensors = body_sensors(model)
     wanted = model.bodies.index(body)

@@ -73,10 +73,6 @@ def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: in
     steps : int
         How far ahead to predict [samples].
 
-    Returns
-    -------
-    Score
-
     Raises
     ------
     InputError

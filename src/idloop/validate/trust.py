@@ -43,10 +43,6 @@ class Standing:
         ----------
         largest_error : float
             In units of the sensor's noise.
-
-        Returns
-        -------
-        tuple of str
         """
         found = [
             f"on unseen samples {name} is missed by {ratio:.3g} times its noise, more than {largest_error:g}"
@@ -104,10 +100,6 @@ def trust(
         As part of the value.
     largest_error : float
         On unseen samples, in units of the sensor's noise.
-
-    Returns
-    -------
-    Trust
     """
     doubts, part = [], None
     if at_bound:

@@ -61,10 +61,6 @@ class Canvas:
 def drawn(figures: Sequence[Model]) -> Drawn:
     """List the models of figures with their values as they are now, in an order that their structure gives.
 
-    Parameters
-    ----------
-    figures : sequence of bokeh.model.Model
-
     Returns
     -------
     list of (bokeh.model.Model, dict)
@@ -83,16 +79,7 @@ def drawn(figures: Sequence[Model]) -> Drawn:
 
 
 def alike(one: Drawn, other: Drawn) -> bool:
-    """Tell whether two lists of `drawn` differ in values alone: the same kinds of models, joined in the same way.
-
-    Parameters
-    ----------
-    one, other : list of (bokeh.model.Model, dict)
-
-    Returns
-    -------
-    bool
-    """
+    """Tell whether two lists of `drawn` differ in values alone: the same kinds of models, joined in the same way."""
     if len(one) != len(other):
         return False
     return all(

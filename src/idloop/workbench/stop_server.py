@@ -30,10 +30,6 @@ class StopServer:
         To listen on; the port is one that is free.
     hosts : set of str
         Hosts of the page, without ports; none lets any in.
-
-    Attributes
-    ----------
-    port : int
     """
 
     def __init__(self, stop: Callable[[], str], key: str, address: str, hosts: set[str]) -> None:

@@ -85,11 +85,6 @@ class Question:
 def answer(signals: Signals, question: Question) -> bytes:
     """Return what a browser lacks.
 
-    Parameters
-    ----------
-    signals : Signals
-    question : Question
-
     Returns
     -------
     bytes

@@ -155,10 +155,6 @@ def linear_part(system: Any, delay: float = 0.0) -> LinearPart:
     delay : float
         Delay in series [s].
 
-    Returns
-    -------
-    LinearPart
-
     Raises
     ------
     InputError

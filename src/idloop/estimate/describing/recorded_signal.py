@@ -44,10 +44,6 @@ def recorded_signal(record: Record, name: str) -> RecordedSignal:
         ``record.input_name``, one of ``record.output_names``, ``reference.position``,
         ``reference.velocity``, ``excitation.position`` or ``excitation.effort``.
 
-    Returns
-    -------
-    RecordedSignal
-
     Raises
     ------
     InputError

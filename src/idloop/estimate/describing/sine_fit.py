@@ -58,10 +58,6 @@ def sine_fit(
         Let the signal drift along a straight line, as a position does.
     beside : ndarray, shape (q,), optional
         Frequencies [Hz] at which to look at the residual.
-
-    Returns
-    -------
-    SineFit
     """
     phase = 2.0 * math.pi * frequency * np.outer(time, np.arange(1, harmonics + 1))
     middle, span = 0.5 * (time[0] + time[-1]), max(float(time[-1] - time[0]), 1e-300)
@@ -99,10 +95,6 @@ def held_sine_fit(
         Whole periods [s].
     frequency, harmonics, beside
         As in `sine_fit`.
-
-    Returns
-    -------
-    SineFit
     """
     first = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
     after = int(np.searchsorted(time, stop, side="left"))
@@ -126,10 +118,6 @@ def refine_frequency(time: Floats, value: Floats, frequency: float) -> float:
         Stamps [s] and samples of several periods.
     frequency : float
         Guess, right to half a period over the record.
-
-    Returns
-    -------
-    float
     """
     from scipy.optimize import minimize_scalar
 

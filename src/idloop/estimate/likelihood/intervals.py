@@ -21,10 +21,6 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
     fit : Refit
     records : sequence of Record
         What it was fitted to.
-
-    Returns
-    -------
-    Model
     """
     spread = np.sqrt(np.maximum(np.diag(parameter_covariance(fit)), 0.0))
     names = fit.model.free
@@ -35,10 +31,6 @@ def with_stderr(fit: Refit, records: Sequence[Record]) -> Model:
 
 def parameter_covariance(fit: Refit) -> NDArray[np.float64]:
     """Covariance of the free parameters of a fit by prediction or simulation, for errors of any colour.
-
-    Parameters
-    ----------
-    fit : Refit
 
     Returns
     -------

@@ -218,10 +218,6 @@ def refit(
     near : bool
         The model's values are those of another view: one search from there, with the noise that it finds.
 
-    Returns
-    -------
-    Refit
-
     Raises
     ------
     IdloopError

@@ -196,10 +196,6 @@ def prepare_setting(model: Model, records: Sequence[Record], kind: str, beside: 
     beside : sequence of Record
         Further records that another setting of the same outputs is made of.
 
-    Returns
-    -------
-    Setting
-
     Raises
     ------
     InputError

@@ -16,10 +16,6 @@ def instability_notes(a: NDArray[np.float64]) -> tuple[str, ...]:
     ----------
     a : ndarray, shape (n, n)
         State matrix.
-
-    Returns
-    -------
-    tuple of str
     """
     if not np.all(np.isfinite(a)):
         return ()

@@ -149,10 +149,6 @@ def finished(
     experiments : sequence of SampledData
     focus : "prediction" or "simulation"
     prefilter : python-control system, (numerator, denominator) or None
-
-    Returns
-    -------
-    LinearModel
     """
     notes = [] if found.converged else [f"not converged after {found.iterations} iterations"]
     if prefilter is not None:

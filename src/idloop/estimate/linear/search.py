@@ -97,10 +97,6 @@ def search(
         Whether the predictor must not forget its first state slower than never: with that state estimated, errors
         of an unstable predictor can be small on the data and are without bound beyond.
     max_iterations : int
-
-    Returns
-    -------
-    Found, or None where the start model's predictor is unstable or its errors overflow
     """
     point, iterations, converged = start.copy(), 0, False
     limit = stability_limit(experiments) if stable else np.inf

@@ -24,10 +24,6 @@ def start_model(start: LinearModel | control.StateSpace | control.TransferFuncti
         Of a python-control system the Kalman gain is zero; a continuous one is sampled, its commands held.
     data : SampledData
 
-    Returns
-    -------
-    LinearModel
-
     Raises
     ------
     InputError

@@ -75,10 +75,6 @@ def divide(division: Division, rows: Sequence[int], random: np.random.Generator)
     rows : sequence of int
         Of each experiment.
     random : numpy.random.Generator
-
-    Returns
-    -------
-    Split
     """
     parts: tuple[list[Indices], list[Indices], list[Indices]] = ([], [], [])
     start = 0

@@ -86,11 +86,6 @@ def narx_neural(
 def nguyen_widrow(hidden: int, inputs: int, random: np.random.Generator) -> tuple[Array, Array]:
     """Weights and biases whose active regions share out the cube from −1 to 1 (Nguyen and Widrow 1990).
 
-    Parameters
-    ----------
-    hidden, inputs : int
-    random : numpy.random.Generator
-
     Returns
     -------
     weight : ndarray, shape (hidden, inputs)

@@ -152,10 +152,6 @@ class FrequencyResponse:
             For magnitude, phase and, where given, coherence.
         share : float
             Probability of the bands.
-
-        Returns
-        -------
-        sequence of matplotlib axes
         """
         import matplotlib.pyplot as plt
 

@@ -82,10 +82,6 @@ def response_from(
     method : str
     notes : tuple of str
 
-    Returns
-    -------
-    FrequencyResponse
-
     Raises
     ------
     InputError

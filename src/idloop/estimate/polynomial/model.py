@@ -59,10 +59,6 @@ def assemble(
     notes : sequence of str
     realization : Realization, optional
         By default that of the polynomials side by side.
-
-    Returns
-    -------
-    PolynomialModel
     """
     from scipy.linalg import block_diag
 

@@ -142,10 +142,6 @@ class Polynomials:
         output_unit : str
         samples : int
             That the estimate rests on.
-
-        Returns
-        -------
-        LinearModel
         """
         form = self.realization
         return LinearModel(

@@ -63,10 +63,6 @@ def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[A
         Polynomials, first coefficient 1.
     b, f : sequences of ndarray
         Of each input; B with its delay as leading zeros.
-
-    Returns
-    -------
-    Realization
     """
     # What has a denominator of its own is a subsystem in front; the rest drives 1/A directly.
     paths = [(num, den, column) for column, (num, den) in enumerate(zip(b, f, strict=True))] + [(c, d, len(b))]
@@ -98,10 +94,6 @@ def matrix_form(a: Array, b: Array) -> Realization:
         A_1, A_2, ...
     b : ndarray, shape (nb, p, m)
         B_0, B_1, ...
-
-    Returns
-    -------
-    Realization
     """
     p, m = b.shape[1:]
     order = max(a.shape[0], b.shape[0] - 1)

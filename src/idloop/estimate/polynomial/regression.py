@@ -94,10 +94,6 @@ def solve(factor: Array) -> Solution:
     ----------
     factor : ndarray, shape (k + 1, k + 1)
         Of `triangle`, from the rows [regressors, target].
-
-    Returns
-    -------
-    Solution
     """
     k = factor.shape[1] - 1
     inverse, undetermined = inverse_factor(factor[:k, :k])

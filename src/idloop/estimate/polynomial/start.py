@@ -38,11 +38,6 @@ def starts(data: Sequence[Channel], orders: Orders) -> list[Array]:
     Control 10, 1965) on the data and on the impulse responses gives B and F, and the noise model follows from
     what these leave.
 
-    Parameters
-    ----------
-    data : sequence of Channel
-    orders : Orders
-
     Returns
     -------
     list of ndarray, shape (k,)

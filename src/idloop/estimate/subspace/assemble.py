@@ -40,10 +40,6 @@ def assembled(
     notes : tuple of str
     covariance : ndarray, shape (p, p), optional
         Of the prediction errors in scaled units, where it is known; else the data are predicted.
-
-    Returns
-    -------
-    LinearModel
     """
     first = compression.experiments[0]
     n, m, p = len(matrices.a), compression.inputs, compression.outputs

@@ -117,10 +117,6 @@ def compress(data: SampledData | Sequence[SampledData], length: int, *, exact: b
     exact : bool
         Factor the windows themselves in any case.
 
-    Returns
-    -------
-    Compression
-
     Raises
     ------
     InputError

@@ -79,10 +79,6 @@ def project_future(compression: Compression, feedback: list[Array] | None = None
         Markov parameters D_c, C_c B_c, C_c A_c B_c, ... of the controller in u = r - controller(y), one for each
         lag of the future, in scaled units; none for direct identification.
 
-    Returns
-    -------
-    Future
-
     Raises
     ------
     InputError

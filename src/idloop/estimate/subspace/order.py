@@ -119,11 +119,6 @@ def significant(correlations: Array, past: int, future: int, windows: int) -> tu
     windows : int
         Columns of the Hankel matrix.
 
-    Returns
-    -------
-    order : int
-    threshold : float
-
     Notes
     -----
     The largest correlation of unrelated white data tends to

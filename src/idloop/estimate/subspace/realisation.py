@@ -151,11 +151,6 @@ def with_known_feedback(
         Whether D is estimated; else it is zero.
     control_now : ndarray, shape (m, p)
         Feedthrough D_c of the controller.
-
-    Returns
-    -------
-    a, b, c, d : ndarray
-    noise : Noise
     """
     order, p, m = observability.shape[1], len(future.now), len(future.command_now)
     response = _command_response(future, observability, feedthrough)

@@ -72,10 +72,6 @@ class EffectRow:
 def ladder_rows(ladder: Ladder) -> list[EffectRow]:
     """Effects of a ladder: what was added with its ties, what was weighed last, what this data cannot show.
 
-    Parameters
-    ----------
-    ladder : Ladder
-
     Returns
     -------
     list of EffectRow
@@ -97,16 +93,7 @@ def ladder_rows(ladder: Ladder) -> list[EffectRow]:
 
 
 def diagnosis_rows(diagnosis: Diagnosis) -> list[EffectRow]:
-    """Effects of one diagnosis: what is missing and what ties with it first.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-
-    Returns
-    -------
-    list of EffectRow
-    """
+    """Effects of one diagnosis: what is missing and what ties with it first."""
     rows = []
     for candidate in diagnosis.candidates:
         if candidate.name in diagnosis.set or candidate.name in (diagnosis.pair or ()):

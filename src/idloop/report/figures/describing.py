@@ -16,11 +16,6 @@ if TYPE_CHECKING:
 def describing_figures(measured: MeasuredDescribingFunction, theme: Theme = LIGHT) -> list[figure]:
     """Draw it, one line for each frequency; over the frequency where there are more of them than amplitudes.
 
-    Parameters
-    ----------
-    measured : MeasuredDescribingFunction
-    theme : Theme
-
     Returns
     -------
     list of figure

@@ -55,10 +55,6 @@ def evidence_figure(
         Log-evidence that decides.
     decided : mapping of str to Decided
     theme : Theme
-
-    Returns
-    -------
-    figure
     """
     newest = {name: values[-1] for name, values in lines.items() if len(values)}
     shown = sorted(newest, key=lambda name: (name not in decided, -newest[name]))[:MOST]

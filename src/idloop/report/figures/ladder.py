@@ -56,16 +56,7 @@ class ErrorLine:
 
 
 def step_names(ladder: Ladder) -> list[str]:
-    """What each step added, in words, with its number so that no two are equal.
-
-    Parameters
-    ----------
-    ladder : Ladder
-
-    Returns
-    -------
-    list of str
-    """
+    """What each step added, in words, with its number so that no two are equal."""
     return [
         f"{number}  " + ("start" if step.added is None else f"+ {words(step.added.name)}")
         for number, step in enumerate(ladder.steps)
@@ -74,10 +65,6 @@ def step_names(ladder: Ladder) -> list[str]:
 
 def error_lines(ladder: Ladder) -> list[ErrorLine]:
     """NRMSE of the free run of every output at every step.
-
-    Parameters
-    ----------
-    ladder : Ladder
 
     Returns
     -------
@@ -89,16 +76,7 @@ def error_lines(ladder: Ladder) -> list[ErrorLine]:
 
 
 def force_lines(ladder: Ladder) -> list[ErrorLine]:
-    """Relative error of the drive force [%] at every step.
-
-    Parameters
-    ----------
-    ladder : Ladder
-
-    Returns
-    -------
-    list of ErrorLine
-    """
+    """Relative error of the drive force [%] at every step."""
     lines = _lines(ladder, {"drive force": lambda part: part.get("force")})
     return [ErrorLine(line.label, line.kind, line.colour, 100.0 * line.error) for line in lines]
 
@@ -200,10 +178,6 @@ def decade_ticks(low: float, high: float) -> list[float]:
     ----------
     low, high : float
         Ends of the axis, both positive.
-
-    Returns
-    -------
-    list of float
     """
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
     steps = (1, 2, 5) if np.log10(high / low) < _MANY else (1,)

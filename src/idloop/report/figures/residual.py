@@ -15,11 +15,6 @@ from idloop.validate.residual import ResidualTest
 def residual_figures(test: ResidualTest, theme: Theme = LIGHT) -> list[figure]:
     """Draw the tests of one output's one-step residual.
 
-    Parameters
-    ----------
-    test : ResidualTest
-    theme : Theme
-
     Returns
     -------
     list of figure

@@ -88,10 +88,6 @@ def new_figure(
         Of the whole figure [CSS pixels].
     **given
         For `bokeh.plotting.figure`.
-
-    Returns
-    -------
-    bokeh.plotting.figure
     """
     plot = figure(
         **{

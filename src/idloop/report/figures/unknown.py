@@ -15,17 +15,7 @@ if TYPE_CHECKING:
 
 
 def unknown_figure(unknown: UnknownStructure, theme: Theme = LIGHT) -> figure:
-    """Draw it.
-
-    Parameters
-    ----------
-    unknown : UnknownStructure
-    theme : Theme
-
-    Returns
-    -------
-    figure
-    """
+    """Draw it."""
     at, force, half = (np.asarray(v, dtype=float) for v in (unknown.at, unknown.force, unknown.band))
     plot = new_figure(theme, (unknown.along, unknown.unit), (unknown.what, unknown.force_unit), height=240)
     data = source(x=at, y=force, low=force - half, high=force + half)

@@ -131,10 +131,6 @@ def _said(label: str, one: ErrorMap, maps: Sequence[tuple[str, ErrorMap]]) -> st
 def bins(breakdown: Breakdown) -> dict[str, Any]:
     """Columns of a breakdown as it is drawn and told, a row for each bin.
 
-    Parameters
-    ----------
-    breakdown : Breakdown
-
     Returns
     -------
     dict
