@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnose import diagnose, refine
-from idloop.diagnose.command_response import REVERSED, UNMOVED, follows, unmoved, unrelated
+from idloop.diagnose import Ladder, diagnose, refine
+from idloop.diagnose.command_response import CommandResponse, follows, response_of
 from idloop.diagnose.step import NOT_EXCITED
 from idloop.estimate.likelihood.refit import refit
 from idloop.estimate.likelihood.setting import prepare_setting
@@ -34,15 +34,17 @@ def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
     found = diagnose(start, records)
     assert found.set == ()
     assert found.verdict == NOT_EXCITED
-    assert UNMOVED in found.gate.findings
-    assert "tells nothing of the axis" in ending(found.verdict, "", found.gate.findings)
+    assert found.response is CommandResponse.UNMOVED
+    assert found.response.text in found.gate.findings
+    assert "tells nothing of the axis" in ending(found.verdict, "", found.response)
 
 
 def test_a_ladder_climbs_nothing_on_them(start):
     machine = start.with_effects([FRICTION])
     ladder = refine(start, [unrelated_motion(machine, 1)], [unrelated_motion(machine, 11)])
     assert ladder.added == ()
-    assert unmoved(ladder.findings)
+    assert ladder.response is CommandResponse.UNMOVED
+    assert Ladder.from_dict(ladder.to_dict()).response is ladder.response
     assert conclusion(ladder).startswith("the measured motion does not follow the command")
 
 
@@ -54,7 +56,7 @@ def reversed_sign(seed: int) -> Record:
 
 def test_a_command_of_the_other_sign_is_told_and_is_all_that_is(start):
     found = diagnose(start, [reversed_sign(3)])
-    assert REVERSED in found.gate.findings
+    assert found.response is CommandResponse.REVERSED
     assert (found.set, found.verdict, found.unknown) == ((), NOT_EXCITED, None)
     assert "`scale: -1`" in found.summary()
     ladder = refine(start, [reversed_sign(3)], [reversed_sign(13)])
@@ -86,7 +88,7 @@ def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_fol
     servo = servo.with_values({"axis.inertia": 1.0, "drive.gain": 300.0, "axis.viscous_friction": 30.0})
     servo = servo.with_free([*(name for name in servo.free if name != "axis.inertia"), "drive.gain"])
     found = diagnose(servo, records)
-    assert not unmoved(found.gate.findings)
+    assert not found.response.tells_nothing
     assert found.verdict != NOT_EXCITED
 
 
@@ -94,8 +96,8 @@ def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_fol
 def test_whether_a_fit_is_of_related_data_is_told(start, turn):
     record = record_of(start, 3, disturbance=0.02)
     record = replace(record, input=turn * record.input)
-    assert unrelated(start, [record]) == ("" if turn > 0.0 else REVERSED)
-    assert unrelated(start, [unrelated_motion(start, 1)]) == UNMOVED
+    assert response_of(start, [record]) is (CommandResponse.FOLLOWS if turn > 0.0 else CommandResponse.REVERSED)
+    assert response_of(start, [unrelated_motion(start, 1)]) is CommandResponse.UNMOVED
 
 
 @pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])
@@ -116,7 +118,7 @@ def test_a_disturbance_as_strong_as_the_command_hides_nothing_of_it(start):
     setting = prepare_setting(start, [record], "prediction")
     assert follows(setting, refit(setting, start))
     found = diagnose(start, [record], effects=["coulomb_friction"])
-    assert not unmoved(found.gate.findings)
+    assert not found.response.tells_nothing
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -135,7 +135,7 @@ def print_diagnosis(
             click.echo(f"it takes the place of {plain}, which it contains")
         _print_tie(tie_text(found.set), found.set, found.twins)
     else:
-        click.echo(ending(found.verdict, only_words(found), found.gate.findings))
+        click.echo(ending(found.verdict, only_words(found), found.response))
         if found.unknown is not None:
             click.echo(found.unknown.text)
         for line in remainder_lines(found.verdict, left):

@@ -94,10 +94,10 @@ def command(
         on_train, on_validation = compare_all(result.model, train, validation)
         unrelated = ""
         if hopeless(on_train):
-            from idloop.diagnose.command_response import unrelated as why_unrelated
+            from idloop.diagnose.command_response import response_of
 
             update(0.95, "looking whether the motion follows the command")
-            unrelated = why_unrelated(model, train)
+            unrelated = response_of(model, train).text
             if unrelated:
                 result = replace(result, warnings=(*result.warnings, unrelated))
 

@@ -10,8 +10,9 @@ turned it does.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from enum import Enum
 
 import numpy as np
 
@@ -24,16 +25,39 @@ from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.physics.model import Model
 from idloop.records import Record
 
-UNMOVED = (
-    "the measured motion does not follow the command: the model predicts it no better with the command than without. "
-    "Was the drive on, and are command and motion of the same run and the same joint?"
-)
-OTHERWISE = (
-    "the measured motion follows the command, but not as this model has it: the model predicts it no better with the"
-    " command than without. What lies between the two is missing, or the values of the model file are far from the"
-    " machine's"
-)
-REVERSED = f"{AGAINST}: with the sign of the command turned the model predicts it. {TURN}"
+
+class CommandResponse(str, Enum):
+    """How the measured motion follows the command: the words of the JSON."""
+
+    FOLLOWS = "follows"
+    UNMOVED = "unmoved"
+    OTHERWISE = "otherwise"
+    REVERSED = "reversed"
+
+    @property
+    def tells_nothing(self) -> bool:
+        """Whether such data say nothing of the axis."""
+        return self in (CommandResponse.UNMOVED, CommandResponse.REVERSED)
+
+    @property
+    def text(self) -> str:
+        """What to say of it; empty where the motion follows the command."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    CommandResponse.FOLLOWS: "",
+    CommandResponse.UNMOVED: (
+        "the measured motion does not follow the command: the model predicts it no better with the command than "
+        "without. Was the drive on, and are command and motion of the same run and the same joint?"
+    ),
+    CommandResponse.OTHERWISE: (
+        "the measured motion follows the command, but not as this model has it: the model predicts it no better with "
+        "the command than without. What lies between the two is missing, or the values of the model file are far from "
+        "the machine's"
+    ),
+    CommandResponse.REVERSED: f"{AGAINST}: with the sign of the command turned the model predicts it. {TURN}",
+}
 
 
 def follows(setting: Setting, fit: Refit) -> bool:
@@ -62,23 +86,18 @@ def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def unrelated(start: Model, records: Sequence[Record]) -> str:
-    """What to say of data whose motion a model, not fitted yet, does not follow, whatever its parameters.
+def response_of(start: Model, records: Sequence[Record]) -> CommandResponse:
+    """How the motion of some data follows the command by a model that is not fitted yet, whatever its parameters.
 
-    Empty where the motion follows the command, in whatever way, or that cannot be computed.
+    In whatever way it follows, and where that cannot be computed, it counts as following.
     """
     try:
         setting = prepare_setting(start, records, "prediction")
         found = refit(setting, start)
         if follows(setting, found):
-            return ""
+            return CommandResponse.FOLLOWS
         if reversed_command(setting, found, start):
-            return REVERSED
+            return CommandResponse.REVERSED
     except (IdloopError, np.linalg.LinAlgError):
-        return ""
-    return "" if foretells(records) else UNMOVED
-
-
-def unmoved(findings: Iterable[str]) -> bool:
-    """Whether the findings of a diagnosis or a ladder say that the motion does not follow the command."""
-    return UNMOVED in findings or REVERSED in findings
+        return CommandResponse.FOLLOWS
+    return CommandResponse.FOLLOWS if foretells(records) else CommandResponse.UNMOVED

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.diagnose.choice import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind, with_common_whitening
-from idloop.diagnose.command_response import unmoved
 from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
 from idloop.diagnose.diagnosis import Diagnosis, diagnosis_of, split_bodies
 from idloop.diagnose.force_view import ForceView
@@ -84,7 +83,7 @@ def diagnose(
     if diagnosis.best is not None and diagnosis.best.model is not None:
         told += effect_scales(diagnosis.best.model, records)
     texts = [
-        "" if unmoved(diagnosis.gate.findings) else turned(model, reached),
+        "" if diagnosis.response.tells_nothing else turned(model, reached),
         *(one.text for one in told),
         *split_bodies(reached, [rung.added.name for rung in diagnosis.rungs]),
     ]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from idloop.diagnose.candidate import Candidate, Rung, effect_parameters
-from idloop.diagnose.command_response import REVERSED
+from idloop.diagnose.command_response import CommandResponse
 from idloop.diagnose.equivalent_effects import Twins, find_twins
 from idloop.diagnose.gate import Gate
 from idloop.diagnose.step import MISSING, NOT_EXCITED, UNKNOWN, FitT, Step, Weighed
@@ -50,6 +50,8 @@ class Diagnosis:
         The first effect of the pair with the model that has no other: where a ladder comes by.
     passed_over : mapping of str to str
         Effects that are significant on the fitted data and not missing physics, and why.
+    response : CommandResponse
+        How the motion follows the command.
     """
 
     model: Model
@@ -64,6 +66,7 @@ class Diagnosis:
     rival_pairs: tuple[tuple[str, str], ...] = ()
     alone: Candidate | None = None
     passed_over: Mapping[str, str] = field(default_factory=dict)
+    response: CommandResponse = CommandResponse.FOLLOWS
 
     @property
     def best(self) -> Candidate | None:
@@ -121,6 +124,7 @@ class Diagnosis:
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
             "passed_over": dict(self.passed_over),
             "one_equation": [group.to_dict() for group in self.twins],
+            "response": self.response.value,
         }
 
     def summary(self) -> str:
@@ -142,7 +146,7 @@ class Diagnosis:
             lines += [group.text for group in self.twins]
         elif self.unknown is not None:
             lines.append(self.unknown.text)
-        elif REVERSED in self.gate.findings or self.verdict == UNKNOWN:
+        elif self.response is CommandResponse.REVERSED or self.verdict == UNKNOWN:
             pass  # the finding says what there is to say
         elif self.verdict == NOT_EXCITED:
             lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
@@ -194,6 +198,7 @@ def step_ending(step: Step[FitT]) -> dict[str, Any]:
         "candidates": _candidates_of(step),
         "unknown": unknown,
         "passed_over": step.passed_over,
+        "response": CommandResponse.FOLLOWS if step.tied else step.response,
     }
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idloop.diagnose.candidate import Candidate
+from idloop.diagnose.command_response import CommandResponse
 from idloop.diagnose.detection import DetectionLimit
 from idloop.diagnose.step import ADEQUATE
 from idloop.diagnose.unknown import UnknownStructure
@@ -82,6 +83,8 @@ class Ladder:
     level : float
     passed_over : mapping of str to str
         Effects that were significant on the fitted data in the end and were not added, and why.
+    response : CommandResponse
+        How the motion follows the command by the last model.
     """
 
     steps: tuple[Step, ...]
@@ -95,6 +98,7 @@ class Ladder:
     level: float = 0.01
     passed_over: Mapping[str, str] = field(default_factory=dict)
     limits: Mapping[str, DetectionLimit] = field(default_factory=dict)
+    response: CommandResponse = CommandResponse.FOLLOWS
 
     @property
     def model(self) -> Model:
@@ -163,6 +167,7 @@ class Ladder:
             unknown=self.unknown or other.unknown,
             passed_over={**other.passed_over, **self.passed_over},
             limits={**other.limits, **self.limits},
+            response=other.response,
         )
 
     def undo(self) -> Ladder:
@@ -177,7 +182,7 @@ class Ladder:
             raise InputError("nothing to undo: no effect was added yet")
         return replace(
             self, steps=self.steps[:-1], verdict="missing", candidates=(), unknown=None, suggested_experiment=None,
-            passed_over={}, limits={},
+            passed_over={}, limits={}, response=CommandResponse.FOLLOWS,
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -196,6 +201,7 @@ class Ladder:
             "passed_over": dict(self.passed_over),
             "shows_from": {name: limit.to_dict() for name, limit in self.limits.items()},
             "worsened": [one.to_dict() for one in self.worsened],
+            "response": self.response.value,
         }
 
     @classmethod
@@ -234,6 +240,7 @@ class Ladder:
             level=document.get("level", 0.01),
             passed_over=document.get("passed_over", {}),
             limits={name: DetectionLimit.from_dict(one) for name, one in document.get("shows_from", {}).items()},
+            response=CommandResponse(document.get("response", CommandResponse.FOLLOWS)),
         )
 
     def summary(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from idloop.diagnose.candidate import Candidate
 from idloop.diagnose.choice import PREDICTION
-from idloop.diagnose.command_response import OTHERWISE, REVERSED, UNMOVED, follows, reversed_command
+from idloop.diagnose.command_response import CommandResponse, follows, reversed_command
 from idloop.diagnose.confirm import STILL_IN_IT, Confirmed, Progress, confirm, confirm_behind_noise, promising
 from idloop.diagnose.diagnosis import candidate_of
 from idloop.diagnose.errors import model_errors
@@ -54,7 +54,7 @@ class PredictionStep(Step[Refit]):
     setting: Setting = field(kw_only=True)  # what was fitted
     unseen: tuple[Record, ...] = field(kw_only=True)  # their free run tells whether an effect is worth a name
     whole: Setting | None = None  # all samples, where effects were weighed in some of them only
-    unfollowed: str = ""  # what to say where the motion does not follow the command
+    response: CommandResponse = CommandResponse.FOLLOWS  # of the motion to the command
     # Fits with the part by which each makes errors smaller, and with whether each holds on the held-out records.
     known: dict[int, tuple[Refit, float]] = field(default_factory=dict, compare=False)
     held: dict[int, tuple[Refit, bool]] = field(default_factory=dict, compare=False)
@@ -123,10 +123,11 @@ class PredictionStep(Step[Refit]):
 
     def verdict(self) -> tuple[str, tuple[str, ...]]:
         """What is left when no effect is named."""
-        findings = (self.unfollowed,) if self.unfollowed else ()
-        if self.structure is not None or self.unfollowed == OTHERWISE:
+        follows = self.response is CommandResponse.FOLLOWS
+        findings = () if follows else (self.response.text,)
+        if self.structure is not None or self.response is CommandResponse.OTHERWISE:
             return UNKNOWN, findings
-        return (NOT_EXCITED if self.gate.poor or self.unfollowed else ADEQUATE), findings
+        return (NOT_EXCITED if self.gate.poor or not follows else ADEQUATE), findings
 
 
 @dataclass(frozen=True)
@@ -193,14 +194,15 @@ class PredictionView(View[Refit]):
             step = self._with_first(self._judged(replace(step, weighed=(*step.weighed, *pairs)), moved), weigher)
         if moved or step.tied:
             return step
-        unfollowed = UNMOVED
+        response = CommandResponse.UNMOVED
         if reversed_command(self.setting, parent, self.start):
-            unfollowed = REVERSED
+            response = CommandResponse.REVERSED
         elif foretells(self.setting.records, self.seed):
-            unfollowed = OTHERWISE
+            response = CommandResponse.OTHERWISE
         # A force over the motion says nothing where it is not the command that moves the axis.
-        curves = tuple(one for one in step.structures if unfollowed != REVERSED and one.of_the_drive)
-        return replace(step, unfollowed=unfollowed, structures=curves)
+        turned = response is CommandResponse.REVERSED
+        curves = tuple(one for one in step.structures if one.of_the_drive and not turned)
+        return replace(step, response=response, structures=curves)
 
     def _part(self, begin: float, width: float, what: str) -> Progress:
         """Tells a part of the work."""

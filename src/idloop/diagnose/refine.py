@@ -18,7 +18,6 @@ from idloop.diagnose.choice import (
     with_common_whitening,
 )
 from idloop.diagnose.climb import Climb
-from idloop.diagnose.command_response import unmoved
 from idloop.diagnose.deciding_view import NOTHING, Views, as_predicted, asked_fit
 from idloop.diagnose.diagnosis import candidate_of, split_bodies
 from idloop.diagnose.errors import model_errors
@@ -115,7 +114,7 @@ def refine(
         found = task.by_errors(start, ladder, kind if wanted == criterion else wanted)
     told = ([] if together is None else [together]) + effect_scales(found.model, records)
     texts = [
-        "" if unmoved(found.findings) else turned(start, found.model),
+        "" if found.response.tells_nothing else turned(start, found.model),
         *(one.text for one in told),
         *split_bodies(found.model, found.added),
         views_apart(found),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
+from idloop.diagnose.command_response import CommandResponse
 from idloop.diagnose.gate import Gate
 from idloop.diagnose.predictive import Evidence, Scores
 from idloop.diagnose.proposals import Proposal
@@ -129,6 +130,8 @@ class Step(ABC, Generic[FitT]):
     gate: Gate = field(default_factory=lambda: Gate((), {}, {}))  # what the data can show
     structures: Sequence[Structure] = ()  # curves that the errors follow, best first
     refused: Mapping[str, str] = field(default_factory=dict)  # effects not named whatever their evidence, and why
+
+    response = CommandResponse.FOLLOWS  # of the motion to the command
 
     @property
     @abstractmethod

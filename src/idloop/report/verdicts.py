@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from idloop.diagnose.command_response import REVERSED, unmoved
+from idloop.diagnose.command_response import CommandResponse
 from idloop.diagnose.step import SAY_NOISE
 from idloop.estimate.direction import AGAINST
 from idloop.spelling import joined_names
@@ -58,8 +58,8 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -
     only : str
         What was looked for where that was not the whole catalogue, as `idloop.report.tried.only_words` says it.
     """
-    end = ending(ladder.verdict, only, ladder.findings)
-    if ladder.verdict not in SAY_NOISE or unmoved(ladder.findings):
+    end = ending(ladder.verdict, only, ladder.response)
+    if ladder.verdict not in SAY_NOISE or ladder.response.tells_nothing:
         return end
     something, of_these = unexplained(only), "" if only else "of the catalogue "
     names = stand_ins(ladder)
@@ -74,7 +74,7 @@ def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -
     return end
 
 
-def ending(verdict: str, only: str = "", findings: Sequence[str] = ()) -> str:
+def ending(verdict: str, only: str = "", response: CommandResponse = CommandResponse.FOLLOWS) -> str:
     """What a verdict says by itself.
 
     Parameters
@@ -83,14 +83,14 @@ def ending(verdict: str, only: str = "", findings: Sequence[str] = ()) -> str:
         Of a ladder, or of a diagnosis that has found nothing missing.
     only : str
         As for `conclusion`.
-    findings : sequence of str
-        What the data can show.
+    response : CommandResponse
+        How the motion follows the command.
     """
     plain = (_OF_THESE if only else VERDICTS).get(verdict, verdict)
     end = f"{plain}: {only}" if only else plain
-    if REVERSED in findings:
+    if response is CommandResponse.REVERSED:
         return f"{AGAINST}: turn one of the two, then ask again"
-    return f"{_TELLS_NOTHING}; {end}" if unmoved(findings) else end
+    return f"{_TELLS_NOTHING}; {end}" if response.tells_nothing else end
 
 
 def unexplained(only: str) -> str:
