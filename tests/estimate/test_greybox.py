@@ -7,7 +7,7 @@ import pytest
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimate import fit
-from idloop.estimate.prediction import PredictionCriterion
+from idloop.estimate.innovations import InnovationCriterion
 from idloop.physics import Model, Plant, load_model
 from idloop.records import Record
 
@@ -133,7 +133,7 @@ def test_what_no_observer_can_predict_is_simulated(
         raise IdloopError("no observer could be designed for this model and data; try the simulation criterion")
 
     record = experiment(motor, samples=600)
-    monkeypatch.setattr(PredictionCriterion, "retune", none)
+    monkeypatch.setattr(InnovationCriterion, "retune", none)
     result = fit(motor, [record])
     assert result.criterion == "simulation"
     assert "no observer could be designed" in result.why

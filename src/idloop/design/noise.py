@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
-from idloop.estimate.dataset import Data, output_groups, output_noise
+from idloop.estimate.dataset import Data, force_scale, output_groups, output_noise
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.greybox import force_scale
 from idloop.estimate.innovations import LEAST_EXPONENT, MOST_EXPONENT, InnovationCriterion
 from idloop.estimate.problem import Problem
 from idloop.estimate.whitening import Whitener, choose_order, fit_whitener

@@ -17,7 +17,7 @@ from idloop.physics.conditions import Conditions, condition_name
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from idloop.physics import Model
+    from idloop.physics import Engine, Model
     from idloop.records import Record
 
 Array = NDArray[np.float64]
@@ -298,3 +298,17 @@ def _spread(values: Array) -> Array:
         return np.zeros_like(values)
     nearest = [known[int(np.argmin(np.abs(known - i)))] for i in range(len(values))]
     return np.asarray(values[nearest])
+
+
+def force_scale(engine: Engine, data: list[Data]) -> float:
+    """Typical drive force of the records: gain times the command's root mean square.
+
+    Returns
+    -------
+    float
+        Positive.
+    """
+    linear = engine.linearise(None)
+    gain = float(np.linalg.norm(linear.B)) / max(float(np.linalg.norm(linear.G)), 1e-300)
+    level = float(np.sqrt(np.mean(np.concatenate([d.input for d in data]) ** 2)))
+    return max(gain * level, 1e-12)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +14,13 @@ from idloop.estimate.choose import between
 from idloop.estimate.criterion import Criterion
 from idloop.estimate.dataset import Data, openings, output_noise, prepare
 from idloop.estimate.direction import turned
+from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.levenberg import difference_jacobian
-from idloop.estimate.prediction import PredictionCriterion
+from idloop.estimate.likelihood.disturbance import LONG_MEMORY
+from idloop.estimate.likelihood.first_fit import first_fit
+from idloop.estimate.likelihood.intervals import parameter_covariance
+from idloop.estimate.likelihood.refit import Refit
+from idloop.estimate.likelihood.setting import prepare_setting
 from idloop.estimate.problem import Problem
 from idloop.estimate.result import FitResult, RecordResidual
 from idloop.estimate.rough import is_rough
@@ -34,9 +39,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-# A search begins anew at most so often, and as long as that brings this much of twice the log-likelihood: what one
-# parameter without effect brings on average.
-_MOST_RESTARTS, _WORTH_A_RESTART = 3, 1.0
 # A loss that is larger by less than this is no other fit.
 _NO_WORSE = 1.01
 
@@ -117,31 +119,36 @@ def fit(
     starts = [start] if near is None else [start, near.theta]
     tell(0.1, f"{chosen} criterion")
 
-    def searched(name: str, reason: str) -> tuple[Solution, FitResult]:
-        found = _search(engine, model, data, noise, name, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
+    def searched(name: str, reason: str) -> tuple[Array, FitResult]:
+        if name == "prediction":
+            setting = prepare_setting(model, records, name)
+            ended = _of_refit(first_fit(setting, model))
+        else:
+            found = _search(engine, model, data, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
+            ended = _of_solution(found)
         tell(0.75, "standard errors")
-        return found, _conclude(engine, model, data, found, reason, noise)
+        return ended.jacobian, _conclude(model, data, ended, reason, noise)
 
     try:
-        best, result = searched(chosen, why)
+        jacobian, result = searched(chosen, why)
     except (IdloopError, np.linalg.LinAlgError) as error:
         if criterion != "auto" or isinstance(error, InputError):
             raise
         # What cannot be predicted may still be simulated.
         tell(0.1, "simulation criterion")
         chosen, reason = "simulation", str(error).partition(";")[0]
-        best, result = searched(chosen, f"the prediction criterion cannot serve: {reason}")
+        jacobian, result = searched(chosen, f"the prediction criterion cannot serve: {reason}")
     if balance is not None and criterion == "auto" and balance.hides_from(result.model):
         return by_force(balance, f"{chosen} errors take for a disturbance what the force balance shows to be a force")
-    alone = _without_ties(model, records, criterion, tell, result, best.jacobian)
+    alone = _without_ties(model, records, criterion, tell, result, jacobian)
     if alone is not None:
         return alone
     if criterion != "auto" or chosen == "simulation":
         return result
     tell(0.8, "free run, to compare with")
     try:
-        rival = _search(engine, model, data, noise, "simulation", [result.values, *starts], lambda share, text: None)
-        free = _conclude(engine, model, data, rival, "", noise)
+        rival = _search(engine, model, data, [result.values, *starts], lambda share, text: None)
+        free = _conclude(model, data, _of_solution(rival), "", noise)
     except (IdloopError, np.linalg.LinAlgError):
         return result
     tell(0.95, "comparing the criteria")
@@ -170,45 +177,19 @@ def _without_ties(
     return together.of_all(model, settled)
 
 
-def _search(
-    engine: Engine,
-    model: Model,
-    data: list[Data],
-    noise: Array,
-    chosen: str,
-    starts: list[Array],
-    tell: Progress,
-) -> Solution:
-    """Best solution from several starting points; the others are only tried when the first does not settle.
-
-    A search by prediction finds parameters and noise model in turns, and may settle where each is best for the other
-    and the two are not: it begins anew where it has ended, until that brings nothing.
-    """
+def _search(engine: Engine, model: Model, data: list[Data], starts: list[Array], tell: Progress) -> Solution:
+    """Best free run from several starting points; the others are only tried when the first does not settle."""
     best: Solution | None = None
-    exact_slopes = False
-    ranked = _ranked(_criterion(chosen, engine, data, noise), starts)
-    if chosen == "simulation":
-        ranked, exact_slopes = _nearer(engine, model, data, ranked)
-
-    def search(trial: Array, report: Progress | None) -> Solution:
-        rule = _criterion(chosen, engine, data, noise)
-        return solve(rule, trial, *model.bounds, report=report, typical=model.theta, exact_slopes=exact_slopes)
-
+    ranked, exact_slopes = _nearer(engine, model, data, _ranked(SimulationCriterion(engine, data), starts))
     for trial in ranked:
-        found = search(trial, tell)
+        rule = SimulationCriterion(engine, data)
+        found = solve(rule, trial, *model.bounds, report=tell, typical=model.theta, exact_slopes=exact_slopes)
         if best is None or found.problem.objective < best.problem.objective:
             best = found
         if best.converged:
             break
     if best is None:
         raise IdloopError("no starting point could be fitted")
-    for _ in range(_MOST_RESTARTS if chosen == "prediction" else 0):
-        found = search(best.theta, None)
-        gained = best.problem.objective - found.problem.objective
-        if gained > _WORTH_A_RESTART or (found.converged and not best.converged and gained > -_WORTH_A_RESTART):
-            best = found
-        if gained <= _WORTH_A_RESTART:
-            break
     return best
 
 
@@ -305,26 +286,6 @@ def _conclude_force(model: Model, data: list[Data], fit: WeakFit, why: str, nois
     )
 
 
-def _criterion(name: str, engine: Engine, data: list[Data], noise: Array) -> Criterion:
-    if name == "simulation":
-        return SimulationCriterion(engine, data)
-    return PredictionCriterion(engine, data, noise, force_scale(engine, data))
-
-
-def force_scale(engine: Engine, data: list[Data]) -> float:
-    """Typical drive force of the records: gain times the command's root mean square.
-
-    Returns
-    -------
-    float
-        Positive.
-    """
-    linear = engine.linearise(None)
-    gain = float(np.linalg.norm(linear.B)) / max(float(np.linalg.norm(linear.G)), 1e-300)
-    level = float(np.sqrt(np.mean(np.concatenate([d.input for d in data]) ** 2)))
-    return max(gain * level, 1e-12)
-
-
 def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
     """Starting points, the one with the smaller criterion first."""
     if len(starts) == 1:
@@ -332,9 +293,6 @@ def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
     values = []
     for theta in starts:
         try:
-            if isinstance(rule, PredictionCriterion):
-                values.append(rule.coarse(theta))
-                continue
             problem = Problem(rule, len(theta))
             problem.reweigh(np.concatenate([theta, rule.nuisance()[0]]), whiten=False)
             values.append(problem.objective if np.isfinite(problem.objective) else np.inf)
@@ -343,30 +301,66 @@ def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
     return [starts[i] for i in np.argsort(values, kind="stable")]
 
 
-def _conclude(
-    engine: Engine,
-    model: Model,
-    data: list[Data],
-    solution: Solution,
-    why: str,
-    noise: Array,
-) -> FitResult:
-    """Covariance, warnings and residuals of a solved fit."""
-    problem, rule = solution.problem, solution.problem.criterion
-    lower, upper = model.bounds
-    k = len(solution.theta)
-    hessian = solution.jacobian.T @ solution.jacobian
-    tied, seen = ties(hessian, k)
-    theta, nuisance = solution.theta, solution.nuisance
-    point = np.concatenate([theta, nuisance])
-    problem.reweigh(point, rule.whiten)
-    residual = problem.residual(point)
-    jacobian = solution.jacobian
+@dataclass(frozen=True)
+class _Ended:
+    """Where a search by prediction or simulation ended, of k free parameters and m nuisance parameters.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the weights of the solution.
+    point, lower, upper, scale : array, shape (k + m,)
+        The parameters, their bounds and typical sizes.
+    jacobian : array, shape (n, k + m)
+    covariance : array, shape (k, k)
+    """
+
+    problem: Problem
+    point: Array
+    lower: Array
+    upper: Array
+    scale: Array
+    jacobian: Array
+    covariance: Array
+    iterations: int
+    converged: bool
+
+
+def _of_refit(fit: Refit) -> _Ended:
+    lower, upper = fit.model.bounds
+    _, low, high, size = fit.criterion.nuisance()
+    scale = np.concatenate([typical_size(fit.model.theta, lower, upper), size])
+    jacobian = fit.jacobian * ((np.arange(len(scale)) < fit.parameters) | fit.felt)
+    return _Ended(
+        fit.problem, fit.point, np.concatenate([lower, low]), np.concatenate([upper, high]), scale, jacobian,
+        parameter_covariance(fit), fit.rounds, fit.settled,
+    )  # fmt: skip
+
+
+def _of_solution(solution: Solution) -> _Ended:
+    problem, k = solution.problem, len(solution.theta)
+    point = np.concatenate([solution.theta, solution.nuisance])
+    problem.reweigh(point, problem.criterion.whiten)
+    residual, jacobian = problem.residual(point), solution.jacobian
     if len(jacobian) != len(residual):
         jacobian, _ = difference_jacobian(
             problem.residual, point, residual, solution.lower, solution.upper, solution.step, solution.scale
         )
-    covariance = problem_covariance(problem, point, residual, jacobian)[:k, :k].copy()
+    covariance = problem_covariance(problem, point, residual, jacobian)[:k, :k]
+    return _Ended(
+        problem, point, solution.lower, solution.upper, solution.scale, jacobian, covariance, solution.iterations,
+        solution.converged,
+    )  # fmt: skip
+
+
+def _conclude(model: Model, data: list[Data], ended: _Ended, why: str, noise: Array) -> FitResult:
+    """Covariance, warnings and residuals of a fit that has ended."""
+    problem, rule, point = ended.problem, ended.problem.criterion, ended.point
+    lower, upper = model.bounds
+    k = len(model.free)
+    theta, nuisance = point[:k], point[k:]
+    tied, seen = ties(ended.jacobian.T @ ended.jacobian, k)
+    covariance = ended.covariance.copy()
     covariance[~seen, :] = np.nan
     covariance[:, ~seen] = np.nan
     for tie in tied:
@@ -378,23 +372,24 @@ def _conclude(
     at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
     warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
     strikes = any(active.effect.edge is not None for active in model.effects)
-    if strikes and is_rough(problem.residual, point, solution.lower, solution.upper, solution.scale, k):
+    if strikes and is_rough(problem.residual, point, ended.lower, ended.upper, ended.scale, k):
         warnings.append(
             "the two sides of a gap strike so often that a thousandth more or less of a parameter is another motion: "
             "values depend on where the fit starts and the intervals are too small; record a slower motion"
         )
-    if not solution.converged:
+    if not ended.converged:
         warnings.append("the search stopped before it settled; try other starting values")
     count = problem.count(point)
     loss = problem.loss
-    fpe = loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12)
-    intensity = rule.intensity if isinstance(rule, PredictionCriterion) else None
     fitted = model.with_values(
         dict(zip(model.free, (float(v) for v in theta), strict=True)),
         {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
     )
-    if intensity is not None:
-        fitted = replace(fitted, disturbance=float(np.sqrt(intensity)))
+    intensity = None
+    if isinstance(rule, InnovationCriterion):
+        # What forgets quickly is no walk.
+        intensity = rule.intensity if rule.memory >= LONG_MEMORY else None
+        fitted = replace(fitted, disturbance=None if intensity is None else float(np.sqrt(intensity)))
     other_way = turned(model, fitted)
     if other_way:
         warnings.append(other_way)
@@ -405,8 +400,8 @@ def _conclude(
         stderr=stderr,
         covariance=covariance,
         loss=loss,
-        fpe=fpe,
-        criterion=rule.name,
+        fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12),
+        criterion="prediction" if isinstance(rule, InnovationCriterion) else "simulation",
         why=why,
         disturbance_intensity=intensity,
         output_noise=noise,
@@ -415,8 +410,8 @@ def _conclude(
         at_bound=at_bound,
         warnings=tuple(warnings),
         samples=count,
-        iterations=solution.iterations,
-        converged=solution.converged,
+        iterations=ended.iterations,
+        converged=ended.converged,
         orders=tuple(problem.orders),
     )
 
@@ -425,9 +420,9 @@ def _residuals(model: Model, data: list[Data], rule: Any, theta: Array, nuisance
     names = tuple(o.name for o in model.outputs)
     found = []
     for index, d in enumerate(data):
-        if isinstance(rule, PredictionCriterion):
-            found.append(RecordResidual(d.name, d.time, rule.innovation(theta, nuisance, index), names))
+        if isinstance(rule, InnovationCriterion):
+            value = rule.innovation(theta, nuisance, index)
         else:
             value = d.output - rule.simulated(theta, nuisance, index)
-            found.append(RecordResidual(d.name, d.time, value, names))
+        found.append(RecordResidual(d.name, d.time, value, names))
     return tuple(found)

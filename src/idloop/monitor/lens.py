@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
-from idloop.estimate.dataset import Data, output_noise
-from idloop.estimate.greybox import force_scale
+from idloop.estimate.dataset import Data, force_scale, output_noise
 from idloop.estimate.prediction import PredictionCriterion
 from idloop.estimate.problem import Problem
 from idloop.estimate.whitening import Whitener, fit_whitener

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimate.dataset import Data, openings, output_noise, prepare
+from idloop.estimate.dataset import Data, force_scale, openings, output_noise, prepare
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.greybox import force_scale
 from idloop.estimate.prediction import PredictionCriterion
 from idloop.validate.ahead import steps_ahead
 from idloop.validate.drive import ForceError, force_error

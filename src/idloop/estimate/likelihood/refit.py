@@ -71,6 +71,10 @@ class Refit:
         Difference steps that suit.
     slopes : array, shape (n, k), or None
         Jacobian of the whitened errors, roughly: where searches of neighbouring models begin.
+    rounds : int
+        Of the search.
+    settled : bool
+        Whether it ended by itself.
     """
 
     model: Model
@@ -80,6 +84,8 @@ class Refit:
     log_likelihood: float
     step: Array
     slopes: NDArray[np.float32] | None = None
+    rounds: int = 0
+    settled: bool = True
 
     @property
     def parameters(self) -> int:
@@ -270,12 +276,18 @@ def _search(
     if orders is None and beside is not None and not reconsider:
         orders = beside.problem.orders
     best, theta = -np.inf, choices[0]
+    failure: Exception | None = None
     for choice in choices:
-        cold = beside is None and len(choices) > 1
-        value, disturbance = _start(criterion, problem, choice, orders, cold)
+        try:
+            value, disturbance = _start(criterion, problem, choice, orders, beside is None and len(choices) > 1)
+        except (np.linalg.LinAlgError, IdloopError, ValueError) as error:
+            failure = error
+            continue
         if value > best:
             best, theta, start = value, choice, disturbance
     if not np.isfinite(best):
+        if isinstance(failure, IdloopError):
+            raise failure
         raise IdloopError("the model gives no finite output at its starting values; check signs and magnitudes")
     if calm and isinstance(criterion, InnovationCriterion):
         value, elsewhere = _under_disturbance(criterion, problem, theta, (lower, upper), size, NONE, orders)
@@ -285,7 +297,7 @@ def _search(
     glimpse = criterion.glimpse(GLIMPSE) if isinstance(criterion, InnovationCriterion) else None
     step: Array | None = None
     slopes = _slopes_of(beside, model) if beside is not None else None
-    best, kept = -np.inf, None
+    best, kept, settled = -np.inf, None, False
     for round_ in range(rounds):
         criterion.retune(theta)
         # The first round moves the parameters so far that its best disturbance need not be near the next.
@@ -322,6 +334,7 @@ def _search(
             kept = (theta, nuisance, steps, slopes[:, :k].astype(np.float32))
         gained = value - beside.log_likelihood if beside is not None else 0.0
         if value < best + max(SETTLED, _SETTLED_PART * gained) and round_ > 0:
+            settled = True
             break
         best = max(best, value)
     if kept is None:
@@ -336,7 +349,7 @@ def _search(
         # What forgets quickly is no walk, which is what an observer elsewhere takes a disturbance for.
         walks = criterion.memory >= LONG_MEMORY
         fitted = replace(fitted, disturbance=float(np.sqrt(criterion.intensity)) if walks else None)
-    return Refit(fitted, criterion, problem, point, value, step, rough)
+    return Refit(fitted, criterion, problem, point, value, step, rough, round_ + 1, settled)
 
 
 def _by_way_of_the_plain_machine(
@@ -455,10 +468,7 @@ def _start(
     criterion: Criterion, problem: Problem, theta: Array, orders: list[int] | None, cold: bool
 ) -> tuple[float, Array]:
     """Log-likelihood at a start, and the nuisance there: the best of a few disturbances."""
-    try:
-        criterion.retune(theta)
-    except (np.linalg.LinAlgError, IdloopError, ValueError):
-        return -np.inf, np.zeros(0)
+    criterion.retune(theta)
     nuisance = criterion.nuisance()[0]
     tries = [nuisance]
     if isinstance(criterion, InnovationCriterion) and cold:

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimate.criterion import Criterion
-from idloop.estimate.dataset import Data, output_noise, prepare, recorded
+from idloop.estimate.dataset import Data, force_scale, output_noise, prepare, recorded
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.greybox import force_scale
 from idloop.estimate.innovations import InnovationCriterion
 from idloop.estimate.problem import Problem
 from idloop.estimate.simulation import SimulationCriterion
@@ -168,7 +167,7 @@ class Setting:
 
     def criterion(self, model: Model) -> Criterion:
         """The criterion for one model."""
-        engine = self._engine(model)
+        engine = self.engine(model)
         if self.kind == "simulation":
             return SimulationCriterion(engine, list(self.data))
         return InnovationCriterion(engine, list(self.data), self.noise, self.force)
@@ -178,10 +177,11 @@ class Setting:
 
         A feedback from a disturbed motion to the command looks like one in a balance of forces: without inertia.
         """
-        engine = self._engine(model)
+        engine = self.engine(model)
         return chain_rate(RememberingEngine(model).layout()) <= engine.most
 
-    def _engine(self, model: Model) -> FrugalEngine:
+    def engine(self, model: Model) -> FrugalEngine:
+        """A model made ready for a search."""
         return FrugalEngine(model, min(d.sample_time for d in self.data), self.speed)
 
 
