@@ -127,20 +127,6 @@ class PredictionCriterion:
         self._use(self._design(self.engine.linearise(theta), intensity))
         self.keep(self._profile(theta, whiten=False)[1])
 
-    def coarse(self, theta: Array) -> float:
-        """Cost at the best of a few disturbance intensities, to rank starting points by."""
-        linear = self.engine.linearise(theta)
-        longest = max(float(d.time[-1] - d.time[0]) for d in self.data)
-        unit = self.force_scale**2 / longest
-        values = [np.inf]
-        for exponent in (-8.0, -5.0, -2.0, 1.0, 4.0):
-            try:
-                self._use(self._design(linear, unit * 10.0**exponent))
-                values.append(self._profile(theta, whiten=False)[0])
-            except (IdloopError, np.linalg.LinAlgError):
-                continue
-        return min(value for value in values if not np.isnan(value))
-
     def _profile(self, theta: Array, whiten: bool) -> tuple[float, Array]:
         """Mean log-likelihood cost with the initial states at their best, and those states."""
         problem = Problem(self, len(theta))
