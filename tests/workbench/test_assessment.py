@@ -44,7 +44,8 @@ def test_the_fitted_effect_lies_on_the_data(record):
     drawn = draw([DEAD_ZONE], record)[DEAD_ZONE.name]
     line = np.interp(drawn.centre, drawn.curve_x, drawn.curve_y)
     assert np.max(np.abs(line - drawn.mean)) < 0.2, "of a command of 3 V"
-    assert drawn.share > 0.9
+    told = np.isfinite(drawn.mean)
+    assert np.var(drawn.mean[told] - line[told]) < 0.1 * np.var(drawn.mean[told])
 
 
 def test_the_best_evidence_has_its_picture_first(record, monkeypatch):

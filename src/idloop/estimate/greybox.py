@@ -309,6 +309,8 @@ class _Ended:
     ----------
     problem : Problem
         With the weights of the solution.
+    residual : callable
+        From a point to the whitened errors in units of their standard deviation, shape (n,).
     point, lower, upper, scale : array, shape (k + m,)
         The parameters, their bounds and typical sizes.
     jacobian : array, shape (n, k + m)
@@ -316,6 +318,7 @@ class _Ended:
     """
 
     problem: Problem
+    residual: Callable[[Array], Array]
     point: Array
     lower: Array
     upper: Array
@@ -332,9 +335,17 @@ def _of_refit(fit: Refit) -> _Ended:
     scale = np.concatenate([typical_size(fit.model.theta, lower, upper), size])
     jacobian = fit.jacobian * ((np.arange(len(scale)) < fit.parameters) | fit.felt)
     return _Ended(
-        fit.problem, fit.point, np.concatenate([lower, low]), np.concatenate([upper, high]), scale, jacobian,
-        parameter_covariance(fit), fit.rounds, fit.settled,
-    )  # fmt: skip
+        problem=fit.problem,
+        residual=fit.problem.frozen_residual,
+        point=fit.point,
+        lower=np.concatenate([lower, low]),
+        upper=np.concatenate([upper, high]),
+        scale=scale,
+        jacobian=jacobian,
+        covariance=parameter_covariance(fit),
+        iterations=fit.rounds,
+        converged=fit.settled,
+    )
 
 
 def _of_solution(solution: Solution) -> _Ended:
@@ -348,9 +359,17 @@ def _of_solution(solution: Solution) -> _Ended:
         )
     covariance = problem_covariance(problem, point, residual, jacobian)[:k, :k]
     return _Ended(
-        problem, point, solution.lower, solution.upper, solution.scale, jacobian, covariance, solution.iterations,
-        solution.converged,
-    )  # fmt: skip
+        problem=problem,
+        residual=problem.residual,
+        point=point,
+        lower=solution.lower,
+        upper=solution.upper,
+        scale=solution.scale,
+        jacobian=jacobian,
+        covariance=covariance,
+        iterations=solution.iterations,
+        converged=solution.converged,
+    )
 
 
 def _conclude(model: Model, data: list[Data], ended: _Ended, why: str, noise: Array) -> FitResult:
@@ -372,7 +391,7 @@ def _conclude(model: Model, data: list[Data], ended: _Ended, why: str, noise: Ar
     at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
     warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
     strikes = any(active.effect.edge is not None for active in model.effects)
-    if strikes and is_rough(problem.residual, point, ended.lower, ended.upper, ended.scale, k):
+    if strikes and is_rough(ended.residual, point, ended.lower, ended.upper, ended.scale, k):
         warnings.append(
             "the two sides of a gap strike so often that a thousandth more or less of a parameter is another motion: "
             "values depend on where the fit starts and the intervals are too small; record a slower motion"
