@@ -10,7 +10,6 @@ from functools import cached_property
 from idloop.diagnose.candidate import Candidate, effect_parameters
 from idloop.errors import InputError
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.likelihood.first_fit import first_fit_or_none
 from idloop.estimate.likelihood.intervals import with_stderr
 from idloop.estimate.likelihood.refit import Refit, refit_or_none
 from idloop.estimate.likelihood.setting import Setting, prepare_setting
@@ -38,7 +37,7 @@ class Views:
     """
 
     def __init__(self, model: Model, setting: Setting, forms: dict[int, WeakForm]) -> None:
-        self.model, self.setting, self._forms = model, setting, forms
+        self.model, self.setting = model, setting
         fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms)
         serves = (
             fit is not None
@@ -52,7 +51,7 @@ class Views:
     @cached_property
     def predicted(self) -> Refit | None:
         """The model fitted to prediction errors; None where it cannot be."""
-        return first_fit_or_none(self.setting, self.model, self._forms)
+        return refit_or_none(self.setting, self.model)
 
     @cached_property
     def _begun(self) -> tuple[Setting, Refit | None] | None:

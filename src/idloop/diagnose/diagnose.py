@@ -15,8 +15,7 @@ from idloop.diagnose.prediction_view import PredictionView, delay_or_lag
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.likelihood.first_fit import first_fit
-from idloop.estimate.likelihood.refit import refit_or_none
+from idloop.estimate.likelihood.refit import refit, refit_or_none
 from idloop.estimate.likelihood.setting import Setting, prepare_setting
 from idloop.estimate.undetermined import common_scale, effect_scales
 from idloop.estimate.weak_fit import WeakFit
@@ -155,6 +154,6 @@ def _by_errors(
     """By one-step or free-run errors."""
     setting = with_common_whitening(prepare_setting(model, records, kind))
     view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell)
-    found = diagnosis_of(view.weigh(first_fit(setting, model)))
+    found = diagnosis_of(view.weigh(refit(setting, model)))
     tell(1.0, "done")
     return found

@@ -31,7 +31,6 @@ from idloop.diagnose.step import ADEQUATE, MISSING, FitT, View
 from idloop.estimate.dataset import prepare
 from idloop.estimate.direction import turned
 from idloop.estimate.engine import RememberingEngine
-from idloop.estimate.likelihood.first_fit import first_fit
 from idloop.estimate.likelihood.intervals import with_stderr
 from idloop.estimate.likelihood.refit import Refit, refit, refit_or_none
 from idloop.estimate.likelihood.setting import Setting, prepare_setting
@@ -198,7 +197,7 @@ class _Task:
             setting, self.model, self.level, self.least, self.effects, held_out, self.seed, self.tell
         )  # fmt: skip
         if ladder is None or last is None:
-            found, _ = self._climb(view, kind)(first_fit(setting, start), ladder)
+            found, _ = self._climb(view, kind)(refit(setting, start), ladder)
         else:
             found = self._go_on(view, self._told_apart(setting, ladder), last)
         for candidate in quantised(found.model, setting, self.effects):
