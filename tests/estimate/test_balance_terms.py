@@ -33,10 +33,7 @@ drive: {gain: {value: 1.0}}
 """
 SITE = {INPUT: "input", BODY: "motor", COUPLING: "motor-load"}
 BALANCED = [
-    effect
-    for several in built_in().values()
-    for effect in several
-    if effect.site in SITE and not effect.splits and (effect.name, effect.site) != ("saturation", BODY)
+    effect for several in built_in().values() for effect in several if effect.site in SITE and not effect.splits
 ]
 CONDITIONS = (
     Condition("temperature", "°C", np.arange(0.0, 7.0), np.linspace(20.0, 60.0, 7)),

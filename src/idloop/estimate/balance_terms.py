@@ -470,9 +470,9 @@ class BalanceTerms:
 
     def _balance(
         self, layout: Any, axis: Any, commands: Sequence[Array] | None = None, *, memory: bool = True
-    ) -> tuple[Array, Array]:
-        """Minus all forces of a compiled model at all instants (m, bodies), and those of its drive (m,)."""
-        along, found, driven = self.along, [], []
+    ) -> Array:
+        """Minus all forces of a compiled model at all instants, shape (m, bodies)."""
+        along, found = self.along, []
         motions = along.motions if memory else (along.whole,)
         for index, motion in enumerate(motions):
             own, count = axis, len(motion.time)
@@ -486,8 +486,7 @@ class BalanceTerms:
                 command, -1.0, layout.new_state(), left, required,
             )  # fmt: skip
             found.append(left)
-            driven.append(required - left[:, 0])
-        return np.concatenate(found), np.concatenate(driven)
+        return np.concatenate(found)
 
     def _force(self, active: ActiveEffect, values: Values) -> Term:
         """An effect at a body."""
@@ -500,7 +499,7 @@ class BalanceTerms:
         def made() -> Term:
             strength = {f"{active.name}.{active.effect.parameters[0].name}": numbers[0]} if numbers else {}
             layout, axis = self._alone([active], {**values, **strength})
-            left, _ = self._balance(layout, axis, memory=active.effect.settle is not None)
+            left = self._balance(layout, axis, memory=active.effect.settle is not None)
             return self.along.term(-left[:, self._place[active.at]])
 
         hooks = (active.effect.force, active.effect.settle)
@@ -522,7 +521,7 @@ class BalanceTerms:
         def made() -> Term:
             layout, axis = self._alone(several, values, joint)
             memory = any(one.effect.settle is not None for one in several)
-            return along.term(self._balance(layout, axis, memory=memory)[0][:, joint])
+            return along.term(self._balance(layout, axis, memory=memory)[:, joint])
 
         numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in several)
         found: Term = along.kept((joint, stiffness, damping, numbers), made)
@@ -540,7 +539,7 @@ class BalanceTerms:
             layout, axis = self._alone(several, {**values, **strength})
             # An effect may act through a force as well, which is a term of its own.
             none = np.zeros((0, axis.body_hooks.shape[1]), dtype=np.int64)
-            left, _ = self._balance(layout, axis._replace(body_hooks=none), memory=False)
+            left = self._balance(layout, axis._replace(body_hooks=none), memory=False)
             moving, near = left[:, body], self.along.near_rest
             slow = moving[self.along.near]
             moving[self.along.near] = 0.0
@@ -593,7 +592,7 @@ class BalanceTerms:
             constants = axis.constants.copy()
             constants[kernel.GAIN] = 1.0
             axis = axis._replace(constants=constants)
-            return lambda command: -self._balance(alone, axis, np.split(command, starts))[0][:, 0]
+            return lambda command: -self._balance(alone, axis, np.split(command, starts))[:, 0]
         if not any(one.effect.command is not None for one in self.inputs):
             return lambda command: command
         layout = lay_out(self.model, values, final=False)
