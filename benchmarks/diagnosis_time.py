@@ -32,8 +32,8 @@ from cases import all_cases
 from experiment import Experiment, experiment
 
 import idloop
-from idloop.diagnose import diagnose, refine
-from idloop.diagnose.ladder import Ladder
+from idloop.diagnosis import diagnose, refine
+from idloop.diagnosis.ladder import Ladder
 
 _RATE = 1000.0
 _USUAL = "single/coulomb_friction/axis/axis/clear"

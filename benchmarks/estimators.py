@@ -131,9 +131,9 @@ FALLS = 2.5
 
 def ours(name: str, data: dict[str, Array], settings: dict[str, Any], order: int = 2) -> NDArray[np.complex128]:
     """Response of the plant as a method of idloop finds it."""
-    from idloop.estimate.identification import identify
-    from idloop.estimate.method import Choices
-    from idloop.estimate.sampled import SampledData
+    from idloop.estimation.black_box.identification import identify
+    from idloop.estimation.black_box.method import Choices
+    from idloop.estimation.black_box.sampled import SampledData
 
     chosen = dict(settings)
     closed = bool(np.any(data["r"] != data["u"]))
@@ -208,9 +208,9 @@ def long_run(name: str, samples: int) -> dict[str, Any]:
     import time
 
     from idloop.errors import IdloopError
-    from idloop.estimate.identification import identify
-    from idloop.estimate.method import Choices
-    from idloop.estimate.sampled import SampledData
+    from idloop.estimation.black_box.identification import identify
+    from idloop.estimation.black_box.method import Choices
+    from idloop.estimation.black_box.sampled import SampledData
 
     noise, settings = next(((case[1], case[2]) for case in CASES if case[0] == name and case[3]), ("armax", {}))
     data = duffing(samples, 1) if name in NETWORKS else simulate(noise, samples, 1)
@@ -456,9 +456,9 @@ def network_by_scikit_learn(train: dict[str, Array], test: dict[str, Array], see
 
 def network_by_ours(train: dict[str, Array], test: dict[str, Array], seed: int) -> dict[str, Any]:
     """Networks of idloop with their own free run."""
-    from idloop.estimate.identification import identify
-    from idloop.estimate.method import Choices
-    from idloop.estimate.sampled import SampledData
+    from idloop.estimation.black_box.identification import identify
+    from idloop.estimation.black_box.method import Choices
+    from idloop.estimation.black_box.sampled import SampledData
 
     data, other = (SampledData("data", one["u"][:, None], one["y"][:, None], STEP) for one in (train, test))
     found = {}

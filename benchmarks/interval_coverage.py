@@ -101,7 +101,7 @@ def experiment(case: Case, samples: int, seed: int) -> tuple[Any, Any]:
 
 def trial(case: Case, samples: int, seed: int, criterion: str) -> dict[str, Any]:
     """One simulated fit: estimate, standard error and truth of every parameter."""
-    from idloop.estimate import fit
+    from idloop.estimation import fit
 
     truth, record = experiment(case, samples, seed)
     scales = {"gain": ("drive.gain",), "inertia": ("motor.inertia",), RATIOS: ("drive.gain", "motor.inertia")}

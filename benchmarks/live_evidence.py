@@ -24,7 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from interval_coverage import binomial_interval
 
-from idloop.diagnose.live_evidence import LiveEvidence
+from idloop.diagnosis.evidence.live_evidence import LiveEvidence
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record

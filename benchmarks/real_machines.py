@@ -1,7 +1,7 @@
 """What the ladder finds on measured machines, from the plain linear model, nothing told.
 
 For every data set below the folder IDLOOP_DATA (else ../shared/data beside the checkout):
-imports the records, climbs with `idloop.diagnose.refine`, and prints the errors on the
+imports the records, climbs with `idloop.diagnosis.refine`, and prints the errors on the
 records that were fitted and on held-out ones at every step, ties, the verdict, the time
 taken and the best published figure that is known.
 
@@ -26,13 +26,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from idloop.diagnose import Ladder, refine
+from idloop.diagnosis import Ladder, refine
 from idloop.errors import IdloopError
-from idloop.estimate import fit
+from idloop.estimation import fit
 from idloop.physics import Model, load_model
 from idloop.records import Record, read_record
-from idloop.records.importing import import_bag
-from idloop.validate import compare
+from idloop.records.tables.importing import import_bag
+from idloop.validation import compare
 
 HERE = Path(__file__).resolve().parent
 MODELS = HERE / "real_machines"

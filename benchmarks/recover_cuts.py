@@ -26,9 +26,9 @@ from rich.progress import track
 
 from idloop.cli import main as idloop
 from idloop.records import read_streams, write_bag
-from idloop.records.write import make_stream
-from idloop_nodes.bag_writer import BagWriter
+from idloop.records.bags.write import make_stream
 from idloop_nodes.codec import JointSample, encode_joint_state
+from idloop_nodes.streams.bag_writer import BagWriter
 
 _DONE, _COULD_NOT = 0, 1
 

@@ -13,13 +13,13 @@ import urllib.request
 from pathlib import Path
 from statistics import median
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "workbench"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "reporting" / "workbench"))
 
 
 def _serve(pipe) -> None:  # noqa: ANN001
     from fake import FakeSource
 
-    from idloop.workbench.server import Place, Site
+    from idloop.reporting.workbench.server import Place, Site
 
     source = FakeSource()
     source.feed(100)

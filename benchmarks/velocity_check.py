@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from idloop.records.velocity_check import velocity_slope
+from idloop.records.inspection.velocity_check import velocity_slope
 
 Floats = NDArray[np.float64]
 Random = np.random.Generator

@@ -104,7 +104,7 @@ def setting(name: str) -> Setting:
 def record(case: Case, made: Setting, model: Any, seconds: float, seed: int) -> Any:
     """A machine in motion for some time, from rest."""
     from idloop.control import build_controller
-    from idloop.design.experiment_loop import simulate_closed_loop
+    from idloop.diagnosis.design.experiment_loop import simulate_closed_loop
     from idloop.physics import Engine
     from idloop.records import record_from_model
 
@@ -155,8 +155,8 @@ def warmed(made: Setting, rng: np.random.Generator, growth: float = 0.0) -> Any:
 
 def trial(case: Case, hours: float, worn: int, seed: int, share: float) -> dict[str, Any]:
     """One machine: fit, reference, hours of health, and some growths."""
-    from idloop.estimate import fit
-    from idloop.monitor import Monitor, choose_watches, learn
+    from idloop.estimation import fit
+    from idloop.monitoring import Monitor, choose_watches, learn
 
     made, rng = setting(case.name), np.random.default_rng(seed)
 

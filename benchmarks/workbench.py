@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from idloop.graph import GraphRun, load_graph
-from idloop.report.chromium import find_chromium
+from idloop.reporting.page.chromium import find_chromium
 
 START = 300.0  # seconds until every node is heard of: a cold cache has the model compiled
 BROWSER = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")

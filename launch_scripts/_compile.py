@@ -14,19 +14,19 @@ import numpy as np
 from scipy.signal import lfilter
 
 from idloop.control import build_controller
-from idloop.design.suggest import suggest
-from idloop.diagnose import diagnose
-from idloop.estimate.identification import identify
-from idloop.estimate.method import Choices
-from idloop.estimate.recursive import RecursiveEstimator
-from idloop.estimate.sampled import SampledData
+from idloop.diagnosis import diagnose
+from idloop.diagnosis.design.suggest import suggest
+from idloop.estimation.black_box.identification import identify
+from idloop.estimation.black_box.method import Choices
+from idloop.estimation.black_box.sampled import SampledData
+from idloop.estimation.live_estimator import RecursiveEstimator
 from idloop.physics import Engine, Plant, load_model
 from idloop.records import Record
-from idloop.validate import compare
+from idloop.validation import compare
 
 # What the verbs and nodes import when they start working; Python keeps its byte code beside each file.
 LIBRARIES = (
-    "control", "idloop.cli._assessment", "idloop.graph", "idloop.records.importing", "idloop.validate",
+    "control", "idloop.cli._assessment", "idloop.graph", "idloop.records.tables.importing", "idloop.validation",
     "matplotlib.pyplot", "mcap.reader", "mcap.writer", "rich.progress", "rosbags.highlevel", "scipy.optimize",
     "scipy.signal",
 )  # fmt: skip

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
-    from idloop.diagnose import Diagnosis
+    from idloop.diagnosis import Diagnosis
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
@@ -70,7 +70,7 @@ def browser(tmp_path_factory):
     """Headless Chromium, one for all tests of a worker: two Playwrights in one process are refused."""
     playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright: run launch_scripts/test")
     from idloop.errors import InputError
-    from idloop.report.chromium import find_chromium
+    from idloop.reporting.page.chromium import find_chromium
 
     try:
         path = find_chromium()
@@ -114,7 +114,7 @@ def data_dir() -> Path:
 @pytest.fixture(scope="session")
 def missing_pair() -> Diagnosis:
     """Two effects that show only together on a plain axis, with the models that a ladder passes by."""
-    from idloop.diagnose import Candidate, Diagnosis, Gate
+    from idloop.diagnosis import Candidate, Diagnosis, Gate
     from idloop.physics import load_model
 
     start = load_model("axis")

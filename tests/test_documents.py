@@ -17,15 +17,15 @@ from idloop.cli._ladder_folder import read_ladder
 from idloop.control.controller_file import load_controller
 from idloop.documents import MOST_DEPTH, MOST_DIGITS, read_json, read_npz, read_text, read_yaml
 from idloop.errors import InputError
-from idloop.estimate.linear import model_file as linear_file
-from idloop.estimate.networks import model_file as network_file
+from idloop.estimation.linear import model_file as linear_file
+from idloop.estimation.networks import model_file as network_file
 from idloop.graph.description import load_graph
 from idloop.parameter_table import read_mapping
 from idloop.physics import load_model
 from idloop.records import Record, write_bag
-from idloop.records.bag import Bag
-from idloop.records.mapping import load_mapping
-from idloop.records.tables import read_table
+from idloop.records.bags.bag import Bag
+from idloop.records.tables.mapping import load_mapping
+from idloop.records.tables.table_files import read_table
 
 LAUGH = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 10)
@@ -81,7 +81,7 @@ def _bag(path: Path) -> object:
 
 
 def _experiment(path: Path) -> object:
-    return pytest.importorskip("idloop_nodes.experiment").read_experiment(path.read_text(), "effort", 0.01)
+    return pytest.importorskip("idloop_nodes.excitation.experiment").read_experiment(path.read_text(), "effort", 0.01)
 
 
 def _ladder(path: Path) -> object:

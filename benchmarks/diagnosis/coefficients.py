@@ -27,7 +27,7 @@ COLOURED = 3.0
 
 def answer(job: tuple[str, float, int]) -> tuple[str, str]:
     """Diagnose one machine: what was said of it, and the effect that was named, if one was."""
-    from idloop.diagnose import diagnose
+    from idloop.diagnosis import diagnose
     from idloop.physics import load_model
 
     kind, part, seed = job

@@ -19,7 +19,7 @@ from plain import plain
 from simulators import Machine, machine, run
 from sizes import sizes
 
-from idloop.papers.hidden_effects import told_nothing
+from papers.hidden_effects import told_nothing
 
 Array = NDArray[np.float64]
 

@@ -102,7 +102,7 @@ def free_run_error(model: Any, data: Experiment) -> dict[str, float]:
 
 
 def _compared(model: Any, data: Experiment, steps: int) -> Any:
-    from idloop.validate.compare import Comparison
+    from idloop.validation.compare import Comparison
 
     told = tuple(replace(o, noise=t.noise) for o, t in zip(model.outputs, data.truth.outputs, strict=True))
     return Comparison(replace(without_rounding(model), outputs=told), data.validation[0], steps)

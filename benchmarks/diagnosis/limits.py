@@ -43,7 +43,7 @@ EFFECTS = (
 
 def limited(case: Case, suite: int, level: float) -> list[dict[str, Any]]:
     """Diagnose one clean case, and the machine with an effect of each size; a row for each size."""
-    from idloop.diagnose import diagnose
+    from idloop.diagnosis import diagnose
 
     data = experiment(case, suite)
     clean = diagnose(data.start, data.training, level=level, seed=suite)

@@ -1,4 +1,4 @@
-"""Recordings of the papers' machines by the simulators of this suite, for the rows in `idloop.papers`."""
+"""Recordings of the papers' machines by the simulators of this suite, for the rows in `papers`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from laws import law
 from simulators import machine, run
 
-from idloop.papers.hidden_effects import Recording, Simulate, to_record, white_noise
+from papers.hidden_effects import Recording, Simulate, to_record, white_noise
 
 
 def simulated_by(simulator: str) -> Simulate:

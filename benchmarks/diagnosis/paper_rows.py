@@ -6,7 +6,7 @@
     python benchmarks/diagnosis/paper_rows.py --row B9 --figures out --json out/rows.json
 
 A6 is Rungroungdouyboon (Lehigh 1999), B2 and B9 the Linköping thesis of 2009 (Quanser torsion system). The rows
-themselves are in `idloop.papers`, and ``idloop papers`` runs them once on machines of its own; here the machines are
+themselves are in `papers`, and ``idloop papers`` runs them once on machines of its own; here the machines are
 those of this suite's simulators.
 """
 
@@ -27,9 +27,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from paper_records import plain_numbers, simulated_by
 from simulators import SIMULATORS
 
-from idloop.cli.papers import print_reproduction
-from idloop.papers import Progress, drifting_fits, torsion_amplitudes, torsion_effects
-from idloop.papers.reproduction import Reproduction
+from idloop.cli.verbs.papers import print_reproduction
+from papers import Progress
+from papers.motor import drifting_fits
+from papers.reproduction import Reproduction
+from papers.torsion import torsion_amplitudes, torsion_effects
 
 ROWS = ("A6", "B2", "B9")
 

@@ -26,8 +26,8 @@ SMALL = (("multisine", "multilevel"), ("reference_steps", "slow_moves"))
 TWIST = (("multilevel", "multisine", "chirp"), ("moves", "reference_sines"))
 
 # Left out: what depends on a condition measured beside the axis (a temperature, the supply). No experiment of the suite
-# records one, so that no diagnosis of it weighs such an effect; tests/diagnose/test_measured_conditions.py has machines
-# of their own that do.
+# records one, so that no diagnosis of it weighs such an effect; tests/diagnosis/test_measured_conditions.py has
+# machines of their own that do.
 _SITES: tuple[tuple[str, tuple[tuple[str, ...], tuple[str, ...]], tuple[tuple[str, str], ...]], ...] = (
     (
         "input_offset",

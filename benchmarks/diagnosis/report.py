@@ -31,7 +31,7 @@ from oracle import HOPELESS, TESTABLE
 from score import Rung, Score, score
 from twins import pieces
 
-from idloop.diagnose.detection import DetectionLimit
+from idloop.diagnosis.evidence.detection_limit import DetectionLimit
 
 RATIO = 1.10
 

@@ -16,7 +16,7 @@ _COMMAND, _SPEED, _TRAVEL, _TURNS = 3.0, 4.0, 3.0, 1.5
 
 def _limits(data: Experiment) -> Any:
     """What the machine allows, as a user would state it."""
-    from idloop.design.limits import Limits, motion
+    from idloop.diagnosis.design.limits import Limits, motion
 
     motions = [motion(data.start, record) for record in data.training]
     travel = _TRAVEL * max(float(np.ptp(place)) for place, _ in motions)
@@ -47,8 +47,8 @@ def resolved(case: Case, data: Experiment, ladder: Any, level: float, suite: int
     dict
         ``resolved``, and ``resolution``: the signal, the verdict and what was added.
     """
-    from idloop.design.next import suggest_next
-    from idloop.diagnose import refine
+    from idloop.diagnosis import refine
+    from idloop.diagnosis.design.next_experiment import suggest_next
     from idloop.errors import IdloopError
     from idloop.signals import build_signal
 

@@ -130,7 +130,7 @@ def _diagnosed(case: Case, settings: Settings) -> dict[str, Any]:
     from judge import judged
     from score import rungs, score
 
-    from idloop.diagnose import refine
+    from idloop.diagnosis import refine
 
     data = experiment(case, settings.suite)
     begin = time.process_time()

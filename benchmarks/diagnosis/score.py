@@ -23,7 +23,7 @@ class Rung:
 
 
 def rungs(ladder: Any) -> tuple[Rung, ...]:
-    """The added effects of an `idloop.diagnose.Ladder`."""
+    """The added effects of an `idloop.diagnosis.Ladder`."""
     found = []
     for step in ladder.steps:
         if step.added is None:

@@ -24,8 +24,8 @@ import numpy as np
 from idloop.parameter_table import REQUIRED
 
 if TYPE_CHECKING:
-    from idloop.diagnose import Ladder
-    from idloop.records.mapping import Mapping
+    from idloop.diagnosis import Ladder
+    from idloop.records.tables.mapping import Mapping
 
 # Small inputs are read quickly, and more of their damage hits what matters.
 STAMPS = np.arange(1, 41, dtype=np.int64) * 5_000_000
@@ -101,7 +101,7 @@ def _controllers() -> list[bytes]:
 
 def _read_experiment(path: Path, target: Path) -> object:
     from idloop.documents import read_text
-    from idloop_nodes.experiment import Limits, read_experiment
+    from idloop_nodes.excitation.experiment import Limits, read_experiment
 
     limits = Limits(amplitude=5.0, position_min=-5.0, position_max=5.0, velocity=50.0)
     experiment = read_experiment(read_text(path), "reference", 0.01)
@@ -131,13 +131,13 @@ def _plain(value: object) -> str:
 
 
 def _read_mapping(path: Path, target: Path) -> object:
-    from idloop.records.mapping import load_mapping
+    from idloop.records.tables.mapping import load_mapping
 
     return load_mapping(path)
 
 
 def _ready_mappings() -> list[bytes]:
-    from idloop.records.mapping import ready_mappings
+    from idloop.records.tables.mapping import ready_mappings
 
     return [path.read_bytes() for path in ready_mappings().values()]
 
@@ -202,7 +202,7 @@ velocity: {{column: speed, unit: rpm, optional: true}}
 
 def _read_table(kind: str) -> Callable[[Path, Path], object]:
     def read(path: Path, target: Path) -> object:
-        from idloop.records.importing import import_bag
+        from idloop.records.tables.importing import import_bag
 
         return import_bag(path, target / "bag", _mapping(kind))
 
@@ -213,14 +213,14 @@ def _read_table(kind: str) -> Callable[[Path, Path], object]:
 def _mapping(kind: str) -> Mapping:
     from ruamel.yaml import YAML
 
-    from idloop.records.mapping import parse_mapping
+    from idloop.records.tables.mapping import parse_mapping
 
     return parse_mapping(YAML(typ="safe").load(_MAPPING.format(format=kind)), "mapping.yaml")
 
 
 def _read_mapped(path: Path, target: Path) -> object:
     """A table that is as it should be, with a mapping that may not be."""
-    from idloop.records.importing import import_bag
+    from idloop.records.tables.importing import import_bag
 
     table = path.with_name("table.csv")
     table.write_bytes(_csvs()[0])
@@ -297,7 +297,7 @@ def _jsons() -> list[bytes]:
 
 def _bag(folder: Path, storage: str) -> Path:
     from idloop.records import write_bag
-    from idloop.records.write import make_stream
+    from idloop.records.bags.write import make_stream
 
     signals = _signals()
     streams = [
@@ -357,14 +357,14 @@ class _BagReader:
 def _use_bag(bag: Path, target: Path) -> object:
     from idloop.physics import load_model
     from idloop.records import read_record
-    from idloop.records.inspection import inspect_bag
+    from idloop.records.inspection.inspection import inspect_bag
 
     inspect_bag(bag).to_dict()
     return read_record(bag, load_model("axis"))
 
 
 def _recover(bag: Path, target: Path) -> object:
-    from idloop.records.recover import recover_bag
+    from idloop.records.bags.recover import recover_bag
 
     return recover_bag(bag, target / "saved")
 
@@ -373,8 +373,8 @@ def _recover(bag: Path, target: Path) -> object:
 
 
 def _ladder() -> Ladder:
-    from idloop.diagnose import Ladder
-    from idloop.diagnose.ladder import Step
+    from idloop.diagnosis import Ladder
+    from idloop.diagnosis.ladder import Step
     from idloop.physics import load_model
 
     model = load_model("dc_motor")
@@ -408,10 +408,10 @@ def _read_next(path: Path, target: Path) -> object:
 
 def _nexts() -> list[bytes]:
     from idloop.cli._common import to_json
-    from idloop.design.suggest import Limits, Suggestion
-    from idloop.design.words import Outcome
+    from idloop.diagnosis.design.expected_outcome import Outcome
+    from idloop.diagnosis.design.suggest import Limits, Suggestion
     from idloop.physics import load_model
-    from idloop.report.next_file import next_document
+    from idloop.reporting.next_file import next_document
 
     motor = load_model("dc_motor")
     rivals = tuple((name, motor.with_effects([f"{name}@motor"])) for name in ("coulomb_friction", "load_torque"))
@@ -426,14 +426,14 @@ def _nexts() -> list[bytes]:
 
 
 def _read_network(path: Path, target: Path) -> object:
-    from idloop.estimate.networks import load
+    from idloop.estimation.networks import load
 
     return load(path)
 
 
 def _networks() -> list[bytes]:
-    from idloop.estimate.networks import narx_wavelet, save
-    from idloop.estimate.sampled import SampledData
+    from idloop.estimation.black_box.sampled import SampledData
+    from idloop.estimation.networks import narx_wavelet, save
 
     command = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 50), 4)[:, None]
     answer = np.convolve(command[:, 0], 0.1 * 0.9 ** np.arange(60))[:200, None]
@@ -443,14 +443,14 @@ def _networks() -> list[bytes]:
 
 
 def _read_linear(path: Path, target: Path) -> object:
-    from idloop.estimate.linear.model_file import load
+    from idloop.estimation.linear.model_file import load
 
     return load(path)
 
 
 def _linears() -> list[bytes]:
-    from idloop.estimate.linear.model import LinearModel
-    from idloop.estimate.linear.model_file import save
+    from idloop.estimation.linear.model import LinearModel
+    from idloop.estimation.linear.model_file import save
 
     model = LinearModel(
         method="n4sid", a=np.array([[0.9, 0.1], [0.0, 0.8]]), b=np.array([[0.0], [1.0]]), c=np.array([[1.0, 0.0]]),
@@ -465,7 +465,7 @@ def _linears() -> list[bytes]:
 
 
 def _read_message(path: Path, target: Path) -> object:
-    from idloop.records.cdr import read_layout
+    from idloop.records.bags.cdr import read_layout
     from idloop_nodes.codec import CdrError, JointReader
 
     data = path.read_bytes()
@@ -509,7 +509,7 @@ def readers() -> list[Reader]:
                _names_in(_controllers())),
         Reader("experiment", ".yaml", _read_experiment, _experiments, (documents, "idloop.signals"),
                _names_in(_experiments())),
-        Reader("mapping", ".yaml", _read_mapping, _mappings, (documents, "idloop.records.mapping"),
+        Reader("mapping", ".yaml", _read_mapping, _mappings, (documents, "idloop.records.tables.mapping"),
                _names_in(_ready_mappings())),
         Reader("mapped", ".yaml", _read_mapped, _table_mappings, (documents, records), _names_in(_table_mappings())),
         Reader("graph", ".yaml", _read_graph, _graphs, (documents, "idloop.graph.description"),
@@ -520,12 +520,12 @@ def readers() -> list[Reader]:
         Reader("npz", ".npz", _read_table("npz"), _npzs, (documents, records), share=2.0, bombs=_npz_bombs),
         Reader("json", ".json", _read_table("json"), _jsons, (documents, records), share=2.0),
         *bags,
-        Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnose.ladder", "idloop.cli._ladder_folder"),
+        Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnosis.ladder", "idloop.cli._ladder_folder"),
                _names_in(_ladders())),
-        Reader("next", ".json", _read_next, _nexts, ("idloop.diagnose", "idloop.report.next_file"),
+        Reader("next", ".json", _read_next, _nexts, ("idloop.diagnosis", "idloop.reporting.next_file"),
                _names_in(_nexts())),
-        Reader("network", ".json", _read_network, _networks, ("idloop.estimate.networks.model",
-               "idloop.estimate.networks.model_file"), _names_in(_networks())),
-        Reader("linear", ".json", _read_linear, _linears, ("idloop.estimate.linear.model_file",), share=3.0),
+        Reader("network", ".json", _read_network, _networks, ("idloop.estimation.networks.model",
+               "idloop.estimation.networks.model_file"), _names_in(_networks())),
+        Reader("linear", ".json", _read_linear, _linears, ("idloop.estimation.linear.model_file",), share=3.0),
         Reader("message", ".bin", _read_message, _messages, ("idloop_nodes.codec", records), share=4.0),
     ]  # fmt: skip

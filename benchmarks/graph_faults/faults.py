@@ -19,8 +19,8 @@ from outcome import Outcome
 from robot_graph import PATIENCE, ZEROS
 
 from idloop.ending_signals import ending_signals
-from idloop_nodes.bag_writer import CHUNK_SIZE
 from idloop_nodes.codec import JointSample, encode_joint_state
+from idloop_nodes.streams.bag_writer import CHUNK_SIZE
 
 Fault = Callable[[LiveGraph, random.Random], Outcome]
 

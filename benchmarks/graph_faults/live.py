@@ -24,11 +24,11 @@ from sensor_msgs.msg import JointState
 
 from idloop.errors import IdloopError
 from idloop.records import read_streams
-from idloop.records.recover import recover_bag
-from idloop.records.recover_mcap import mcap_messages
+from idloop.records.bags.recover import recover_bag
+from idloop.records.bags.recover_mcap import mcap_messages
 from idloop_nodes import qos
-from idloop_nodes.bag_writer import CHUNK_SIZE
 from idloop_nodes.codec import peek_stamp
+from idloop_nodes.streams.bag_writer import CHUNK_SIZE
 
 WATCHERS = {
     "estimator": LOOP | {"window": 2.0, "validation": 1.0, "fit_period": 3.0, "auto_diagnose": False},

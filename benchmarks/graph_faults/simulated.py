@@ -15,7 +15,7 @@ from outcome import Outcome
 from idloop.errors import IdloopError
 from idloop.graph import GraphRun, load_graph
 from idloop.records import read_streams
-from idloop.records.recover import recover_bag
+from idloop.records.bags.recover import recover_bag
 
 NODES = ("excitation", "controller", "plant", "recorder", "estimator")
 PATIENCE = 300.0

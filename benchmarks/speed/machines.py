@@ -33,8 +33,8 @@ def torsion_record(samples: int, seed: int, noise: float = NOISE) -> tuple[Array
     from scipy.signal import butter, sosfilt
 
     import control
-    from idloop.estimate.linear import c2d
-    from idloop.estimate.linear.propagate import respond
+    from idloop.estimation.linear import c2d
+    from idloop.estimation.linear.propagate import respond
     from idloop.physics import Engine, load_model
 
     linear = Engine(load_model("torsion")).linearise()

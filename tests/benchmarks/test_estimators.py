@@ -31,7 +31,7 @@ def test_every_case_takes_its_records(estimators):
 
 
 def test_every_method_that_gives_a_linear_model_has_a_case(estimators):
-    from idloop.estimate.methods import METHODS
+    from idloop.estimation.black_box.methods import METHODS
 
     named = {case[0] for case in estimators.CASES}
     other = {name for name, method in METHODS.items() if method.kind in ("network", "response")}

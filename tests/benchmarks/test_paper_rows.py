@@ -11,9 +11,11 @@ import pytest
 from paper_records import plain_numbers, simulated_by
 from paper_rows import jobs, parsed
 
-from idloop.papers import ROWS, drifting_fits, torsion_effects
-from idloop.papers.hidden_effects import coloured_torque
-from idloop.papers.torsion_effects import ALL, CASES, reference, torsion
+from papers import ROWS
+from papers.hidden_effects import coloured_torque
+from papers.motor import drifting_fits
+from papers.torsion import torsion_effects
+from papers.torsion.torsion_effects import ALL, CASES, reference, torsion
 
 
 def test_what_is_no_number_becomes_none_in_the_document():

@@ -20,7 +20,7 @@ def _no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def hidden(tmp_path_factory) -> SimpleNamespace:
     """Model file without the effect, and bags with it: many levels, unseen ones, and two levels that hide it."""
-    from idloop.design.experiment import Experiment
+    from idloop.diagnosis.design.experiment import Experiment
     from idloop.physics import load_model
     from idloop.records import write_bag
 

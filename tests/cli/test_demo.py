@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from idloop.cli._demo_loop import distance, windows_of
-from idloop.cli.demo import HIDDEN, check_hidden, choose_hidden, retell
-from idloop.cli.refine import read_ladder
+from idloop.cli.verbs.demo import HIDDEN, check_hidden, choose_hidden, retell
+from idloop.cli.verbs.refine import read_ladder
 from idloop.errors import InputError
 
 

@@ -12,10 +12,10 @@ import pytest
 
 from idloop.cli import main
 from idloop.cli._diagnosis import p_text, parameter_text
-from idloop.cli.diagnose import print_diagnosis
-from idloop.cli.refine import print_ladder
-from idloop.diagnose import Candidate, Ladder, Step
-from idloop.diagnose.proposals import proposals
+from idloop.cli.verbs.diagnose import print_diagnosis
+from idloop.cli.verbs.refine import print_ladder
+from idloop.diagnosis import Candidate, Ladder, Step
+from idloop.diagnosis.screening.proposals import proposals
 
 
 def words(*arguments: object) -> list[str]:
@@ -25,7 +25,7 @@ def words(*arguments: object) -> list[str]:
 def test_it_names_the_hidden_effect_in_one_document(hidden, capsys):
     assert main.run(words("diagnose", hidden.model, hidden.levels, "--json")) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == "idloop/diagnose/1"
+    assert document["schema"] == "idloop/diagnosis/1"
     assert document["verdict"] == "missing"
     assert document["set"] == ["dead_zone@input"]
     best = document["candidates"][0]

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from idloop.cli.main import group
-from idloop.records import base_units, mapping
+from idloop.records.tables import base_units, mapping
 
 DOCS = Path(__file__).parents[2] / "docs"
 EXAMPLES = DOCS / "examples"

@@ -241,7 +241,7 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, word, bags, tmp_path, 
 
 
 def test_labels_are_names_unless_two_models_share_one():
-    from idloop.cli.compare import label_models
+    from idloop.cli.verbs.compare import label_models
 
     one, two = load_model("dc_motor"), load_model("axis")
     assert label_models(["a.yaml", "b.yaml"], [one, two]) == ["dc_motor", "axis"]

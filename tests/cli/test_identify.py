@@ -16,13 +16,13 @@ from idloop.cli._identification import Outcome, excitation_measure
 from idloop.cli._identification_arguments import NumbersArgument, parse_structure, parse_sweep, parse_values
 from idloop.cli._identification_tables import pole_row
 from idloop.errors import InputError
-from idloop.estimate.linear import load
-from idloop.estimate.method import Identified
-from idloop.estimate.methods import METHODS
-from idloop.estimate.sampled import SampledData
+from idloop.estimation.black_box.method import Identified
+from idloop.estimation.black_box.methods import METHODS
+from idloop.estimation.black_box.sampled import SampledData
+from idloop.estimation.linear import load
 from idloop.physics import load_model, simulate
 from idloop.records import Record, make_stream, write_bag
-from idloop.validate.score import Score
+from idloop.validation.score import Score
 
 # The preset's velocity: J dv/dt + B v = drive gain u.
 POLE = -2.306

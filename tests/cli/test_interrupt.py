@@ -18,7 +18,8 @@ DEADLINE = 600.0
 # A line on stdout after every step; what is done then goes on.
 STEPS = """
 import sys
-from idloop.cli import main, refine
+from idloop.cli import main
+from idloop.cli.verbs import refine
 write = refine.write_ladder
 def told(folder, kept):
     write(folder, kept)
@@ -38,9 +39,9 @@ sys.exit(main.run(sys.argv[1:]))
 # A fit that is sure to be interrupted.
 FITS = SOON.replace(
     "import sys",
-    "import sys, itertools, idloop.estimate\n"
-    "once = idloop.estimate.fit\n"
-    "idloop.estimate.fit = lambda *given, **named: [once(*given, **named) for _ in itertools.count()]",
+    "import sys, itertools, idloop.estimation\n"
+    "once = idloop.estimation.fit\n"
+    "idloop.estimation.fit = lambda *given, **named: [once(*given, **named) for _ in itertools.count()]",
 )
 
 

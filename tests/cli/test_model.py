@@ -7,7 +7,7 @@ import json
 import pytest
 
 from idloop.cli import main
-from idloop.cli.model import preset_text
+from idloop.cli.verbs.model import preset_text
 from idloop.physics import load_model, preset_names
 
 GOOD = """\

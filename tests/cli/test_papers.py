@@ -6,11 +6,11 @@ import json
 
 import pytest
 
-from idloop import papers
+import papers
 from idloop.cli import main
-from idloop.cli.papers import print_reproduction
-from idloop.papers.claim import near
-from idloop.papers.reproduction import Line, Reproduction, Table
+from idloop.cli.verbs.papers import print_reproduction
+from papers.claim import near
+from papers.reproduction import Line, Reproduction, Table
 
 
 def _run(capsys, *words: str) -> tuple[int, str, str]:

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 
 from idloop.cli import main
 from idloop.control import check_controller
-from idloop.design.experiment import Experiment
+from idloop.diagnosis.design.experiment import Experiment
 from idloop.physics import load_model
 from idloop.records import write_bag
 from idloop.signals import build_signal
@@ -197,7 +197,11 @@ def test_wrong_use_is_one_line_before_any_work(arguments, word, hidden, rivals, 
     def begins(*arguments, **named):
         raise AssertionError("the work has begun")
 
-    for work in ("idloop.estimate.fit", "idloop.diagnose.diagnose", "idloop.design.next.suggest_next"):
+    for work in (
+        "idloop.estimation.fit",
+        "idloop.diagnosis.diagnose",
+        "idloop.diagnosis.design.next_experiment.suggest_next",
+    ):
         monkeypatch.setattr(work, begins)
     places = {"MODEL": hidden.model, "BAG": hidden.two, "DEAD_ZONE": rivals[0], "CLOSED": closed, "LADDER": refined}
     places["BLIND"] = closed.parent / "blind.yaml"

@@ -50,7 +50,7 @@ def test_it_says_where_the_page_is_and_ends_cleanly(bag, number):
                     break
             assert text, process.stderr.read()
             document = json.loads(text)
-            assert document["schema"] == "idloop/workbench/1"
+            assert document["schema"] == "idloop/reporting/workbench/1"
             with urllib.request.urlopen(document["address"], timeout=200) as page:
                 assert "What is missing" in page.read().decode()
             process.send_signal(number)
@@ -83,8 +83,8 @@ def test_wrong_use_is_one_line_and_exit_code_2(bag, arguments, said, capsys):
 
 
 def test_every_step_is_left_in_the_folder(bag, tmp_path):
-    from idloop.cli.workbench import _keeper
-    from idloop.diagnose import Ladder, Step
+    from idloop.cli.verbs.workbench import _keeper
+    from idloop.diagnosis import Ladder, Step
     from idloop.physics import load_model
 
     model = load_model("dc_motor")

@@ -8,7 +8,6 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop.errors import IdloopError
 from idloop.graph import Findings, read_findings
-from idloop_nodes.bag_writer import BagWriter
 from idloop_nodes.codec import (
     EffectEvidence,
     EvidenceSummary,
@@ -19,6 +18,7 @@ from idloop_nodes.codec import (
     ladder_to_statuses,
     missing_to_statuses,
 )
+from idloop_nodes.streams.bag_writer import BagWriter
 from idloop_nodes.wiring import DIAGNOSTICS
 
 TOPICS = {

@@ -7,8 +7,8 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from idloop.cli.launch import command, parse_arguments
-from idloop.cli.replay import command as replay
+from idloop.cli.verbs.launch import command, parse_arguments
+from idloop.cli.verbs.replay import command as replay
 from idloop.errors import InputError
 
 

@@ -6,7 +6,6 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop.errors import IdloopError
 from idloop.graph import LiveResult, read_results
-from idloop_nodes.bag_writer import BagWriter
 from idloop_nodes.codec import (
     FitSummary,
     ParameterSummary,
@@ -15,6 +14,7 @@ from idloop_nodes.codec import (
     fit_to_statuses,
     parameters_to_statuses,
 )
+from idloop_nodes.streams.bag_writer import BagWriter
 from idloop_nodes.wiring import DIAGNOSTICS
 
 FIT, PARAMETERS = "/left/estimator/fit", "/left/estimator/parameters"

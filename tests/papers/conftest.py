@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from idloop.papers.reproduction import Reproduction
+from papers.reproduction import Reproduction
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from idloop.papers.claim import (
+from papers.claim import (
     above,
     at_least,
     at_most,

@@ -8,13 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idloop import papers
+import papers
 from idloop.errors import InputError
-from idloop.papers import drifting_fits, torsion_amplitudes, torsion_effects
-from idloop.papers.drifting_fits import DEAD_ZONE, THESIS, implied, thesis_gains, true_motor
-from idloop.papers.hidden_effects import Worth, answer, part_of, told_nothing, worth
-from idloop.papers.independent_motor import GearedMotor
-from idloop.papers.torsion_effects import ALL, EFFECTS, reference, simulated, torsion
+from papers.hidden_effects import Worth, answer, part_of, told_nothing, worth
+from papers.motor import drifting_fits
+from papers.motor.drifting_fits import DEAD_ZONE, THESIS, implied, thesis_gains, true_motor
+from papers.motor.independent_motor import GearedMotor
+from papers.torsion import torsion_amplitudes, torsion_effects
+from papers.torsion.torsion_effects import ALL, EFFECTS, reference, simulated, torsion
 
 
 def ladder(model, *steps, candidates=()):

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.estimate.describing import FrictionBacklash
-from idloop.papers import (
+from idloop.estimation.describing_functions import FrictionBacklash
+from papers.motor import (
     closed_loop_response,
     dc_motor_grey_box,
     dc_motor_plant,
@@ -95,14 +95,14 @@ def test_a3(grey_box, complete) -> None:
 def test_a3_does_not_hold_for_another_motor(grey_box) -> None:
     # Forged: the thesis's recipe on a motor with a tenth less damping.
     other = lehigh_motor.square_wave(lehigh_motor.motor(a=0.9 * lehigh_motor.A), 0.25, 600, 1)
-    from idloop.estimate.sampled import sampled
+    from idloop.estimation.black_box.sampled import sampled
 
     assert not replace(grey_box, recipe=lehigh_motor.toolbox_fit(sampled(other))).holds
 
 
 def test_equal_seeds_give_equal_results_and_others_do_not() -> None:
     def fitted(seed: int) -> float:
-        from idloop.estimate.sampled import sampled
+        from idloop.estimation.black_box.sampled import sampled
 
         record = lehigh_motor.square_wave(lehigh_motor.motor(), 0.25, 100, seed)
         return lehigh_motor.values(lehigh_motor.toolbox_fit(sampled(record)))["b"][0]

@@ -9,16 +9,16 @@ import sys
 
 import pytest
 
-from idloop import papers
+import papers
 from idloop.errors import InputError
-from idloop.papers.claim import below, stated
-from idloop.papers.reproduction import Line, Reproduction, Table
+from papers.claim import below, stated
+from papers.reproduction import Line, Reproduction, Table
 
 
 @pytest.mark.parametrize("name", papers.ROWS)
 def test_every_row_is_there_and_takes_a_seed_and_a_progress(name: str) -> None:
     module, _, function = papers.ROWS[name].place.partition(":")
-    run = getattr(importlib.import_module(f"idloop.papers.{module}"), function)
+    run = getattr(importlib.import_module(f"papers.{module}"), function)
     assert list(inspect.signature(run).parameters)[:2] == ["seed", "progress"]
 
 
@@ -41,7 +41,7 @@ def test_wrong_use_in_one_line(make, words: str) -> None:
 
 
 def test_the_list_of_rows_imports_nothing_heavy() -> None:
-    code = "import sys, idloop.papers; print(*{'numpy', 'scipy', 'numba', 'control', 'matplotlib'} & set(sys.modules))"
+    code = "import sys, papers; print(*{'numpy', 'scipy', 'numba', 'control', 'matplotlib'} & set(sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == ""
 

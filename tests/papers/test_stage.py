@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idloop.papers import stage_comparison, stage_linear, stage_machine, stage_neural, stage_paper, stage_wavelet
-from idloop.papers.stage_candidates import Bench, Candidate, bench, limit, scores
+from papers.stage import stage_comparison, stage_linear, stage_machine, stage_neural, stage_paper, stage_wavelet
+from papers.stage.stage_candidates import Bench, Candidate, bench, limit, scores
 
 SECONDS = 30.0
 
@@ -111,7 +111,7 @@ def test_scores_know_a_perfect_and_a_silent_model() -> None:
 @pytest.fixture(scope="module")
 def comparison() -> stage_comparison.StageComparison:
     """With a diagnosis that knows few effects: the whole catalogue takes a minute."""
-    from idloop.diagnose import refine
+    from idloop.diagnosis import refine
 
     def quick(record, progress):
         start = stage_paper.screw_and_stage()

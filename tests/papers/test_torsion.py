@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.papers import (
+from papers.torsion import (
     torsion_compensation,
     torsion_controller,
     torsion_excitation,
@@ -19,7 +19,7 @@ from idloop.papers import (
     torsion_sweeps,
     torsion_verification,
 )
-from idloop.papers import torsion_thesis as thesis
+from papers.torsion import torsion_thesis as thesis
 
 SHORT = 24.0
 

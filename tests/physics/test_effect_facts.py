@@ -17,10 +17,9 @@ PACKAGE = Path(idloop.__file__).parent
 WORKSPACE = Path(__file__).parents[2] / "ros_ws" / "src"
 # Modules, or folders of them, that may name effects, and why.
 EXCEPTIONS = {
-    "papers": "each paper has a machine of its own, with effects of its own",
-    "cli/demo.py": "the demonstration hides effects that it knows",
+    "cli/verbs/demo.py": "the demonstration hides effects that it knows",
     "cli/_demo_loop.py": "so does its closed loop",
-    "estimate/describing/elements": "each file is the describing function of one element, checked against its effect",
+    "estimation/describing_functions/elements": "each file is the describing function of one element",
     "export/mechanics.py": "rigid-body formats have a field for Coulomb friction and for a constant force",
     "export/mujoco.py": "MJCF has fields for the range, the bias and the lag of a drive, and for a gap",
     "export/urdf.py": "URDF has fields for an effort limit and a velocity limit",

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="no mujoco: pip install mujoco")
 
-from idloop.diagnose import refine
+from idloop.diagnosis import refine
 from idloop.errors import InputError
 from idloop.physics import load_model
 from idloop.physics.mjcf_plant import MjcfPlant

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from idloop.cli._ladder_folder import Kept, read_ladder, write_ladder
-from idloop.diagnose import Ladder
-from idloop.diagnose.ladder import Step
+from idloop.diagnosis import Ladder
+from idloop.diagnosis.ladder import Step
 from idloop.errors import InputError
 from idloop.physics import load_model, simulate, trust
 from idloop.physics.model_file import from_text

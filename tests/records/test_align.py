@@ -11,7 +11,7 @@ import pytest
 
 from idloop.errors import InputError
 from idloop.records import Record, make_stream, read_record, read_records, record_streams, write_bag
-from idloop.records.inspection import inspect_bag
+from idloop.records.inspection.inspection import inspect_bag
 
 
 def _kinds(record: Record) -> set[str]:

@@ -10,10 +10,10 @@ import pytest
 
 from idloop.errors import InputError
 from idloop.records import read_streams, write_bag
-from idloop.records.excitation import analyse_command
-from idloop.records.inspection import inspect_bag
-from idloop.records.recover import recover_bag
-from idloop.records.write import make_stream
+from idloop.records.bags.recover import recover_bag
+from idloop.records.bags.write import make_stream
+from idloop.records.inspection.excitation import analyse_command
+from idloop.records.inspection.inspection import inspect_bag
 
 STAMPS = np.arange(1, 201, dtype=np.int64) * 5_000_000
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from idloop.errors import InputError
-from idloop.estimate.dataset import prepare, recorded
+from idloop.estimation.dataset import prepare, recorded
 from idloop.physics import Condition, load_model
 from idloop.physics.model import ConditionSource
 from idloop.records import Record, inspect_bag, read_record, write_bag
-from idloop.records.importing import import_bag
-from idloop.records.mapping import parse_mapping
+from idloop.records.tables.importing import import_bag
+from idloop.records.tables.mapping import parse_mapping
 
 WARM = Condition("temperature", "°C", np.array([-1.0, 0.4, 1.1, 2.5]), np.array([20.0, 21.5, 24.0, 26.0]))
 VOLTS = Condition("supply", "V", np.arange(20) / 10.0, 24.0 - np.arange(20) / 40.0)

@@ -8,8 +8,8 @@ import pytest
 from idloop.errors import InputError
 from idloop.physics import Plant, load_model
 from idloop.records import read_record, read_streams
-from idloop.records.importing import import_bag
-from idloop.records.mapping import parse_mapping
+from idloop.records.tables.importing import import_bag
+from idloop.records.tables.mapping import parse_mapping
 
 PERIOD = 0.01
 SAMPLES = 1500
@@ -81,7 +81,7 @@ def test_one_joint_of_many_and_a_command_without_stamps(robot_bag, driven, tmp_p
 
 
 def test_the_imported_record_gives_the_machine_back(robot_bag, tmp_path):
-    from idloop.estimate import fit
+    from idloop.estimation import fit
 
     model = load_model("dc_motor")
     import_bag(robot_bag, tmp_path / "bag", parse_mapping(MAPPING, "robot.yaml"))

@@ -8,9 +8,9 @@ from ruamel.yaml import YAML
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop.graph import load_graph
-from idloop_nodes.gate_settings import gate_settings
 from idloop_nodes.parameters import accept_all
-from idloop_nodes.robot_joints import RobotJoints
+from idloop_nodes.safety.gate_settings import gate_settings
+from idloop_nodes.safety.robot_joints import RobotJoints
 from idloop_nodes.tables import tables
 from idloop_nodes.wiring import NODES
 

@@ -21,9 +21,9 @@ from idloop_nodes.codec import (
     encode_floats,
     encode_joint_state,
 )
-from idloop_nodes.gate_settings import gate_settings
 from idloop_nodes.parameters import accept_all
-from idloop_nodes.robot_joints import RobotJoints
+from idloop_nodes.safety.gate_settings import gate_settings
+from idloop_nodes.safety.robot_joints import RobotJoints
 from idloop_nodes.tables import BRIDGE
 
 ARM = ("wrist", "elbow", "shoulder")

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.command_limiter import CommandLimiter, CommandLimits
-from idloop_nodes.experiment import Limits
-from idloop_nodes.gate_settings import GateSettings
-from idloop_nodes.safety_gate import SafetyGate
-from idloop_nodes.speedometer import Speedometer
-from idloop_nodes.stream_watch import Arrival, StreamWatch
+from idloop_nodes.excitation.experiment import Limits
+from idloop_nodes.safety.command_limiter import CommandLimiter, CommandLimits
+from idloop_nodes.safety.gate_settings import GateSettings
+from idloop_nodes.safety.safety_gate import SafetyGate
+from idloop_nodes.safety.velocity_estimator import Speedometer
+from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
 MS = 1_000_000
 SECOND = 1000 * MS

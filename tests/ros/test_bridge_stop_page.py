@@ -15,8 +15,8 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from robot_graph import RobotGraph
 
-from idloop.workbench.server import KEY_HEADER
-from idloop.workbench.source import FREE, SENT, STOPPED
+from idloop.reporting.workbench.server import KEY_HEADER
+from idloop.reporting.workbench.source import FREE, SENT, STOPPED
 
 pytestmark = [pytest.mark.ros, pytest.mark.whole_graph]
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop.report.estimates import with_interval
+from idloop.reporting.estimates import with_interval
 from idloop_nodes.codec import (
     CdrError,
     EffectEvidence,

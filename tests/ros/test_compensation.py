@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 
 from idloop.cli import main
 from idloop.errors import InputError
-from idloop.estimate import fit
+from idloop.estimation import fit
 from idloop.graph import load_graph, run_graph
 from idloop.graph.find import package_share
 from idloop.physics import load_model

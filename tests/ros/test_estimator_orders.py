@@ -232,7 +232,7 @@ def test_the_evidence_rises_with_the_samples_and_ends_the_experiment_if_asked(be
 
 
 def test_an_excitation_that_is_not_there_is_said(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.experiment_client.PATIENCE", 0.5)
+    monkeypatch.setattr("idloop_nodes.estimation.experiment_client.PATIENCE", 0.5)
     one = EstimatorBench(bench, catalogue="[dead_zone]")
     one.drive()
     one.after("missing_effects", lambda: one.call("diagnose"))

@@ -11,7 +11,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 pytest.importorskip("mujoco", reason="no mujoco: pip install mujoco")
 
-from idloop.estimate import fit
+from idloop.estimation import fit
 from idloop.graph import load_graph, run_graph
 from idloop.physics import load_model
 from idloop.records import read_record

@@ -91,7 +91,7 @@ def test_controller_waits_for_the_reference_of_that_time(bench):
 
 
 def test_a_controller_that_waits_in_vain_says_for_what(bench, monkeypatch, capfd):
-    monkeypatch.setattr("idloop_nodes.stall_notice.PATIENCE", 0.0)
+    monkeypatch.setattr("idloop_nodes.safety.stall_notice.PATIENCE", 0.0)
     one = ControllerBench(bench)
     one.states.publish(measurement(10**9, 0.0))
     told = ""

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.canonical_order import CanonicalOrder, rank_topics
-from idloop_nodes.held_stream import HeldStream
 from idloop_nodes.progress import BackPressure
-from idloop_nodes.sample_store import SampleStore
-from idloop_nodes.sequence_check import SequenceCheck
+from idloop_nodes.streams.canonical_order import CanonicalOrder, rank_topics
+from idloop_nodes.streams.held_stream import HeldStream
+from idloop_nodes.streams.sample_store import SampleStore
+from idloop_nodes.streams.sequence_check import SequenceCheck
 from idloop_nodes.wiring import NODES, TOPICS, expected_publishers, expected_subscribers, subscriptions, told
 
 

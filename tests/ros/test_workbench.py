@@ -24,7 +24,7 @@ from idloop_nodes.codec import decode_joint_state
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 
-HERE = Path(__file__).parent.parent / "workbench"
+HERE = Path(__file__).parents[1] / "reporting" / "workbench"
 WAIT = 400.0  # a cold cache has the diagnosis compiled, on what the graph and two browsers leave
 FEW = {
     # Somewhat faster than a real machine, and without its late commands: two browsers and the graph share few cores.
@@ -264,8 +264,8 @@ def test_see_the_error_add_the_effect_take_it_back_run_the_experiment_and_stop(g
 
 
 def test_what_an_excitation_allows_is_said_with_its_units():
-    from idloop_nodes.diagnosis_jobs import MotionLimits
-    from idloop_nodes.workbench_reading import limits_of
+    from idloop_nodes.estimation.diagnosis_jobs import MotionLimits
+    from idloop_nodes.workbench_page.workbench_reading import limits_of
 
     said = limits_of(MotionLimits(5.0, -1.0, None, 25.0), "V", "rad")
     assert said == (
@@ -277,7 +277,7 @@ def test_what_an_excitation_allows_is_said_with_its_units():
 
 
 def test_without_a_controller_the_page_says_that_nothing_was_stopped(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.workbench_stop.PATIENCE", 0.5)
+    monkeypatch.setattr("idloop_nodes.workbench_page.workbench_stop.PATIENCE", 0.5)
     one = bench("workbench", port=0, controller_node="nobody")
     one.node.source.stop()
     one.until(lambda: one.node.source.board.snapshot.note is not None)

@@ -156,7 +156,7 @@ def graph(bag: Path, length: float, **values: str) -> Watched:
 
 def node_of(words: str) -> str | None:
     """Name of the node that a process is, by its command line."""
-    if "idloop_nodes.worker_main" in words:
+    if "idloop_nodes.estimation.worker_main" in words:
         return "estimator's worker"
     found = re.search(r"-m idloop_nodes (\w+)", words)
     return found.group(1) if found else None

@@ -24,8 +24,8 @@ PEERS = {"SIPPY": "n4sid_sippy", "nfoursid": "n4sid_nfoursid"}
 
 def free_run_fit(answer: dict[str, Array], u: Array, y: Array) -> float:
     """Mean FIT [%] of the free run on a record, the first state estimated for all contestants alike."""
-    from idloop.estimate.linear.model import LinearModel
-    from idloop.estimate.sampled import SampledData
+    from idloop.estimation.black_box.sampled import SampledData
+    from idloop.estimation.linear.model import LinearModel
 
     p = y.shape[1]
     names = {"input_names": ("current",), "input_units": ("A",)}

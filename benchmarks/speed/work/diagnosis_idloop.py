@@ -14,7 +14,7 @@ from cases import all_cases
 from diagnosis_time import longer
 from experiment import experiment
 
-from idloop.diagnose import diagnose, refine
+from idloop.diagnosis import diagnose, refine
 
 
 def work(data: dict[str, Any], settings: dict[str, Any]) -> Callable[[], dict[str, Any]]:

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from speed.motor import PERIOD, START, motor
 
-from idloop.estimate.greybox import fit
+from idloop.estimation.greybox import fit
 from idloop.records import Record
 
 

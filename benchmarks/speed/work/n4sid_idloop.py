@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from idloop.estimate.sampled import SampledData
-from idloop.estimate.subspace import n4sid
+from idloop.estimation.black_box.sampled import SampledData
+from idloop.estimation.subspace import n4sid
 
 NAMES, UNITS = ("motor", "load1", "load2", "load3"), ("rad",) * 4
 

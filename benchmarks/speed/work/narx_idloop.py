@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from idloop.estimate.networks import Division, TrainingRules, narx_neural
-from idloop.estimate.sampled import SampledData
+from idloop.estimation.black_box.sampled import SampledData
+from idloop.estimation.networks import Division, TrainingRules, narx_neural
 
 
 def work(data: dict[str, Any], settings: dict[str, Any]) -> Callable[[], dict[str, Any]]:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from idloop.estimate.identification import identify
-from idloop.estimate.method import Choices
-from idloop.estimate.sampled import SampledData
-from idloop.validate.score import score
+from idloop.estimation.black_box.identification import identify
+from idloop.estimation.black_box.method import Choices
+from idloop.estimation.black_box.sampled import SampledData
+from idloop.validation.score import score
 
 
 def measured(seed: int) -> SampledData:

@@ -3,7 +3,7 @@
 import numpy as np
 
 import control
-from idloop.estimate.describing import (
+from idloop.estimation.describing_functions import (
     DeadZone,
     Relay,
     describing_function,

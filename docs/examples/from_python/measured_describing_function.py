@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idloop.estimate.describing import DeadZone, describing_function, measure_describing_function
+from idloop.estimation.describing_functions import DeadZone, describing_function, measure_describing_function
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record

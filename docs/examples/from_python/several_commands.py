@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from idloop.estimate.identification import identify
-from idloop.estimate.method import Choices
-from idloop.estimate.sampled import SampledData
+from idloop.estimation.black_box.identification import identify
+from idloop.estimation.black_box.method import Choices
+from idloop.estimation.black_box.sampled import SampledData
 
 random = np.random.default_rng(1)
 left, right = np.repeat(random.choice([-1.0, 1.0], (2, 200)), 10, axis=1)

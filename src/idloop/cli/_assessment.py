@@ -12,9 +12,9 @@ import click
 from idloop.cli._common import number, print_table
 
 if TYPE_CHECKING:
-    from idloop.report.comparison import Panel
-    from idloop.validate import Comparison
-    from idloop.validate.where import ErrorMap
+    from idloop.reporting.plots.comparison import Panel
+    from idloop.validation import Comparison
+    from idloop.validation.where import ErrorMap
 
 # Of what stands out: so much of the first error, the drive force where there is one, and of every further one.
 _FIRST, _FURTHER = 2, 1
@@ -82,7 +82,7 @@ def print_hint(rows: Iterable[tuple[str, Comparison]]) -> None:
 
 def print_verdicts(rows: Iterable[tuple[str, Comparison]]) -> None:
     """Print what the one-step residual still holds, and when the model fails."""
-    from idloop.report.remains import remainders
+    from idloop.reporting.remains import remainders
 
     for label, comparison in rows:
         for test in (one.test for one in remainders([comparison])):
@@ -122,7 +122,7 @@ def print_brief(rows: Iterable[tuple[str, Comparison]]) -> None:
 
 def brief_verdicts(comparison: Comparison) -> str:
     """What the one-step residuals still hold, in one line; outputs of which the same is said together."""
-    from idloop.report.remains import remainders
+    from idloop.reporting.remains import remainders
 
     said: dict[str, list[str]] = {}
     for test in (one.test for one in remainders([comparison])):
@@ -148,7 +148,7 @@ def brief_map(one: ErrorMap, most: int) -> list[str]:
 def save_where(rows: Sequence[tuple[str, Comparison]], path: Path) -> None:
     """Write the figure of where the models fail, all on one record."""
     from idloop.drawing import save
-    from idloop.report.where import plot_where
+    from idloop.reporting.plots.where import plot_where
 
     save(plot_where([(label, comparison.where) for label, comparison in rows]), path)
 
@@ -163,7 +163,7 @@ def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
     rows : sequence of (str, Comparison)
         Label of each model and its comparison, all with the same record.
     """
-    from idloop.report import comparison
+    from idloop.reporting.plots import comparison
 
     return comparison.make_panel(title, rows)
 
@@ -171,7 +171,7 @@ def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
 def save_figure(panels: Sequence[Panel], comparison: Comparison, path: Path) -> None:
     """Write the comparison figure of records that have the outputs of `comparison`."""
     from idloop.drawing import save
-    from idloop.report.comparison import plot_comparison
+    from idloop.reporting.plots.comparison import plot_comparison
 
     record = comparison.record
     save(plot_comparison(panels, record.output_names, record.output_units, record.input_name, record.input_unit), path)

@@ -184,7 +184,7 @@ def read_one_record(bag: Path, model: Model) -> Record:
     """Read the streams that the model names from a bag that is one run of the clock; of several parts the longest."""
     from idloop import records
     from idloop.records.align import output_scales
-    from idloop.records.velocity_check import without_wrong_velocities
+    from idloop.records.inspection.velocity_check import without_wrong_velocities
 
     parts = records.cut_at_gaps(records.read_record(bag, model, check=False))
     longest = max(parts, key=lambda part: part.time.size)

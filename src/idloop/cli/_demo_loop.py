@@ -150,7 +150,7 @@ def run_live(graph: str, folder: Path, seconds: float, seed: int, domain: int | 
 
 def refit_offline(run: LoopRun, folder: Path) -> None:
     """Fit the whole recording offline and draw it."""
-    from idloop.estimate import fit
+    from idloop.estimation import fit
     from idloop.physics import load_model
     from idloop.records import read_record
 
@@ -198,12 +198,12 @@ def tell(run: LoopRun) -> None:
 
 def real_machine(folder: Path) -> list[dict[str, Any]] | None:
     """Fit the EMPS positioning axis, without and with its friction; None where the record is not there."""
-    from idloop.estimate import fit
+    from idloop.estimation import fit
     from idloop.physics import load_model
     from idloop.records import read_record
-    from idloop.records.importing import import_bag
-    from idloop.records.public import public_data
-    from idloop.validate import force_error
+    from idloop.records.public_data import public_data
+    from idloop.records.tables.importing import import_bag
+    from idloop.validation import force_error
 
     data = public_data("emps")
     if data is None:

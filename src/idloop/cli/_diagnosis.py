@@ -13,9 +13,9 @@ from idloop.cli._common import ListOptionCommand, format_table, number
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.design.suggest import Limits
-    from idloop.diagnose import Candidate
-    from idloop.diagnose.detection import DetectionLimit
+    from idloop.diagnosis import Candidate
+    from idloop.diagnosis.design.suggest import Limits
+    from idloop.diagnosis.evidence.detection_limit import DetectionLimit
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -96,7 +96,7 @@ def read_limits(
     max_command: float | None, position_range: tuple[float, float] | None, max_velocity: float | None
 ) -> Limits:
     """Limits from the options; what is not given is the largest seen in the data."""
-    from idloop.design.suggest import Limits
+    from idloop.diagnosis.design.suggest import Limits
 
     return Limits(max_command, position_range, max_velocity)
 

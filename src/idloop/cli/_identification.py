@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from idloop.estimate.information import Information
-    from idloop.estimate.method import Identified
-    from idloop.estimate.sampled import SampledData
-    from idloop.report.identification import Drawn, SweepLine
-    from idloop.validate.score import Score
+    from idloop.estimation.black_box.method import Identified
+    from idloop.estimation.black_box.sampled import SampledData
+    from idloop.estimation.statistics.information_criteria import Information
+    from idloop.reporting.plots.identification import Drawn, SweepLine
+    from idloop.validation.score import Score
 
 _APART = 20.0  # FIT that a free run may lie below the prediction before that is said [%]
 _SAME = 0.01  # a change of a free run's error by less than this part is worth no state
@@ -111,7 +111,7 @@ class Outcome:
 
 def on_the_same_samples(outcomes: Sequence[Outcome]) -> list[Outcome]:
     """Outcomes on the same data, with AIC and BIC that can be held against one another (`comparable`)."""
-    from idloop.estimate.information import comparable
+    from idloop.estimation.statistics.information_criteria import comparable
 
     told = iter(comparable([one.information for one in outcomes if one.information is not None]))
     return [one if one.information is None else replace(one, information=next(told)) for one in outcomes]
@@ -168,7 +168,7 @@ def smallest_orders(rows: Sequence[tuple[float, Outcome]], judged: Sequence[Samp
     judged : sequence of SampledData
         That all were judged on.
     """
-    from idloop.validate.score import fit_difference
+    from idloop.validation.score import fit_difference
 
     least = {}
     for label, value in best_values(rows).items():
@@ -192,7 +192,7 @@ def sweep_lines(rows: Sequence[tuple[float, Outcome]]) -> list[SweepLine]:
     """Curves of the sweep's figure."""
     import numpy as np
 
-    from idloop.report.identification import SweepLine
+    from idloop.reporting.plots.identification import SweepLine
 
     lines = []
     for label in dict.fromkeys(one.label for _, one in rows):
@@ -204,14 +204,14 @@ def sweep_lines(rows: Sequence[tuple[float, Outcome]]) -> list[SweepLine]:
 
 def drawn(outcomes: Sequence[Outcome]) -> list[Drawn]:
     """Results of the comparison figure."""
-    from idloop.report.identification import Drawn
+    from idloop.reporting.plots.identification import Drawn
 
     return [Drawn(one.label, one.found, one.score) for one in outcomes if one.found is not None]
 
 
 def save_model(model: Any, path: Path) -> None:
     """Write a linear model or a network."""
-    from idloop.estimate import linear, networks
+    from idloop.estimation import linear, networks
 
     if isinstance(model, networks.NarxModel):
         networks.save(model, path)

@@ -14,8 +14,8 @@ from idloop.errors import InputError
 from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
-    from idloop.estimate.method import Method
-    from idloop.estimate.sampled import SampledData
+    from idloop.estimation.black_box.method import Method
+    from idloop.estimation.black_box.sampled import SampledData
     from idloop.records import Record
 
 _MOST_VALUES = 200  # of a range: more are a slip of the pen
@@ -187,7 +187,7 @@ def even_grids(
     InputError
         A finer grid than the record's, or nothing left of it.
     """
-    from idloop.estimate.sampled import sampled
+    from idloop.estimation.black_box.sampled import sampled
 
     stretches: list[SampledData] = []
     for record in records:
@@ -215,7 +215,7 @@ def check_save(path: Path, kinds: Sequence[str], *, swept: bool) -> None:
     ------
     InputError
     """
-    from idloop.estimate import linear, networks
+    from idloop.estimation import linear, networks
 
     if swept or len(kinds) != 1:
         raise InputError(f"--save {path}: it takes one model; give one --method and no --sweep")

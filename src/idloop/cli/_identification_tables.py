@@ -15,7 +15,7 @@ from idloop.spelling import listed
 
 if TYPE_CHECKING:
     from idloop.cli._identification_arguments import Sweep
-    from idloop.estimate.feedback import Loop
+    from idloop.estimation.feedback import Loop
 
 _AWAY = -999.0  # FIT [%]
 _AT_ZERO = 1e-12
@@ -28,7 +28,7 @@ _EDGE = 1e-3  # a pole this close to the unit circle is as good as on it
 
 def print_methods() -> None:
     """Print every method with what it is for."""
-    from idloop.estimate.methods import METHODS
+    from idloop.estimation.black_box.methods import METHODS
 
     print_table(
         ["method", "what for", "loop", "source"],
@@ -236,7 +236,7 @@ def print_verdicts(outcomes: Sequence[Outcome]) -> None:
 
 def loop_text(loop: Loop, biased: Sequence[str]) -> str:
     """One line on methods for the open loop that are given data of a closed one; empty where there are none."""
-    from idloop.estimate.feedback import suitable
+    from idloop.estimation.feedback import suitable
 
     if not (loop.closed and biased):
         return ""

@@ -16,10 +16,10 @@ from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_text
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.design.suggest import Suggestion
-    from idloop.diagnose import Ladder
+    from idloop.diagnosis import Ladder
+    from idloop.diagnosis.design.suggest import Suggestion
     from idloop.records import Record
-    from idloop.report.contents import Contents
+    from idloop.reporting.page.contents import Contents
 
 FILES = (
     "model.yaml", "ladder.json", "ladder.png", "compare.png", "next.yaml", "next.json", "next.png", "report.html",
@@ -38,7 +38,7 @@ class Kept:
     folder : Path or None
         Of the model file, where effects of the user's own lie.
     provenance : dict
-        Commands, seed, versions, checksums, see `idloop.report.provenance`; empty where it is not known.
+        Commands, seed, versions, checksums, see `idloop.reporting.provenance`; empty where it is not known.
     unseen, seen : tuple of (Path, float, float)
         Parts of recordings that no fit has seen, and those that were fitted, where it was not whole ones [s].
     taken_back : tuple of dict
@@ -113,7 +113,7 @@ def read_ladder(folder: Path) -> Kept:
     InputError
         There is no ladder in the folder.
     """
-    from idloop.diagnose import Ladder
+    from idloop.diagnosis import Ladder
 
     path = folder / "ladder.json"
     if not path.is_file():
@@ -175,9 +175,9 @@ def write_all(
         What the report says.
     """
     from idloop.drawing import save
-    from idloop.report.contents import gather
-    from idloop.report.ladder import plot_ladder
-    from idloop.report.page_figures import panel_of
+    from idloop.reporting.page.contents import gather
+    from idloop.reporting.page.page_figures import panel_of
+    from idloop.reporting.plots.ladder import plot_ladder
 
     ladder = kept.ladder
     write_ladder(folder, kept)
@@ -213,7 +213,7 @@ def _parts(parts: Sequence[tuple[Path, float, float]], records: Sequence[Record]
 
 def write_report(contents: Contents, path: Path) -> int:
     """Write the report's page and return its size in bytes."""
-    from idloop.report.page import render_page
+    from idloop.reporting.page.page import render_page
 
     page = render_page(contents)
     write_text(path, page)
@@ -222,7 +222,7 @@ def write_report(contents: Contents, path: Path) -> int:
 
 def read_next_experiment(folder: Path, kept: Kept) -> Suggestion | None:
     """Read the next experiment with its rivals; None where the folder has none."""
-    from idloop.report.next_file import read_next
+    from idloop.reporting.next_file import read_next
 
     path = folder / "next.json"
     if kept.ladder.suggested_experiment is None or not path.is_file():
@@ -236,8 +236,8 @@ def read_next_experiment(folder: Path, kept: Kept) -> Suggestion | None:
 def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> None:
     """Write the next experiment, its rivals and its figure; what lies there of another one goes."""
     from idloop.drawing import save
-    from idloop.report.next_file import next_document
-    from idloop.report.suggestion import plot_suggestion
+    from idloop.reporting.next_file import next_document
+    from idloop.reporting.plots.suggestion import plot_suggestion
 
     file, figure, rivals = folder / "next.yaml", folder / "next.png", folder / "next.json"
     before = file.read_text(encoding="utf-8") if file.is_file() else None

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnose.equivalent_effects import Twins, ladder_twins, one_of_each, rival_twins
-from idloop.report.unshown import unshown
+from idloop.diagnosis.equivalence.equivalent_effects import Twins, ladder_twins, one_of_each, rival_twins
+from idloop.reporting.unshown import unshown
 
 if TYPE_CHECKING:
-    from idloop.design.suggest import Limits, Suggestion
-    from idloop.diagnose import Diagnosis, Ladder, Step
+    from idloop.diagnosis import Diagnosis, Ladder, Step
+    from idloop.diagnosis.design.suggest import Limits, Suggestion
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -72,13 +72,13 @@ def next_of_ladder(ladder: Ladder, records: Sequence[Record], limits: Limits, op
     records : sequence of Record
     limits : Limits
     options : mapping
-        Further arguments of `idloop.design.next.suggest_next`.
+        Further arguments of `idloop.diagnosis.design.next_experiment.suggest_next`.
 
     Returns
     -------
     Next
     """
-    from idloop.design.next import suggest_next
+    from idloop.diagnosis.design.next_experiment import suggest_next
 
     twins = ladder_twins(ladder)
     steps = [replace(step, set=one_of_each(_first(ladder, step), twins)) for step in ladder.steps]
@@ -89,7 +89,7 @@ def next_of_ladder(ladder: Ladder, records: Sequence[Record], limits: Limits, op
 
 def next_of_diagnosis(found: Diagnosis, records: Sequence[Record], limits: Limits, options: Mapping[str, Any]) -> Next:
     """What settles what a diagnosis has left open; arguments as those of `next_of_ladder`."""
-    from idloop.design.next import suggest_next
+    from idloop.diagnosis.design.next_experiment import suggest_next
 
     twins = found.twins
     open_ = {name: found.gate.why.get(name, "") for name in found.untestable if name not in found.set}
@@ -116,7 +116,7 @@ def next_of_models(
     fitted: bool,
 ) -> Next:
     """What separates rival models; those that are one equation count once where they are fitted."""
-    from idloop.design.suggest import suggest
+    from idloop.diagnosis.design.suggest import suggest
 
     kept, twins = rival_twins(models) if fitted else (tuple(range(len(models))), None)
     groups = () if twins is None else (twins,)

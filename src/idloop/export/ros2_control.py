@@ -10,7 +10,7 @@ from idloop.control import check_controller
 from idloop.export.exported import Exported, file_name
 from idloop.export.left_out import acts, comment_lines, effects_left_out, quantity, statistics_left_out, values_of
 from idloop.physics.model import Model
-from idloop.report.estimates import parameter_estimates
+from idloop.reporting.estimates import parameter_estimates
 
 PID, FORWARD, TRAJECTORY = "idloop_pid_controller", "idloop_effort_controller", "idloop_trajectory_controller"
 IDENTIFIED = "idloop_identified"

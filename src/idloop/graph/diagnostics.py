@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from idloop.errors import IdloopError
-from idloop.records.bag_limits import limit_bag_readers
+from idloop.records.bags.bag_limits import limit_bag_readers
 
 _TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 

@@ -11,21 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bag import Bag, resolve_topic
-from idloop.records.checks import check_commands, check_record
-from idloop.records.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
+from idloop.records.bags.applied_command import TOLD, told_findings, told_topic
+from idloop.records.bags.bag import Bag, resolve_topic
+from idloop.records.bags.clock_runs import announced_runs, backwards_message, on_receive_time, split_runs
+from idloop.records.bags.imported_units import condition_units, said_units
+from idloop.records.bags.read import read_streams
+from idloop.records.bags.stream import FIELDS, JointStream
 from idloop.records.finding import Finding
 from idloop.records.gaps import cut_at_gaps
+from idloop.records.inspection.checks import check_commands, check_record
+from idloop.records.inspection.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
+from idloop.records.inspection.velocity_check import without_wrong_velocities
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.measured_conditions import ConditionSignal, ConditionSources
-from idloop.records.missing import missing_values
-from idloop.records.read import read_streams
 from idloop.records.record import Record
-from idloop.records.runs import announced_runs, backwards_message, on_receive_time, split_runs
-from idloop.records.said_units import condition_units, said_units
-from idloop.records.stream import FIELDS, JointStream
-from idloop.records.told import TOLD, told_findings, told_topic
-from idloop.records.velocity_check import without_wrong_velocities
+from idloop.records.tables.missing import missing_values
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]

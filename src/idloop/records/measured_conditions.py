@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.physics.conditions import Condition
-from idloop.records.bag import topics_named
+from idloop.records.bags.bag import topics_named
+from idloop.records.bags.stream import JointStream
 from idloop.records.finding import Finding
-from idloop.records.stream import JointStream
 from idloop.spelling import did_you_mean, listed
 
 TOPIC, FIELD = "conditions", "position"

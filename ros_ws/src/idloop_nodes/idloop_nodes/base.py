@@ -20,13 +20,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from idloop.errors import InputError
-from idloop_nodes import qos, stream_match, wiring
+from idloop_nodes import qos, wiring
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
+from idloop_nodes.duplicate_node_check import LOOK_AROUND, TwinWatch
 from idloop_nodes.health_names import check_name
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, READY, Progress
 from idloop_nodes.start_barrier import StartBarrier
-from idloop_nodes.twin_watch import LOOK_AROUND, TwinWatch
+from idloop_nodes.streams import stream_match
 
 TYPES: dict[str, type] = {
     wiring.JOINT_STATE: JointState,

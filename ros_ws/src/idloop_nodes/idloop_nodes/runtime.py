@@ -18,9 +18,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from idloop_nodes.patience import become_patient, become_preferred
+from idloop_nodes.safety.standstill import StandstillWatch
+from idloop_nodes.scheduling import become_patient, become_preferred
 from idloop_nodes.sockets_only import use_sockets_only
-from idloop_nodes.standstill import StandstillWatch
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.

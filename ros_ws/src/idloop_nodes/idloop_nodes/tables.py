@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 
-from idloop_nodes.bridge_table import bridge_table
 from idloop_nodes.parameters import NodeParameter as P
 from idloop_nodes.parameters import Table
 from idloop_nodes.progress import REPORT_EVERY
+from idloop_nodes.safety.bridge_table import bridge_table
 from idloop_nodes.wiring import RECORDED
-from idloop_nodes.workbench_table import workbench_table
+from idloop_nodes.workbench_page.workbench_table import workbench_table
 
 MODES = ("lockstep", "realtime")
 

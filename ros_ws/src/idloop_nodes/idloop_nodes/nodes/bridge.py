@@ -16,15 +16,15 @@ from idloop_nodes import qos
 from idloop_nodes.base import ManagedNode
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status
 from idloop_nodes.deadlines import become_urgent
-from idloop_nodes.decimator import Decimator
-from idloop_nodes.emergency_stop import EmergencyStop
-from idloop_nodes.gate_settings import gate_settings
-from idloop_nodes.guardian_link import BridgeEnd, Hello, address
-from idloop_nodes.last_node import MESSAGES, PRIORITY, TICK, prepare
-from idloop_nodes.rates import RateCounter
-from idloop_nodes.robot_clock import RobotClock
-from idloop_nodes.robot_joints import RobotJoints
-from idloop_nodes.safety_gate import SafetyGate
+from idloop_nodes.safety.emergency_stop import EmergencyStop
+from idloop_nodes.safety.gate_settings import gate_settings
+from idloop_nodes.safety.guardian_link import BridgeEnd, Hello, address
+from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK, prepare
+from idloop_nodes.safety.robot_clock import RobotClock
+from idloop_nodes.safety.robot_joints import RobotJoints
+from idloop_nodes.safety.safety_gate import SafetyGate
+from idloop_nodes.streams.decimator import Decimator
+from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.tables import BRIDGE
 
 __all__ = ["BridgeNode", "make", "prepare"]

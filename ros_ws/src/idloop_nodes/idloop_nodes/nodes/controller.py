@@ -15,12 +15,12 @@ from idloop.physics import Model, load_model
 from idloop_nodes.base import ManagedNode, PolledStream
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
 from idloop_nodes.deadlines import Deadlines, become_urgent
-from idloop_nodes.emergency_stop import EmergencyStop
-from idloop_nodes.held_stream import HeldStream
-from idloop_nodes.joint_layout import output_columns, output_topic
-from idloop_nodes.rates import RateCounter
-from idloop_nodes.stall_notice import StallNotice
-from idloop_nodes.stream_watch import JUMP_NS
+from idloop_nodes.safety.emergency_stop import EmergencyStop
+from idloop_nodes.safety.stall_notice import StallNotice
+from idloop_nodes.streams.held_stream import HeldStream
+from idloop_nodes.streams.joint_layout import output_columns, output_topic
+from idloop_nodes.streams.rates import RateCounter
+from idloop_nodes.streams.stream_watch import JUMP_NS
 from idloop_nodes.tables import CONTROLLER
 
 SECOND = 1_000_000_000

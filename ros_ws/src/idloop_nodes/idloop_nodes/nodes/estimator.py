@@ -12,7 +12,6 @@ from std_srvs.srv import Trigger
 from idloop.errors import InputError
 from idloop.physics import Model, load_model
 from idloop_nodes.base import StreamNode
-from idloop_nodes.bursts import Bursts
 from idloop_nodes.codec import (
     CdrError,
     FitSummary,
@@ -22,28 +21,29 @@ from idloop_nodes.codec import (
     encode_diagnostics,
     fit_to_statuses,
 )
-from idloop_nodes.command_wait import CommandWait
-from idloop_nodes.data_book import SECOND, DataBook
-from idloop_nodes.diagnosing import Diagnosing
-from idloop_nodes.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO, DiagnosisAnswer
-from idloop_nodes.evidence_jobs import EvidenceAnswer
-from idloop_nodes.evidence_looks import EvidenceLooks
-from idloop_nodes.experiment_end import ExperimentEnd
-from idloop_nodes.fit_jobs import FitAnswer
-from idloop_nodes.fit_schedule import FitSchedule
-from idloop_nodes.held_stream import HeldStream
-from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
-from idloop_nodes.monitor_jobs import MonitorAnswer
-from idloop_nodes.monitoring import Monitoring
+from idloop_nodes.estimation.diagnosing import Diagnosing
+from idloop_nodes.estimation.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO, DiagnosisAnswer
+from idloop_nodes.estimation.evidence_jobs import EvidenceAnswer
+from idloop_nodes.estimation.evidence_looks import EvidenceLooks
+from idloop_nodes.estimation.experiment_end import ExperimentEnd
+from idloop_nodes.estimation.fit_jobs import FitAnswer
+from idloop_nodes.estimation.fit_schedule import FitSchedule
+from idloop_nodes.estimation.monitor_jobs import MonitorAnswer
+from idloop_nodes.estimation.monitoring import Monitoring
+from idloop_nodes.estimation.prediction import Prediction, Sample
+from idloop_nodes.estimation.recursive_model import RecursiveModel
+from idloop_nodes.estimation.worker import Worker
 from idloop_nodes.parameters import Values
-from idloop_nodes.prediction import Prediction, Sample
 from idloop_nodes.progress import DONE, due
-from idloop_nodes.rates import RateCounter
-from idloop_nodes.recursive_model import RecursiveModel
+from idloop_nodes.streams.bursts import Bursts
+from idloop_nodes.streams.command_wait import CommandWait
+from idloop_nodes.streams.held_stream import HeldStream
+from idloop_nodes.streams.joint_layout import OutputPacker, output_columns, output_topic
+from idloop_nodes.streams.rates import RateCounter
+from idloop_nodes.streams.sample_buffer import SECOND, DataBook
 from idloop_nodes.tables import ESTIMATOR
 from idloop_nodes.wiring import told
-from idloop_nodes.workbench_calls import Calls
-from idloop_nodes.worker import Worker
+from idloop_nodes.workbench_page.workbench_calls import Calls
 
 BLOCK = 500  # samples worked off in one go, so that services stay answered
 BURST, PATIENT_BURST = 0.003, 0.04  # seconds; in lock-step nobody is in a hurry

@@ -15,11 +15,11 @@ from idloop.errors import InputError
 from idloop.signals import SIGNALS, build_signal
 from idloop_nodes.base import ManagedNode, PolledStream
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
-from idloop_nodes.excitation_sequence import ExcitationSequence
-from idloop_nodes.experiment import Limits, read_experiment
+from idloop_nodes.excitation.excitation_sequence import ExcitationSequence
+from idloop_nodes.excitation.experiment import Limits, read_experiment
 from idloop_nodes.parameters import Values
 from idloop_nodes.progress import EXPERIMENT, HANDED_BACK
-from idloop_nodes.rates import RateCounter
+from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.tables import excitation_table
 
 SECOND = 1_000_000_000

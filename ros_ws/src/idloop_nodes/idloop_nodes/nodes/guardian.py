@@ -10,11 +10,11 @@ from typing import Any
 from idloop_nodes import qos
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status
-from idloop_nodes.command_limiter import SECOND
 from idloop_nodes.deadlines import become_urgent
-from idloop_nodes.guardian_link import STOPPED, WAITS, WATCHES, GuardianEnd, Hello, address
-from idloop_nodes.last_node import MESSAGES, PRIORITY, TICK, prepare
-from idloop_nodes.silence_watch import SilenceWatch
+from idloop_nodes.safety.command_limiter import SECOND
+from idloop_nodes.safety.guardian_link import STOPPED, WAITS, WATCHES, GuardianEnd, Hello, address
+from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK, prepare
+from idloop_nodes.safety.silence_watch import SilenceWatch
 from idloop_nodes.tables import GUARDIAN
 
 __all__ = ["GuardianNode", "make", "prepare"]

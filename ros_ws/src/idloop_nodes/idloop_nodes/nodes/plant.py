@@ -11,14 +11,14 @@ from idloop.physics import Machine, Plant, load_model
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
 from idloop_nodes.deadlines import Deadlines, become_urgent
-from idloop_nodes.joint_layout import OutputPacker, output_columns, output_topic
 from idloop_nodes.pace import Pace
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, BackPressure
-from idloop_nodes.rates import RateCounter
-from idloop_nodes.stall_notice import FIRST, PATIENCE, StallNotice
+from idloop_nodes.safety.stall_notice import FIRST, PATIENCE, StallNotice
 from idloop_nodes.start_barrier import LONGER_FOR_THOSE_THERE
-from idloop_nodes.stream_watch import JUMP_NS
+from idloop_nodes.streams.joint_layout import OutputPacker, output_columns, output_topic
+from idloop_nodes.streams.rates import RateCounter
+from idloop_nodes.streams.stream_watch import JUMP_NS
 from idloop_nodes.tables import PLANT
 
 SECOND = 1_000_000_000

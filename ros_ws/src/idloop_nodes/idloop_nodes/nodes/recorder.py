@@ -6,15 +6,15 @@ import queue
 import time
 
 from idloop.errors import IdloopError
-from idloop_nodes.arrival_times import ArrivalTimes
-from idloop_nodes.bag_writer import BagWriter, choose_folder
 from idloop_nodes.base import PolledStream, StreamNode
-from idloop_nodes.canonical_order import CanonicalOrder, rank_topics
 from idloop_nodes.codec import Level, Status, peek_stamp
 from idloop_nodes.distribution import ros_distribution
 from idloop_nodes.progress import DONE, due
-from idloop_nodes.rates import RateCounter
-from idloop_nodes.sequence_check import SequenceCheck
+from idloop_nodes.streams.arrival_times import ArrivalTimes
+from idloop_nodes.streams.bag_writer import BagWriter, choose_folder
+from idloop_nodes.streams.canonical_order import CanonicalOrder, rank_topics
+from idloop_nodes.streams.rates import RateCounter
+from idloop_nodes.streams.sequence_check import SequenceCheck
 from idloop_nodes.tables import RECORDER
 from idloop_nodes.wiring import JOINT_STATE, TOPICS
 

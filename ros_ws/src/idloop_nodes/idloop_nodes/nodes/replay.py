@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from idloop.errors import IdloopError, InputError
-from idloop.records.bag_limits import limit_bag_readers
-from idloop.records.told import ASKED, TOLD
+from idloop.records.bags.applied_command import ASKED, TOLD
+from idloop.records.bags.bag_limits import limit_bag_readers
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status, peek_stamp
 from idloop_nodes.progress import DONE, END, BackPressure
-from idloop_nodes.rates import RateCounter
+from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.tables import REPLAY
 from idloop_nodes.wiring import JOINT_STATE
 

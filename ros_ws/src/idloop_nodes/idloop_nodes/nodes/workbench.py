@@ -9,9 +9,9 @@ from typing import Any
 
 from idloop.errors import InputError
 from idloop.physics import load_model
-from idloop.report.effect_names import words
-from idloop.workbench.server import Place, Site
-from idloop.workbench.source import OK, WARN, Activity, Note
+from idloop.reporting.effect_names import words
+from idloop.reporting.workbench.server import Place, Site
+from idloop.reporting.workbench.source import OK, WARN, Activity, Note
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import (
     CdrError,
@@ -25,15 +25,15 @@ from idloop_nodes.codec import (
     missing_from_statuses,
     parameters_from_statuses,
 )
-from idloop_nodes.diagnosis_jobs import MotionLimits
-from idloop_nodes.experiment_client import ExperimentClient
+from idloop_nodes.estimation.diagnosis_jobs import MotionLimits
+from idloop_nodes.estimation.experiment_client import ExperimentClient
 from idloop_nodes.health_names import node_seen_from, seen_from
-from idloop_nodes.joint_layout import output_columns, output_topic
-from idloop_nodes.rates import RateCounter
+from idloop_nodes.streams.joint_layout import output_columns, output_topic
+from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.tables import WORKBENCH
 from idloop_nodes.wiring import told
-from idloop_nodes.workbench_calls import Calls
-from idloop_nodes.workbench_reading import (
+from idloop_nodes.workbench_page.workbench_calls import Calls
+from idloop_nodes.workbench_page.workbench_reading import (
     activity_of,
     automatic_of,
     evidence_of,
@@ -43,8 +43,8 @@ from idloop_nodes.workbench_reading import (
     limits_of,
     missing_of,
 )
-from idloop_nodes.workbench_source import STOP, LiveSource
-from idloop_nodes.workbench_stop import MotorStop
+from idloop_nodes.workbench_page.workbench_source import STOP, LiveSource
+from idloop_nodes.workbench_page.workbench_stop import MotorStop
 
 SILENT = 3.5  # seconds without a word after which a node counts as silent
 LIMITS_PERIOD = 5.0  # seconds between two questions after the excitation's limits

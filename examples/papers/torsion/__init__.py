@@ -1,0 +1,1 @@
+"""Rows B1 to B9: the flexible torsion system of Myklebust (Linköping University 2009)."""

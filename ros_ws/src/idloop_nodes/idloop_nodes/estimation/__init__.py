@@ -1,0 +1,1 @@
+"""Behind the estimator node: fits, diagnoses and monitoring in a worker process."""

@@ -1,0 +1,107 @@
+"""What the estimator orders from its worker to weigh effects on the newest samples, and what comes back.
+
+The tallies stay with the worker's side: the estimator keeps them as a pickle that it hands back with the next order.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from idloop_nodes.codec import EffectEvidence, EvidenceSummary
+from idloop_nodes.estimation.worker import Report
+
+if TYPE_CHECKING:
+    from idloop.diagnosis.evidence.live_evidence import LiveEvidence
+    from idloop.physics import Model
+    from idloop.records import Record
+
+
+@dataclass(frozen=True)
+class EvidenceAnswer:
+    """What came of a look.
+
+    Attributes
+    ----------
+    number : int
+        Of the job.
+    state : bytes
+        Pickle of the evidence; empty before the first look.
+    summary : EvidenceSummary
+        Without the estimates.
+    """
+
+    number: int
+    state: bytes
+    summary: EvidenceSummary
+
+
+@dataclass(frozen=True)
+class EvidenceJob:
+    """Score a stretch of samples by fits to earlier ones.
+
+    Attributes
+    ----------
+    number : int
+    stamp : int
+        Of the end of the stretch [ns].
+    model : Model
+        Against which effects are weighed.
+    state : bytes
+        Pickle of the evidence so far; empty at the start.
+    earlier, new : Record
+        Samples that are fitted, and the stretch after them.
+    known : EvidenceSummary
+        What was known before.
+    level, minimum_improvement : float
+    catalogue : tuple of str
+        Effects that are looked for; all when empty.
+    """
+
+    number: int
+    stamp: int
+    model: Model
+    state: bytes
+    earlier: Record
+    new: Record
+    known: EvidenceSummary
+    level: float = 0.01
+    minimum_improvement: float = 0.01
+    catalogue: tuple[str, ...] = ()
+    replaceable: bool = False
+
+    def work(self, report: Report) -> EvidenceAnswer:
+        """Score it."""
+        from idloop.diagnosis.evidence.live_evidence import LiveEvidence
+
+        before = LiveEvidence(self.model, self.level, self.minimum_improvement, self.catalogue)
+        evidence: LiveEvidence = pickle.loads(self.state) if self.state else before  # noqa: S301  (our own estimator's)
+        evidence = evidence.look([self.earlier], self.new, self.stamp)
+        return EvidenceAnswer(self.number, pickle.dumps(evidence), summarise_evidence(evidence, self.stamp))
+
+    def failed(self, reason: str) -> EvidenceAnswer:
+        """Return the answer when the stretch could not be scored; what was known stays known."""
+        return EvidenceAnswer(self.number, self.state, replace(self.known, stamp=self.stamp, error=reason))
+
+
+def summarise_evidence(evidence: LiveEvidence, stamp: int) -> EvidenceSummary:
+    """Return what ``estimator/evidence`` says of a look, without the estimates."""
+    decided = evidence.decided
+    candidates = []
+    for name, log_e in evidence.logs.items():
+        when = decided.get(name)
+        given = (None, None) if when is None else (when.stamp, when.samples)
+        candidates.append(EffectEvidence(name, log_e, *given))
+    return EvidenceSummary(
+        evidence.model.name,
+        tuple(evidence.model.effect_names),
+        stamp,
+        evidence.level,
+        evidence.threshold,
+        evidence.looks,
+        evidence.samples,
+        evidence.seconds,
+        tuple(candidates),
+        evidence.doubtful,
+    )

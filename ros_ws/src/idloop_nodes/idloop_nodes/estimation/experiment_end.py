@@ -1,0 +1,50 @@
+"""How the estimator ends an experiment: the services by which a user stops the graph, nothing of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from idloop_nodes.workbench_page.workbench_calls import Calls
+
+PATIENCE = 10.0  # seconds within which a node has to answer
+
+
+class ExperimentEnd:
+    """Stops the motor and the excitation, without waiting for them.
+
+    Parameters
+    ----------
+    calls : Calls
+    guards : sequence of str
+        Nodes with the service ``~/emergency_stop``, the nearest to the motor first.
+    excitation : str
+        Node with the service ``~/stop``.
+    warn : callable
+        Receives one line when a node refuses or does not answer.
+    """
+
+    def __init__(self, calls: Calls, guards: Sequence[str], excitation: str, warn: Callable[[str], object]) -> None:
+        self._calls, self._warn = calls, warn
+        self._services = (*(f"{guard}/emergency_stop" for guard in guards), f"{excitation}/stop")
+        self._waiting: set[str] = set()
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is still to come."""
+        return bool(self._waiting)
+
+    def end(self) -> None:
+        """Tell all of them at once."""
+        self._waiting = set(self._services)
+        for service in self._services:
+            self._calls.trigger(service, partial(self._answered, service), PATIENCE)
+
+    def poll(self) -> None:
+        """Send what had to wait for its server, give up on what is not answered."""
+        self._calls.poll()
+
+    def _answered(self, service: str, done: bool, text: str) -> None:
+        self._waiting.discard(service)
+        if not done:
+            self._warn(f"the experiment was to end, but {service}: {text}")

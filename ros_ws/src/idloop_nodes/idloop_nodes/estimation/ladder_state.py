@@ -1,0 +1,219 @@
+"""What the worker knows of a model: its ladder, and what the newest diagnosis would add. Calls the library, no more."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from idloop.diagnosis import Ladder, Step, add_effect, diagnose, refine
+from idloop.diagnosis.model_errors import model_errors
+from idloop.errors import InputError
+from idloop.physics import parse_effect
+from idloop.validation import compare
+from idloop_nodes.estimation.diagnosis_orders import DiagnosisAnswer, DiagnosisOrder
+from idloop_nodes.estimation.summaries import summarise_diagnosis, summarise_ladder
+from idloop_nodes.estimation.worker import Report
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Candidate, Diagnosis
+    from idloop.physics import Model
+
+
+@dataclass
+class Notebook:
+    """Ladder and newest findings; every method carries out one order.
+
+    Attributes
+    ----------
+    ladder : Ladder or None
+        None before the first order.
+    diagnosis : Diagnosis or None
+        The newest one, without its fits; None when the model has changed since.
+    suggested : dict or None
+        The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation is told.
+    """
+
+    ladder: Ladder | None = None
+    diagnosis: Diagnosis | None = None
+    suggested: dict[str, Any] | None = None
+
+    def diagnose(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+        """Find out what is missing."""
+        found = diagnose(
+            job.model,
+            job.records,
+            level=job.level,
+            criterion=job.criterion,
+            minimum_improvement=job.minimum_improvement,
+            effects=job.catalogue or None,
+            seed=job.seed,
+            progress=report,
+        )
+        self.diagnosis = found
+        self.suggested = None
+        if self.ladder is None:
+            self.ladder = Ladder((_step(found.model, job),), criterion=found.criterion, level=job.level)
+        else:
+            self.ladder = _measured_anew(self.ladder, job)
+        self.ladder = replace(
+            self.ladder,
+            verdict=found.verdict,
+            candidates=tuple(replace(one, model=None) for one in found.candidates),
+            untestable=found.untestable,
+            findings=found.gate.findings,
+            unknown=found.unknown,
+            passed_over=found.passed_over,
+        )
+        where = compare(self.ladder.model, job.validation[-1]).where.lines() if job.validation else []
+        return self._answer(job, missing=summarise_diagnosis(found, where, job.windows))
+
+    def add_best_effect(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+        """Add what the newest diagnosis names first: an effect, or both of a pair."""
+        best = None if self.diagnosis is None else self.diagnosis.best
+        if self.ladder is None or self.diagnosis is None or best is None:
+            raise InputError("no effect is known to be missing: diagnose first")
+        ladder = self.ladder
+        if self.diagnosis.pair is not None:
+            for rung in self.diagnosis.rungs:
+                if rung.added.model is not None:
+                    step = _step(rung.added.model, job, rung.added)
+                    gone = rung.added.replaces
+                    steps = [
+                        s for s in ladder.steps if s.added is None or s.added.name != gone or s.chosen_by == "user"
+                    ]
+                    ladder = replace(ladder, steps=(*steps, replace(step, set=rung.set, p_value=rung.added.p_value)))
+            return self._climb(job, ladder)
+        if ladder.added:
+            # Earlier effects may be needless now: that takes a refit of its own.
+            ladder = refine(
+                ladder.model,
+                job.records,
+                job.validation,
+                level=job.level,
+                criterion=job.criterion,
+                minimum_improvement=job.minimum_improvement,
+                effects=[best.name],
+                seed=job.seed,
+                most=len(ladder.added) + 1,
+                ladder=ladder,
+                progress=report,
+            )
+        if best.name not in ladder.added and best.model is not None:
+            ladder = replace(ladder, steps=(*ladder.steps, _step(best.model, job, best)))
+        # The evidence is that of the whole catalogue.
+        last = ladder.steps[-1]
+        if last.added is not None:
+            added = replace(last.added, p_value=best.p_value, explains=best.explains, why=best.why)
+            last = replace(last, added=added, set=self.diagnosis.set, p_value=best.p_value)
+        return self._climb(job, replace(ladder, steps=(*ladder.steps[:-1], last)))
+
+    def undo(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+        """Take the last step back."""
+        if self.ladder is None:
+            raise InputError("there is no step to take back")
+        return self._climb(job, self.ladder.undo())
+
+    def effects(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+        """Climb to exactly the effects of the order, from the highest step that has none but these."""
+        names = ["@".join(parse_effect(text)[:2]) for text in job.effects]
+        ladder = self.ladder
+        if ladder is None:
+            # The job's model has the effects already; the ladder begins without them.
+            ladder = refine(
+                job.model.without_effects(names),
+                job.records,
+                job.validation,
+                level=job.level,
+                criterion=job.criterion,
+                minimum_improvement=job.minimum_improvement,
+                effects=job.catalogue or None,
+                seed=job.seed,
+                most=0,
+                progress=report,
+            )
+        own = set(ladder.steps[0].model.effect_names)
+        while len(ladder.steps) > 1 and not set(ladder.model.effect_names) - own <= set(names):
+            ladder = ladder.undo()
+        for text, name in zip(job.effects, names, strict=True):
+            if name not in ladder.model.effect_names:
+                ladder = add_effect(ladder, text, job.records, job.validation, seed=job.seed, progress=report)
+        return self._climb(job, ladder)
+
+    def suggest(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+        """Work out the experiment that settles what the newest diagnosis has left open."""
+        from idloop.diagnosis.design.next_experiment import suggest_next
+        from idloop.diagnosis.design.suggest import Limits
+
+        if self.diagnosis is None:
+            raise InputError("nothing is undecided: diagnose first")
+        limits = job.limits
+        found = suggest_next(
+            self.diagnosis,
+            job.records,
+            Limits(
+                command=limits.amplitude if limits.adds_to == "command" else None,
+                position=limits.position,
+                velocity=limits.velocity,
+            ),
+            seed=job.seed,
+            start=_newest_position(job),
+            progress=report,
+        )
+        if found is None:
+            raise InputError("nothing is undecided that an experiment could settle")
+        self.suggested = found.to_dict()
+        shift = found.start if limits.absolute else 0.0
+        self.suggested["experiment"] = {"signal": _for_excitation(found.signal, shift), "adds_to": found.adds_to}
+        return self._answer(job)
+
+    # answers
+
+    def _climb(self, job: DiagnosisOrder, ladder: Ladder) -> DiagnosisAnswer:
+        self.ladder = replace(ladder, candidates=(), suggested_experiment=None)
+        self.diagnosis = self.suggested = None
+        return self._answer(job, model=ladder.model)
+
+    def _answer(self, job: DiagnosisOrder, **more: Any) -> DiagnosisAnswer:
+        ladder = None
+        if self.ladder is not None:
+            ladder = summarise_ladder(self.ladder, self.suggested, job.experiments)
+        return DiagnosisAnswer(job.number, job.verb, job.stamp, pickle.dumps(self), ladder=ladder, **more)
+
+
+def _step(model: Model, job: DiagnosisOrder, added: Candidate | None = None) -> Step:
+    return Step(
+        added=added, model=model, train=model_errors(model, job.records), validation=model_errors(model, job.validation)
+    )
+
+
+def _measured_anew(ladder: Ladder, job: DiagnosisOrder) -> Ladder:
+    """New data may have come in: every step is judged on the same."""
+    if len(ladder.steps[-1].train.get("records", {})) == len(job.records):
+        return ladder
+    steps = []
+    for step in ladder.steps:
+        errors = model_errors(step.model, job.records), model_errors(step.model, job.validation)
+        steps.append(replace(step, train=errors[0], validation=errors[1]))
+    return replace(ladder, steps=tuple(steps))
+
+
+def _newest_position(job: DiagnosisOrder) -> float | None:
+    """Position at which the axis is, as far as the data tell."""
+    import numpy as np
+
+    for column, output in enumerate(job.model.outputs):
+        if output.field == "position" and output.body == job.model.bodies[0] and job.validation:
+            measured = job.validation[-1].output[:, column]
+            known = measured[np.isfinite(measured)]
+            return float(known[-1]) / output.scale if len(known) else None
+    return None
+
+
+def _for_excitation(signal: Mapping[str, Any], shift: float) -> dict[str, Any]:
+    """The signal as the excitation node builds it, on its own period, around where the axis is."""
+    told = {name: value for name, value in signal.items() if name != "sample_time" and value is not None}
+    if shift:
+        told["offset"] = told.get("offset", 0.0) + shift
+    return told

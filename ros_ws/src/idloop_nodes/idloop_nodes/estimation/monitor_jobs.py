@@ -1,0 +1,178 @@
+"""What the estimator orders from its worker to watch wear: learn what is normal, then look at each stretch of data.
+
+The monitor stays with the worker's side: the estimator keeps it as a pickle that it hands back with the next order.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from idloop_nodes.codec import WatchSummary, WearSummary
+from idloop_nodes.estimation.worker import Report
+
+if TYPE_CHECKING:
+    from idloop.monitoring import Baseline, Monitor, WatchState
+    from idloop.physics import Model
+    from idloop.records import Record
+
+USUAL = "usual"  # watch dry friction and what sits in couplings
+
+
+@dataclass(frozen=True)
+class MonitorAnswer:
+    """What came of an order.
+
+    Attributes
+    ----------
+    number : int
+        Of the job.
+    stamp : int
+        After the newest sample that it rests on [ns].
+    state : bytes
+        Pickle of the monitor, for the next order; empty when it could not be built.
+    settling : float
+        Time before a stretch that the observer takes to settle [s].
+    summary : WearSummary
+        New contents of ``estimator/wear``.
+    """
+
+    number: int
+    stamp: int
+    state: bytes
+    settling: float
+    summary: WearSummary
+
+
+@dataclass(frozen=True)
+class LearnJob:
+    """Learn what is normal.
+
+    Attributes
+    ----------
+    number, stamp : int
+    model : Model
+    watches, vary : tuple of str
+        As the parameters `monitor` and `monitor_vary` have them.
+    false_alarms : str
+        As ``per 1000 h``.
+    records : tuple of Record
+        The healthy start of this run; empty when there are bags.
+    bags : tuple of str
+        Recordings of the healthy machine.
+    """
+
+    number: int
+    stamp: int
+    model: Model
+    watches: tuple[str, ...]
+    vary: tuple[str, ...]
+    false_alarms: str
+    records: tuple[Record, ...] = ()
+    bags: tuple[str, ...] = ()
+    replaceable: bool = False
+
+    def work(self, report: Report) -> MonitorAnswer:
+        """Learn."""
+        from idloop.monitoring import Monitor, choose_watches, learn, parse_false_alarms
+        from idloop.records import read_records
+
+        records = self.records or tuple(read_records([Path(bag) for bag in self.bags], self.model))
+        baseline = learn(
+            self.model,
+            records,
+            choose_watches(self.model, [] if self.watches == (USUAL,) else self.watches),
+            varying=self.vary,
+            false_alarm_hours=parse_false_alarms(self.false_alarms),
+            progress=report,
+        )
+        return _answer(self.number, self.stamp, Monitor(baseline))
+
+    def failed(self, reason: str) -> MonitorAnswer:
+        """Return the answer when nothing could be learnt."""
+        return MonitorAnswer(self.number, self.stamp, b"", 0.0, WearSummary(self.model.name, error=reason))
+
+
+@dataclass(frozen=True)
+class LookJob:
+    """Look at a stretch of data.
+
+    Attributes
+    ----------
+    number, stamp : int
+    state : bytes
+        Pickle of the monitor.
+    record : Record
+        Begins early, for the observer to settle.
+    anew : bool
+        Whether a new run of the clock begins with it.
+    known : WearSummary
+        What was known before.
+    settling : float
+    """
+
+    number: int
+    stamp: int
+    state: bytes
+    record: Record
+    anew: bool
+    known: WearSummary
+    settling: float
+    replaceable: bool = False
+
+    def work(self, report: Report) -> MonitorAnswer:
+        """Look."""
+        monitor: Monitor = pickle.loads(self.state)  # noqa: S301  (our own estimator's)
+        if self.anew:
+            monitor.begin()
+        monitor.follow(self.record)
+        return _answer(self.number, self.stamp, monitor)
+
+    def failed(self, reason: str) -> MonitorAnswer:
+        """Return the answer when the stretch could not be looked at; what was known stays known."""
+        from dataclasses import replace
+
+        return MonitorAnswer(self.number, self.stamp, self.state, self.settling, replace(self.known, error=reason))
+
+
+def _answer(number: int, stamp: int, monitor: Monitor) -> MonitorAnswer:
+    baseline = monitor.baseline
+    return MonitorAnswer(
+        number, stamp, pickle.dumps(monitor), baseline.settling + baseline.block, summarise_wear(monitor)
+    )
+
+
+def summarise_wear(monitor: Monitor) -> WearSummary:
+    """Return what ``estimator/wear`` says."""
+    baseline = monitor.baseline
+    able = [not normal.why for normal in baseline.normal]
+    watches = tuple(_summarise(baseline, state, able=can) for state, can in zip(monitor.states(), able, strict=True))
+    worst = next((s for s in ("alarm", "cannot_tell") if any(w.state == s for w in watches)), "quiet")
+    return WearSummary(baseline.model.name, worst, baseline.false_alarm_hours, baseline.duration, watches)
+
+
+def _summarise(baseline: Baseline, state: WatchState, *, able: bool) -> WatchSummary:
+    growth, alarms = state.growth, state.alarms
+    return WatchSummary(
+        parameter=state.parameter,
+        unit=state.unit,
+        value=state.value,
+        watched=state.watched,
+        state=state.state,
+        able=able,
+        why=state.why,
+        growth=None if growth is None else growth.value,
+        low=None if growth is None else growth.low,
+        high=None if growth is None else growth.high,
+        evidence=state.sum,
+        threshold=state.threshold,
+        blocks=state.blocks,
+        telling=state.telling,
+        delay=state.delay,
+        alarms=len(alarms),
+        first=baseline.end_of(alarms[0].block) if alarms else 0,
+        newest=baseline.end_of(alarms[-1].block) if alarms else 0,
+        onset=baseline.end_of(alarms[-1].onset - 1) if alarms else 0,
+    )

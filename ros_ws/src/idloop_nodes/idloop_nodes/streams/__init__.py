@@ -1,0 +1,1 @@
+"""Streams of samples: matched, watched, kept and written. No ROS in most of it."""

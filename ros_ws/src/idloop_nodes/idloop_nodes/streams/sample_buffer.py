@@ -1,0 +1,192 @@
+"""What the estimator has seen: samples, cut into records on request."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from idloop_nodes.streams.sample_store import SampleStore
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Finding, Record
+
+SECOND = 1_000_000_000
+
+Row = tuple[float, ...]
+Span = tuple[int, int]
+
+
+class DataBook:
+    """Commands, measurements and references by stamp.
+
+    Parameters
+    ----------
+    outputs : int
+        Measured signals.
+
+    Attributes
+    ----------
+    first : int or None
+        Stamp of the first measurement that was worked on [ns].
+    computed : tuple of Finding
+        Velocities that the driver computes from the position, as far as records have shown.
+    wrong : tuple of Finding
+        Velocities that are none of the position, likewise.
+    """
+
+    def __init__(self, outputs: int) -> None:
+        self.first: int | None = None
+        self.computed: tuple[Finding, ...] = ()
+        self.wrong: tuple[Finding, ...] = ()
+        self.commands = SampleStore(1)
+        self.outputs = SampleStore(outputs)
+        self.references = SampleStore(2)
+
+    def announce(self, stamp: int, row: Row) -> None:
+        """Take in a reference; one that is announced again replaces everything from its stamp on."""
+        self.references.take_back(stamp)
+        self.references.append(stamp, row)
+
+    def clear(self) -> None:
+        """Forget everything: a new run begins."""
+        self.first = None
+        for store in (self.commands, self.outputs, self.references):
+            store.clear()
+
+    def forget(self, before: int) -> None:
+        """Forget what is older, but not the values that still hold."""
+        for store in (self.commands, self.outputs, self.references):
+            store.forget(before)
+
+    def split(self, model: Model, start: int, cut: int, stop: int) -> tuple[Record, Record]:
+        """Return the samples from `start` and from `cut` [ns] to before `stop`: what is fitted, and what judges.
+
+        A velocity that one of all records has shown to be computed, or to be none of the position, counts as such from
+        then on: the next window may show too little motion for that, and what is fitted to must not change with it.
+        """
+        from idloop.records.align import output_scales
+        from idloop.records.inspection.differenced import differenced
+        from idloop.records.inspection.velocity_check import KIND, without_wrong_velocities
+
+        both = [self.record(model, *span) for span in ((start, cut), (cut, stop))]
+        both = without_wrong_velocities(both, output_scales(model), self.wrong)
+        self.wrong = tuple(finding for record in both for finding in record.findings if finding.kind == KIND)
+        records = []
+        for record in both:
+            self.computed = differenced(replace(record, findings=self.computed))
+            records.append(replace(record, findings=(*self.computed, *record.findings)))
+        return records[0], records[1]
+
+    def record(self, model: Model, start: int, stop: int) -> Record:
+        """Return the samples from `start` to before `stop` [ns] as a record of a model."""
+        from idloop.records import Record
+
+        command_stamps, command = self.commands.window(start, stop, before=True)
+        stamps, output = self.outputs.window(start, stop)
+        reference_stamps, reference = self.references.window(start, stop, before=True)
+        followed = len(reference_stamps) > 0
+        return Record(
+            name=f"{(start - (self.first or 0)) / SECOND:g} s",
+            input_time=(command_stamps - start) / SECOND,
+            input=command[:, 0],
+            time=(stamps - start) / SECOND,
+            output=output,
+            input_name=model.input.name,
+            input_unit=model.input.unit,
+            output_names=tuple(model.output_names),
+            output_units=tuple(output.unit for output in model.outputs),
+            reference_time=(reference_stamps - start) / SECOND if followed else None,
+            reference=reference if followed else None,
+            start_ns=start,
+        )
+
+
+class DiagnosisData:
+    """The stretches of data that a diagnosis rests on: the newest normal one, and the experiments.
+
+    Each is split in two: the first part is fitted, the second judges.
+    """
+
+    MOST_EXPERIMENTS = 4
+
+    def __init__(self) -> None:
+        self._base: tuple[Record, Record, Span] | None = None
+        self._experiments: list[tuple[Record, Record, Span]] = []
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._base = None
+        self._experiments.clear()
+
+    @property
+    def experiments(self) -> int:
+        """Experiments that are in."""
+        return len(self._experiments)
+
+    @property
+    def _all(self) -> list[tuple[Record, Record, Span]]:
+        return ([] if self._base is None else [self._base]) + self._experiments
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """What is fitted."""
+        return tuple(one[0] for one in self._all)
+
+    @property
+    def validation(self) -> tuple[Record, ...]:
+        """What judges."""
+        return tuple(one[1] for one in self._all)
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Stamps of the stretches [ns]."""
+        return tuple(one[2] for one in self._all)
+
+    def renew(self, book: DataBook, model: Model, end: int, length: int, share: float, shortest: int) -> bool:
+        """Take the newest normal stretch, if there is a new one that is long enough.
+
+        Parameters
+        ----------
+        book : DataBook
+        model : Model
+        end : int
+            Stamp after the newest sample [ns].
+        length : int
+            Its length, at most [ns].
+        share : float
+            Part of it that judges.
+        shortest : int
+            Samples that are too few.
+
+        Returns
+        -------
+        bool
+            Whether there is any data now.
+        """
+        if book.first is None:
+            return False
+        start = max([book.first, end - length, *(span[1] for _, _, span in self._experiments)])
+        # After an experiment the normal stretch before it serves until the new one is as good.
+        if self._base is None or end - start >= 0.75 * (self._base[2][1] - self._base[2][0]):
+            self._base = self._split(book, model, (start, end), share, shortest) or self._base
+        return bool(self._all)
+
+    def add_experiment(self, book: DataBook, model: Model, span: Span, share: float, shortest: int) -> bool:
+        """Take in an experiment; return whether there was enough of it."""
+        one = self._split(book, model, span, share, shortest)
+        if one is None:
+            return False
+        self._experiments = [*self._experiments, one][-self.MOST_EXPERIMENTS :]
+        return True
+
+    @staticmethod
+    def _split(
+        book: DataBook, model: Model, span: Span, share: float, shortest: int
+    ) -> tuple[Record, Record, Span] | None:
+        start, stop = span
+        cut = stop - round((stop - start) * share)
+        train, judge = book.split(model, start, cut, stop)
+        if min(train.time.size, judge.time.size) < shortest or not (train.input.size and judge.input.size):
+            return None
+        return train, judge, span

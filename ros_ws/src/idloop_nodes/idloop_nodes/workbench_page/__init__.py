@@ -1,0 +1,1 @@
+"""Behind the workbench node: messages to the page, orders from it."""

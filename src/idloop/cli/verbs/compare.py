@@ -1,0 +1,108 @@
+"""`idloop compare`: measured against one or several models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from idloop.cli._assessment import (
+    make_panel,
+    print_brief,
+    print_comparisons,
+    print_verdicts,
+    print_where,
+    save_figure,
+    save_where,
+)
+from idloop.cli._common import (
+    BAG,
+    apply_options,
+    json_option,
+    log,
+    model_options,
+    open_model,
+    plot_option,
+    print_json,
+    read_one_record,
+)
+from idloop.cli._places import PLOT
+from idloop.cli._progress import progress, quiet_option
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.validation import Comparison
+
+
+def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
+    """Name of each model, or its file where names are not unique."""
+    names = [model.name for model in models]
+    return names if len(set(names)) == len(names) else list(sources)
+
+
+@click.command()
+@click.argument("models", nargs=-1, required=True, metavar="MODEL...")
+@click.argument("bag", type=BAG)
+@model_options
+@click.option(
+    "--steps", type=click.IntRange(min=1), default=10, show_default=True, help="Samples that a prediction looks ahead."
+)
+@plot_option
+@click.option("--plot-where", type=PLOT, metavar="FILE", help="Write the figure of where the models fail.")
+@click.option("--all", "everything", is_flag=True, help="Print everything: all tests, regions, variables, stretches.")
+@quiet_option
+@json_option
+def command(
+    models: tuple[str, ...],
+    bag: Path,
+    *,
+    settings: tuple[str, ...],
+    effects: tuple[str, ...],
+    steps: int,
+    plot: Path | None,
+    plot_where: Path | None,
+    everything: bool,
+    as_json: bool,
+) -> None:
+    """Compare what BAG measured with what each MODEL says, its parameters as they are.
+
+    Free run (only the start is fitted), some samples ahead, and the drive force that the measured motion needs;
+    then where the error falls: by time, frequency, velocity, position, command, direction, time since a reversal.
+    """
+    from idloop.validation import compare
+
+    loaded = [apply_options(open_model(source), settings, effects) for source in models]
+    if any(model.output_names != loaded[0].output_names for model in loaded):
+        raise InputError(f"the models have different outputs: compare them one by one ({', '.join(models)})")
+    records = [read_one_record(bag, model) for model in loaded]
+    rows: list[tuple[str, Comparison]] = []
+    with progress("comparing") as update:
+        for index, (label, model, record) in enumerate(zip(label_models(models, loaded), loaded, records, strict=True)):
+            update(index / len(loaded), label)
+            # The drive side of all models in one band, that of the first.
+            force = rows[0][1].force if rows else None
+            rows.append((label, compare(model, record, steps=steps, cutoff=force.cutoff if force else None)))
+            rows[-1][1].compute()
+    if plot is not None:
+        save_figure([make_panel(records[0].name, rows)], rows[0][1], plot)
+        log(f"written: {plot}")
+    if plot_where is not None:
+        save_where(rows, plot_where)
+        log(f"written: {plot_where}")
+    if as_json:
+        documents = [{**comparison.to_dict(), "label": label} for label, comparison in rows]
+        document = {"schema": "idloop/compare/1", "comparisons": documents, "plot": plot, "plot_where": plot_where}
+        print_json(document)
+        return
+    print_comparisons(rows)
+    click.echo()
+    if not everything:
+        print_brief(rows)
+        click.echo("\n(--all says everything that stands out, --plot-where draws it)")
+        return
+    print_verdicts(rows)
+    click.echo()
+    print_where(rows)

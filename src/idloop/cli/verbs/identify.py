@@ -1,0 +1,610 @@
+"""`idloop identify`: black-box models of a bag by any method, compared on the same data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from idloop.cli._common import (
+    BAG,
+    MODEL,
+    ListOptionCommand,
+    json_option,
+    log,
+    plot_option,
+    print_json,
+    read_fitted_and_unseen,
+    trust_option,
+)
+from idloop.cli._identification import (
+    Outcome,
+    best_values,
+    drawn,
+    excitation_measure,
+    on_the_same_samples,
+    save_model,
+    smallest_orders,
+    sweep_lines,
+)
+from idloop.cli._identification_arguments import (
+    MEASURED,
+    SWEPT,
+    NumbersArgument,
+    Sweep,
+    check_save,
+    check_structure,
+    even_grids,
+    parse_structure,
+    parse_sweep,
+)
+from idloop.cli._identification_tables import (
+    loop_text,
+    print_details,
+    print_distortion,
+    print_followed,
+    print_methods,
+    print_outcomes,
+    print_responses,
+    print_sweep,
+    print_verdicts,
+)
+from idloop.cli._places import OUTPUT_FILE, force_option
+from idloop.cli._progress import progress, quiet_option
+from idloop.cli.main import DONE
+from idloop.errors import IdloopError, InputError
+
+if TYPE_CHECKING:
+    from idloop.estimation.black_box.method import Choices
+    from idloop.estimation.black_box.sampled import SampledData
+    from idloop.physics import Model
+    from idloop.records import Record
+    from idloop.records.align import Signal
+    from idloop.records.bags.axis_signals import AxisSignals
+
+SCHEMA = "idloop/identify/1"
+
+EXAMPLE = """\b
+Examples:
+  idloop identify --list
+  idloop identify bags/train --method n4sid --method oe --validate bags/unseen --plot compare.png
+  idloop identify bags/train --method n4sid --sweep order=1:10 --validate bags/unseen --plot orders.png
+  idloop identify bags/low bags/middle bags/high --method oe --sweep amplitude --validate bags/unseen
+  idloop identify bags/train --method oe --order 1:4 --delay auto --output motor.velocity --save motor.json
+
+\b
+A saved model in Python, with idloop or without it:
+  from idloop.estimation.linear import load
+  load("motor.json").system                      # a python-control StateSpace
+\b
+  m = json.load(open("motor.json"))              # or numpy.load("motor.npz")
+  control.ss(m["a"], m["b"], m["c"], m["d"], m["sample_time"])
+"""
+
+
+class ControllerArgument(click.ParamType["dict[str, Any]"]):
+    """FILE: a preset, a model file, or a controller's section by itself."""
+
+    name = "FILE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> dict[str, Any]:
+        """Load it; an InputError says in one line what is wrong with it."""
+        from idloop.control.controller_file import load_controller
+
+        return load_controller(value)
+
+
+@click.command(cls=ListOptionCommand, epilog=EXAMPLE)
+@click.argument("bags", type=BAG, nargs=-1, metavar="BAG...")
+@click.option("--method", "methods", multiple=True, metavar="NAME", help="Of --list. May be repeated.")
+@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the models do not see.")
+@click.option("--model", type=MODEL, help="Preset or model file that names the streams and their units.")
+@trust_option
+@click.option("--joint", metavar="NAME", help="Commanded joint, where joint_command holds several.")
+@click.option("--output", "outputs", multiple=True, metavar="JOINT.FIELD", help="Only this output. May be repeated.")
+@click.option("--sample-time", type=float, metavar="SECONDS", help="Even grid to identify on; the record's own.")
+@click.option(
+    "--detrend",
+    type=click.Choice(["none", "mean", "linear"]),
+    default="none",
+    show_default=True,
+    help="What is taken off command and outputs of each record. An axis at rest without command needs none.",
+)
+@click.option(
+    "--drop", type=click.FloatRange(min=0.0), default=0.0, metavar="SECONDS", help="Left out at both ends of a record."
+)
+@click.option(
+    "--order",
+    type=NumbersArgument(1),
+    metavar="N|A:B|auto",
+    default="auto",
+    show_default=True,
+    help="States, or degree of every polynomial; of several the one with the least BIC.",
+)
+@click.option(
+    "--structure", metavar="na=2,nb=1,...", help="Degrees of polynomials that differ from --order (na nb nc nd nf)."
+)
+@click.option(
+    "--delay",
+    type=NumbersArgument(0),
+    metavar="N|A:B|auto",
+    default="1",
+    show_default=True,
+    help="Samples from a command to its first effect; 1 is none beyond that of sampling.",
+)
+@click.option("--horizon", type=click.IntRange(min=2), help="Samples that subspace methods look back and ahead.")
+@click.option("--window", type=click.IntRange(min=2), help="Samples of lag window (spa), segment (welch), lags (cra).")
+@click.option("--period", type=click.FloatRange(min=0.0, min_open=True), help="Of a periodic excitation (bla) [s].")
+@click.option("--units", type=click.IntRange(min=1), help="Units of a network.")
+@click.option(
+    "--focus",
+    type=click.Choice(["prediction", "simulation"]),
+    default="prediction",
+    show_default=True,
+    help="What is made small: errors one step ahead, or those of the free run.",
+)
+@click.option(
+    "--band",
+    type=(float, float),
+    metavar="LOW HIGH",
+    help="Weigh the fit towards these frequencies [Hz]; 0 and inf leave a side open (polynomials, pem).",
+)
+@click.option("--stable", is_flag=True, help="Reflect unstable poles (subspace methods).")
+@click.option(
+    "--integrates/--no-integrates",
+    default=None,
+    help="Put the pole nearest 1 there, or leave it (subspace methods); n4sid, moesp and cva let the data decide.",
+)
+@click.option("--closed-loop", is_flag=True, help="Go by way of the recorded reference (iv4, bla).")
+@click.option(
+    "--controller",
+    type=ControllerArgument(),
+    metavar="FILE",
+    help="Controller that ran (vodma): a model file, or a file with its section `controller` alone; that of --model.",
+)
+@click.option(
+    "--criterion-steps",
+    "steps",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    metavar="K",
+    help="Samples that the second score predicts ahead.",
+)
+@click.option(
+    "--sweep",
+    metavar="NAME=VALUES",
+    help=f"Table and figure over one of {', '.join(SWEPT)}; {' or '.join(MEASURED)} alone: each BAG by itself.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of networks.")
+@click.option("--save", type=OUTPUT_FILE, metavar="FILE", help="Write the model (.json; linear ones also .npz).")
+@force_option("Overwrite the file of --save.")
+@click.option("--list", "show_list", is_flag=True, help="List the methods with what they are for.")
+@plot_option
+@quiet_option
+@json_option
+def command(
+    bags: tuple[Path, ...],
+    *,
+    methods: tuple[str, ...],
+    validate: tuple[Path, ...],
+    model: Model | None,
+    joint: str | None,
+    outputs: tuple[str, ...],
+    sample_time: float | None,
+    detrend: Literal["none", "mean", "linear"],
+    drop: float,
+    order: Any,
+    structure: str | None,
+    delay: Any,
+    horizon: int | None,
+    window: int | None,
+    period: float | None,
+    units: int | None,
+    focus: Literal["prediction", "simulation"],
+    band: tuple[float, float] | None,
+    stable: bool,
+    integrates: bool | None,
+    closed_loop: bool,
+    controller: dict[str, Any] | None,
+    steps: int,
+    sweep: str | None,
+    seed: int,
+    save: Path | None,
+    force: bool,
+    show_list: bool,
+    plot: Path | None,
+    as_json: bool,
+) -> int:
+    """Identify black-box models from every BAG together, by one or several methods.
+
+    Without --model the command is the effort of joint_command, and the outputs are the fields of joint_states of
+    that joint that move. All methods are judged on the same data: the bags of --validate, else those of the fit.
+    """
+    if show_list:
+        list_methods(as_json=as_json)
+        return DONE
+    from idloop.estimation.black_box.method import Choices
+    from idloop.estimation.black_box.methods import find_method
+
+    if not bags:
+        raise InputError("no bag: give at least one recording, or --list for the methods")
+    if not methods:
+        raise InputError("no method: give at least one --method; idloop identify --list shows them")
+    if sample_time is not None and not 0 < sample_time < float("inf"):
+        raise InputError(f"--sample-time {sample_time:g}: it must be positive")
+    chosen = {name: find_method(name) for name in methods}
+    over = None if sweep is None else parse_sweep(sweep)
+    if over is not None and any(method.kind == "response" for method in chosen.values()):
+        raise InputError(f"--sweep {sweep}: responses predict nothing that could be judged; sweep over models")
+    if over is not None and over.name in MEASURED and len(bags) < 2:
+        raise InputError(f"--sweep {over.name}: it compares bags, each with a model of its own; give two or more")
+    if save is not None:
+        check_save(save, [method.kind for method in chosen.values()], swept=over is not None)
+    law = controller if controller is not None or model is None else model.controller
+    choices = Choices(
+        order=order,
+        delay=delay,
+        structure=parse_structure(structure),
+        horizon=horizon,
+        window=window,
+        period=period,
+        units=units,
+        focus=focus,
+        band=band,
+        stable=stable,
+        integrates=integrates,
+        closed_loop=closed_loop,
+        controller=law,
+        seed=seed,
+    )
+    check_structure(choices.structure, list(chosen.values()))
+    note_unused(list(chosen), choices, Choices())
+    signals = named_signals(bags[0], model, joint, outputs)
+    train, unseen = read_fitted_and_unseen(bags, validate, signals)
+    notes = left_out_notes(bags, signals)
+    for note in notes:
+        log(note)
+
+    def grids(period: float) -> tuple[list[SampledData], list[SampledData]]:
+        fitted = even_grids(train, period, detrend, drop)
+        return fitted, even_grids(unseen, period, detrend, drop) if unseen else fitted
+
+    def loop_document(fitted: list[SampledData]) -> dict[str, Any]:
+        from idloop.estimation.feedback import bears_feedback, loop_of, suitable
+
+        loop = loop_of(fitted)
+        biased = [name for name, method in chosen.items() if loop.closed and not bears_feedback(method, choices)]
+        return loop.to_dict() | {
+            "biased_methods": biased,
+            "suitable_methods": list(suitable(loop)) if loop.closed else [],
+            "note": loop_text(loop, biased),
+        }
+
+    # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.
+    own = sample_time or round(train[0].sample_time, 9)
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "records": [record.name for record in train],
+        "validation": [record.name for record in unseen],
+        "judged_on": "validation" if unseen else "train",
+        "input": train[0].input_name,
+        "outputs": list(train[0].output_names),
+        "detrend": detrend,
+        "steps": steps,
+        "plot": plot,
+        "save": save,
+        "notes": notes,
+    }
+    title = judged_title(unseen or train, seen=not unseen)
+    with progress("identifying") as update:
+        data = grids(own)
+        document["loop"] = loop_document(data[0])
+        if over is None:
+            outcomes = run_all(list(chosen), data, choices, steps, update)
+        elif over.name in MEASURED:
+            each = [even_grids([record], own, detrend, drop) for record in train]
+            rows = run_records(list(chosen), over, each, data[1] if unseen else None, choices, steps, update)
+        else:
+            rows = run_sweep(list(chosen), over, grids, data, choices, steps, update)
+    if over is not None:
+        unit = over.unit(data[0][0].input_units[0])
+        return finish_sweep(over, unit, rows, data[1], document, steps, plot, title, as_json=as_json)
+    return finish(outcomes, data[1], document, steps, plot, save, title, as_json=as_json)
+
+
+def list_methods(*, as_json: bool) -> None:
+    """Print every method with what it is for."""
+    if not as_json:
+        print_methods()
+        return
+    from idloop.estimation.black_box.methods import METHODS
+
+    fields = ("name", "kind", "summary", "loop", "source", "needs", "polynomials")
+    listed = [{field: getattr(method, field) for field in fields} for method in METHODS.values()]
+    print_json({"schema": SCHEMA, "methods": listed})
+
+
+def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> None:
+    """Say which options a chosen method does not read."""
+    from idloop.estimation.black_box.methods import METHODS
+
+    options = (
+        "order", "structure", "delay", "horizon", "window", "period", "units", "focus", "band", "stable",
+        "integrates", "closed_loop", "seed",
+    )  # fmt: skip
+    for option in options:
+        if getattr(choices, option) == getattr(default, option):
+            continue
+        # Output error fits the free run anyway; beside models, responses take what they can.
+        deaf = [n for n in names if option not in METHODS[n].needs and not (n == "oe" and option == "focus")]
+        if len(deaf) < len(names):
+            deaf = [n for n in deaf if METHODS[n].kind != "response"]
+        if deaf:
+            log(f"note: --{option.replace('_', '-')} means nothing to {', '.join(deaf)}")
+
+
+def named_signals(bag: Path, model: Model | None, joint: str | None, outputs: Sequence[str]) -> AxisSignals:
+    """Streams that the model names, else those that the bag shows."""
+    from idloop.records.bags.axis_signals import AxisSignal, AxisSignals, axis_signals, chosen_outputs
+
+    if model is None:
+        return axis_signals(bag, outputs, joint)
+    given: tuple[Signal, ...] = (model.input, *model.outputs)
+    signals = [AxisSignal(s.topic, s.joint, s.field, s.unit) for s in given]
+    return chosen_outputs(AxisSignals(signals[0], tuple(signals[1:])), outputs)
+
+
+def left_out_notes(bags: Sequence[Path], signals: AxisSignals) -> list[str]:
+    """One note for each bag in which other joints are commanded to move as well."""
+    from idloop.records.bags.axis_signals import moving_commands
+
+    notes = []
+    for bag in bags:
+        others = moving_commands(bag, signals.input)
+        if others:
+            joints = f"joint{'s' if len(others) > 1 else ''} {', '.join(others)}"
+            notes.append(
+                f"{bag.name}: the bag holds the {signals.input.field} of {joints} as well, which is left out beside"
+                f" that of {signals.input.joint}: from Python several are taken at once (docs/identification.md)"
+            )
+    return notes
+
+
+def judged_title(records: Sequence[Record], *, seen: bool) -> str:
+    """What the models are judged on."""
+    names = ", ".join(record.name for record in records)
+    return f"{'fitted' if seen else 'unseen'}: {names}"
+
+
+def run_all(
+    names: Sequence[str],
+    data: tuple[list[SampledData], list[SampledData]],
+    choices: Choices,
+    steps: int,
+    update: Callable[..., None],
+) -> list[Outcome]:
+    """Identify by every method; a failure of one of several is its outcome.
+
+    Raises
+    ------
+    IdloopError
+        The only method failed.
+    """
+    outcomes = []
+    for index, name in enumerate(names):
+
+        def tell(fraction: float, note: str, index: int = index, name: str = name) -> None:
+            update((index + fraction) / len(names), f"{name} {note}")
+
+        tell(0.0, "")
+        try:
+            outcomes.append(run_one(name, data, choices, steps, tell))
+        except IdloopError as error:
+            if len(names) == 1:
+                raise
+            outcomes.append(Outcome(name, error=str(error)))
+    return on_the_same_samples(outcomes)
+
+
+def run_one(
+    name: str,
+    data: tuple[list[SampledData], list[SampledData]],
+    choices: Choices,
+    steps: int,
+    tell: Callable[[float, str], None],
+) -> Outcome:
+    """Identify by one method and judge the model."""
+    from idloop.estimation.black_box.identification import identify, information
+    from idloop.estimation.black_box.methods import find_method
+    from idloop.validation.score import score
+
+    train, judged = data
+    own = {degree: number for degree, number in choices.structure.items() if degree in find_method(name).polynomials}
+    found = identify(train, name, replace(choices, structure=own), tell)
+    if not found.predicts:
+        return Outcome(name, found)
+    model: Any = found.model
+    return Outcome(name, found, score(model, judged, steps), information(found, train))
+
+
+def run_sweep(
+    names: Sequence[str],
+    sweep: Sweep,
+    grids: Callable[[float], tuple[list[SampledData], list[SampledData]]],
+    data: tuple[list[SampledData], list[SampledData]],
+    choices: Choices,
+    steps: int,
+    update: Callable[..., None],
+) -> list[tuple[float, Outcome]]:
+    """Identify at every value by every method; a failure is its row's outcome.
+
+    Raises
+    ------
+    IdloopError
+        Every row failed.
+    """
+    rows: list[tuple[float, Outcome]] = []
+    failure: IdloopError | None = None
+    for index, value in enumerate(sweep.values):
+        setting: dict[str, Any] = {} if sweep.name == "sample-time" else {sweep.name: int(value)}
+        here = replace(choices, **setting)
+        for number, name in enumerate(names):
+            update((index + number / len(names)) / len(sweep.values), f"{name}, {sweep.name} {value:g}")
+            try:
+                at = grids(value) if sweep.name == "sample-time" else data
+                rows.append((value, run_one(name, at, here, steps, lambda *_: None)))
+            except IdloopError as error:
+                failure = failure or error
+                rows.append((value, Outcome(name, error=str(error))))
+    if failure is not None and all(one.error for _, one in rows):
+        raise failure
+    return [row for group in _of_the_same_data(rows, sweep) for row in group]
+
+
+def _of_the_same_data(rows: Sequence[tuple[float, Outcome]], sweep: Sweep) -> list[list[tuple[float, Outcome]]]:
+    """Rows whose AIC and BIC can be held against one another: all, but on other grids only those of each."""
+    values = list(dict.fromkeys(value for value, _ in rows)) if sweep.name == "sample-time" else [None]
+    groups = [[row for row in rows if value is None or row[0] == value] for value in values]
+    told = [on_the_same_samples([one for _, one in group]) for group in groups]
+    return [
+        [(value, one) for (value, _), one in zip(group, outcomes, strict=True)]
+        for group, outcomes in zip(groups, told, strict=True)
+    ]
+
+
+def run_records(
+    names: Sequence[str],
+    sweep: Sweep,
+    records: Sequence[list[SampledData]],
+    unseen: list[SampledData] | None,
+    choices: Choices,
+    steps: int,
+    update: Callable[..., None],
+) -> list[tuple[float, Outcome]]:
+    """Identify every record by itself by every method, in the order of what it has of the swept quantity.
+
+    Each model is judged on `unseen`, or on its own record where there is none; a failure is its row's outcome.
+
+    Raises
+    ------
+    IdloopError
+        Every row failed.
+    """
+    measure: Any = sweep.name
+    rows: list[tuple[float, Outcome]] = []
+    failure: IdloopError | None = None
+    for index, data in enumerate(records):
+        value = excitation_measure(measure, data)
+        for number, name in enumerate(names):
+            update((index + number / len(names)) / len(records), f"{name}, {data[0].name}")
+            try:
+                one = run_one(name, (data, unseen or data), choices, steps, lambda *_: None)
+            except IdloopError as error:
+                failure = failure or error
+                one = Outcome(name, error=str(error))
+            rows.append((value, replace(one, record=data[0].name)))
+        last = on_the_same_samples([one for _, one in rows[-len(names) :]])
+        rows[-len(names) :] = [(value, one) for one in last]
+    if failure is not None and all(one.error for _, one in rows):
+        raise failure
+    return sorted(rows, key=lambda row: row[0])
+
+
+def finish(
+    outcomes: list[Outcome],
+    judged: list[SampledData],
+    document: dict[str, Any],
+    steps: int,
+    plot: Path | None,
+    save: Path | None,
+    title: str,
+    *,
+    as_json: bool,
+) -> int:
+    """Write files and print the comparison; exit code 1 where a method failed."""
+    if save is not None and outcomes[0].found is not None:
+        save_model(outcomes[0].found.model, save)
+    if plot is not None and any(one.found is not None for one in outcomes):
+        from idloop.drawing import save as save_figure
+        from idloop.reporting.plots.identification import plot_identification
+
+        save_figure(plot_identification(drawn(outcomes), judged, title), plot)
+    if as_json:
+        print_json({**document, "sample_time": judged[0].sample_time, "results": [o.to_dict() for o in outcomes]})
+    else:
+        click.echo(f"{title}, every {judged[0].sample_time * 1e3:.6g} ms\n")
+        print_outcomes(outcomes, steps)
+        print_responses(outcomes)
+        print_distortion(outcomes)
+        print_followed(outcomes)
+        if len(outcomes) == 1:
+            print_details(outcomes[0])
+        click.echo()
+        if document["loop"]["note"]:
+            click.echo(document["loop"]["note"])
+        print_verdicts(outcomes)
+    for written in (save, plot):
+        if written is not None:
+            log(f"written: {written}")
+    failed = [one for one in outcomes if one.error]
+    if failed:
+        raise IdloopError(f"{len(failed)} of {len(outcomes)} models failed: {failed[0].label}: {failed[0].error}")
+    return DONE
+
+
+def finish_sweep(
+    sweep: Sweep,
+    unit: str | None,
+    rows: list[tuple[float, Outcome]],
+    judged: list[SampledData],
+    document: dict[str, Any],
+    steps: int,
+    plot: Path | None,
+    title: str,
+    *,
+    as_json: bool,
+) -> int:
+    """Write the figure and print the sweep."""
+    # At another sample time the free runs are not judged on the same samples, and only fewer states are simpler.
+    smallest = smallest_orders(rows, judged) if sweep.name == "order" else {}
+    if plot is not None:
+        from idloop.drawing import save as save_figure
+        from idloop.reporting.plots.identification import plot_sweep
+
+        save_figure(plot_sweep(sweep.name, unit, sweep_lines(rows), steps, title), plot)
+    if as_json:
+        table = [
+            {
+                "value": value,
+                "record": one.record or None,
+                "method": one.label,
+                "error": one.error or None,
+                **({} if one.score is None else one.score.to_dict()),
+                **one.measures(),
+            }
+            for value, one in rows
+        ]
+        print_json(
+            {
+                **document,
+                "sweep": {
+                    "over": sweep.name,
+                    "unit": unit,
+                    "rows": table,
+                    "best": best_values(rows),
+                    "smallest": smallest,
+                },
+            }
+        )
+    else:
+        click.echo(f"{title}\n")
+        print_sweep(sweep, unit, rows, steps, smallest)
+        if document["loop"]["note"]:
+            click.echo(document["loop"]["note"])
+    if plot is not None:
+        log(f"written: {plot}")
+    return DONE

@@ -1,0 +1,144 @@
+"""`idloop papers`: redoes rows of the source papers and prints ours beside theirs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+import idloop
+from idloop.cli._common import json_option, log, number, plot_option, print_json, print_table
+from idloop.cli._progress import progress, quiet_option
+from idloop.cli.main import COULD_NOT, DONE
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from papers.reproduction import Cell, Line, Reproduction
+
+EXAMPLES = Path(idloop.__file__).resolve().parents[2] / "examples"
+HOLDS = {True: "yes", False: "NO", None: ""}
+
+
+def _find_papers() -> None:
+    """Make the rows importable: they are no part of the installed package.
+
+    Raises
+    ------
+    InputError
+        idloop was installed without its source tree.
+    """
+    if not (EXAMPLES / "papers" / "__init__.py").is_file():
+        raise InputError("the rows of the papers are in examples/papers of the source tree: run this in a checkout")
+    if str(EXAMPLES) not in sys.path:
+        sys.path.insert(0, str(EXAMPLES))
+
+
+def list_rows(*, as_json: bool) -> None:
+    """Print name, title and paper of every row."""
+    from papers import ROWS
+
+    if as_json:
+        print_json(
+            {
+                "schema": "idloop/papers/1",
+                "rows": [
+                    {"row": name, "title": row.title, "paper": row.paper, "parts": list(row.parts)}
+                    for name, row in ROWS.items()
+                ],
+            }
+        )
+        return
+    print_table(["row", "what is redone", "paper"], [(name, row.title, row.paper) for name, row in ROWS.items()])
+
+
+def cell(value: Cell) -> str:
+    """Text of a cell: five digits of a number, words as they are."""
+    return value if isinstance(value, str) else number(value, 5)
+
+
+def with_unit(line: Line) -> str:
+    """Quantity with its unit in brackets, where it has one."""
+    return f"{line.quantity} [{line.unit}]" if line.unit else line.quantity
+
+
+def print_reproduction(found: Reproduction) -> None:
+    """Print the table "quantity | ours | paper | claimed", the further tables and the notes."""
+    print_table(
+        ["quantity", "ours", "paper", "source", "claimed", "holds"],
+        [
+            (with_unit(line), cell(line.ours), cell(line.paper), line.source, line.claimed or "", HOLDS[line.holds])
+            for line in found.rows()
+        ],
+    )
+    for table in found.tables():
+        click.echo(f"\n{table.title}")
+        print_table(table.header, [[cell(value) for value in row] for row in table.rows])
+    if found.notes():
+        click.echo()
+    for note in found.notes():
+        click.echo(f"- {note}")
+
+
+def save_figure(found: Reproduction, path: Path) -> None:
+    """Write the row's figure."""
+    import matplotlib as mpl
+    import numpy as np
+
+    # A file is written, so no window is needed.
+    mpl.use("Agg")
+    from idloop.drawing import save
+
+    axes: Any = np.ravel(found.plot())[0]
+    save(axes.figure, path)
+
+
+EXAMPLE = """\b
+Example:
+  idloop papers
+  idloop papers A3 --plot a3.png
+  idloop papers B2 --part friction
+"""
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("row", required=False)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the measurement noise.")
+@click.option("--part", "parts", multiple=True, metavar="PART", help="One case of a long row; repeat for several.")
+@plot_option
+@quiet_option
+@json_option
+def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | None, as_json: bool) -> int:
+    """Redo ROW of the source papers in simulation; without ROW, list the rows.
+
+    Each line has our figure, the paper's, what is claimed of ours, and whether it holds: where nothing is claimed, both
+    are empty. Exit code 1 where a line does not hold.
+    The rows A6, B2, B9 and C5 diagnose hidden effects and take minutes.
+    """
+    _find_papers()
+    if row is None:
+        if parts:
+            raise InputError("--part needs a row: idloop papers B2 --part friction")
+        list_rows(as_json=as_json)
+        return DONE
+    from papers import ROWS, find_parts, find_row, reproduce
+
+    name = find_row(row)
+    chosen = find_parts(name, parts)
+    with progress(f"{name}: {ROWS[name].title}") as update:
+        found = reproduce(name, seed, update, chosen)
+    if plot is not None:
+        save_figure(found, plot)
+    if as_json:
+        heading = {"schema": "idloop/papers/1", "row": name, "title": ROWS[name].title, "paper": ROWS[name].paper}
+        print_json({**heading, "seed": seed, "parts": list(chosen), **found.to_dict(), "plot": plot})
+    else:
+        click.echo(f"{name}: {ROWS[name].title}\n{ROWS[name].paper}\n")
+        print_reproduction(found)
+    if plot is not None:
+        log(f"written: {plot}")
+    missed = sum(line.holds is False for line in found.rows())
+    if missed:
+        log(f"{name}: {missed} of {len(found.rows())} lines do not hold")
+    return COULD_NOT if missed else DONE

@@ -1,0 +1,31 @@
+"""`idloop recover`: what can be saved of a recording that was cut off by a crash."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from idloop.cli._common import BAG, json_option, print_json, print_table
+from idloop.cli._places import NEW_FOLDER, probe_folder
+
+
+@click.command("recover")
+@click.argument("bag", type=BAG, metavar="BAG")
+@click.argument("target", type=NEW_FOLDER, metavar="[NEW_BAG]", required=False)
+@json_option
+def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
+    """Copy every readable message of the recording BAG (mcap or sqlite3) into NEW_BAG (default: BAG_recovered).
+
+    For recordings whose recorder was killed or whose disk was full. BAG stays as it is.
+    """
+    from idloop.records.bags.recover import recover_bag
+
+    place = target or probe_folder(bag.with_name(f"{bag.stem}_recovered"), "NEW_BAG", new=True, parents=True)
+    result = recover_bag(bag, place)
+    if as_json:
+        print_json({"schema": "idloop/recover/1", **vars(result)})
+        return
+    print_table(["topic", "messages"], [(topic, str(count)) for topic, count in result.topics.items()])
+    state = f"{len(result.cut)} file(s) cut off or damaged" if result.cut else "the recording was whole"
+    click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {state}")

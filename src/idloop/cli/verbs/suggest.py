@@ -1,0 +1,226 @@
+"""`idloop suggest`: the next experiment, the one that best separates what the data so far leave open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from idloop.cli._common import (
+    BAG,
+    ModelArgument,
+    json_option,
+    log,
+    plot_option,
+    print_json,
+    read_records,
+    trust_option,
+)
+from idloop.cli._diagnosis import (
+    DiagnosisCommand,
+    criterion_option,
+    experiment_text,
+    limit_options,
+    read_limits,
+    seed_option,
+)
+from idloop.cli._places import OUTPUT_FILE, force_option, write_text
+from idloop.cli._progress import part, progress, quiet_option
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.cli._next_experiment import Next
+    from idloop.diagnosis.design.suggest import Limits
+    from idloop.physics import Model
+    from idloop.records import Record
+
+    Update = Callable[..., None]
+
+SCHEMA = "idloop/suggest/1"
+EXAMPLE = """\b
+Examples:
+  idloop suggest dc_motor bags/train --max-command 3 --output next.yaml
+  idloop suggest --between dead_zone.yaml friction.yaml bags/train --plot next.png
+  idloop suggest --ladder runs/refined --position-range -3 3
+  idloop suggest fitted.yaml bags/train --show imbalance@motor --position-range -7 7
+\b
+Run it: the excitation node takes the file as its parameter `experiment`, then call its service
+~/run_experiment.
+"""
+
+
+@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
+@click.argument("sources", nargs=-1, metavar="[MODEL...] BAG")
+@click.option("--between", nargs=2, metavar="MODEL MODEL", help="Two rival models; the same as naming two MODELs.")
+@click.option(
+    "--ladder",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Settle what a ladder of idloop refine left open; BAG may be left out.",
+)
+@click.option("--show", metavar="EFFECT@SITE", help="Make this effect visible, which the data so far do not show.")
+@click.option("--also", type=BAG, multiple=True, metavar="BAG...", help="More of the data so far.")
+@limit_options
+@click.option("--start", type=float, metavar="POSITION", help="Where the axis will rest before.")
+@click.option("--no-fit", is_flag=True, help="Take rival models as they are instead of fitting them first.")
+@criterion_option
+@seed_option
+@trust_option
+@click.option("--output", type=OUTPUT_FILE, metavar="NEXT.yaml", help="Write the experiment.")
+@force_option("Overwrite the file of --output.")
+@plot_option
+@quiet_option
+@json_option
+def command(
+    sources: tuple[str, ...],
+    *,
+    between: tuple[str, str] | None,
+    ladder: Path | None,
+    show: str | None,
+    also: tuple[Path, ...],
+    max_command: float | None,
+    position_range: tuple[float, float] | None,
+    max_velocity: float | None,
+    duration: float | None,
+    start: float | None,
+    no_fit: bool,
+    criterion: str,
+    seed: int,
+    output: Path | None,
+    force: bool,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Choose the experiment that best separates rival models of the data in BAG, within limits.
+
+    With several MODELs these are the rivals, each fitted to BAG first. With one, it is diagnosed, and the effects
+    that tie are the rivals; where none tie, effects that the data cannot show are asked for. Limits that are not
+    given are the largest command and motion in the data. The figure of --plot shows what is sent in, what each rival
+    would show, and by how much they differ beside the noise. Of effects that are one equation, which no motion can tell
+    apart, a check by hand is named instead; an experiment that is expected to say nothing is not written.
+
+    Data with a recorded reference come from a closed loop: the experiment is a reference then, and MODEL must have the
+    section `controller` that says which law ran.
+    """
+    names, bags = _split(sources, between, ladder, show)
+    limits = read_limits(max_command, position_range, max_velocity)
+    options: dict[str, Any] = {"duration": duration, "seed": seed, "start": start}
+    with progress("choosing an experiment") as update:
+        options["progress"] = update
+        if ladder is not None:
+            answer = _of_ladder(ladder, bags, also, limits, options)
+        else:
+            models = [ModelArgument().convert(name, None, None) for name in names]
+            records = read_records([*bags, *also], models[0])
+            answer = _of_models(models, records, limits, options, show=show, criterion=criterion, fitted=no_fit)
+    found = answer.suggestion
+    if found is not None and output is not None:
+        write_text(output, experiment_text(found.to_dict()))
+        log(f"written: {output}")
+    if found is not None and plot is not None:
+        from idloop.drawing import save
+        from idloop.reporting.plots.suggestion import plot_suggestion
+
+        save(plot_suggestion(found), plot)
+        log(f"written: {plot}")
+    for option, place in (("--output", output), ("--plot", plot)):
+        if found is None and place is not None:
+            log(f"{option} {place}: not written, there is no experiment that is worth running")
+    if as_json:
+        document = {"experiment": None} if found is None else found.to_dict()
+        written = {"output": output, "plot": plot} if found is not None else {"output": None, "plot": None}
+        print_json({"schema": SCHEMA, **document, **answer.to_dict(), **written})
+        return
+    for line in answer.lines:
+        click.echo(line)
+
+
+def _split(
+    sources: Sequence[str], between: tuple[str, str] | None, ladder: Path | None, show: str | None
+) -> tuple[list[str], list[Path]]:
+    """Models and bags of the command line; the last word is the bag."""
+    if ladder is not None and between:
+        raise InputError("--ladder has its own rivals: leave --between out")
+    if ladder is not None and show is not None:
+        raise InputError("--ladder asks for what it left open itself: leave --show out, or name MODEL")
+    if ladder is not None:
+        return [], [BAG.convert(source, None, None) for source in sources]
+    if not sources:
+        raise InputError("BAG is missing: name the recording that the models are to explain")
+    names = [*(between or ()), *sources[:-1]]
+    if not names:
+        raise InputError(f"MODEL is missing: write idloop suggest MODEL {sources[-1]}, or --between two models")
+    if len(names) > 1 and show is not None:
+        raise InputError("--show takes one MODEL: the rivals are that model with and without the effect")
+    return names, [BAG.convert(sources[-1], None, None)]
+
+
+def _of_ladder(
+    folder: Path, bags: Sequence[Path], also: Sequence[Path], limits: Limits, options: dict[str, Any]
+) -> Next:
+    from idloop.cli._ladder_folder import read_ladder
+    from idloop.cli._next_experiment import next_of_ladder
+
+    kept = read_ladder(folder)
+    chosen = [*(bags or kept.bags), *also]
+    if not chosen:
+        raise InputError(f"{folder}: its bags are not known any more; name BAG")
+    records = read_records(chosen, kept.ladder.model)
+    _refuse([kept.ladder.model], records, limits, options)
+    return next_of_ladder(kept.ladder, records, limits, options)
+
+
+def _refuse(
+    models: Sequence[Model],
+    records: Sequence[Record],
+    limits: Limits,
+    options: Mapping[str, Any],
+    show: str | None = None,
+) -> None:
+    """Raise now what would be raised after long work."""
+    from idloop.diagnosis.design.effect_question import find_proposal
+    from idloop.diagnosis.design.suggest import prepare_setup
+
+    prepare_setup(models, records, limits, **{key: options[key] for key in ("duration", "seed", "start")})
+    if show is not None:
+        find_proposal(models[0], show)
+
+
+def _of_models(
+    models: Sequence[Model],
+    records: Sequence[Record],
+    limits: Limits,
+    options: dict[str, Any],
+    *,
+    show: str | None,
+    criterion: str,
+    fitted: bool,
+) -> Next:
+    from idloop.cli._next_experiment import Next, next_of_diagnosis, next_of_models
+    from idloop.diagnosis import diagnose
+    from idloop.diagnosis.design.effect_question import suggest_effect
+    from idloop.estimation import fit
+
+    _refuse(models, records, limits, options, show)
+    update: Update = options.pop("progress")
+    if len(models) == 1 and show is None:
+        first = diagnose(models[0], records, criterion=criterion, seed=options["seed"], progress=part(update, 0.0, 0.4))
+        return next_of_diagnosis(first, records, limits, {**options, "progress": part(update, 0.4, 1.0)})
+    if not fitted:
+        models = [
+            fit(
+                model,
+                records,
+                criterion=criterion,
+                progress=part(update, 0.3 * i / len(models), 0.3 * (i + 1) / len(models)),
+            ).model
+            if model.free
+            else model
+            for i, model in enumerate(models)
+        ]
+    rest = part(update, 0.3, 1.0)
+    if show is not None:
+        return Next(suggest_effect(models[0], show, records, limits, progress=rest, **options))
+    return next_of_models(models, records, limits, criterion, {**options, "progress": rest}, fitted=not fitted)

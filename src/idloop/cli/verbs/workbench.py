@@ -1,0 +1,141 @@
+"""`idloop workbench`: the page of the live graph, for recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from idloop.cli._common import (
+    BAG,
+    MODEL,
+    apply_options,
+    json_option,
+    log,
+    model_options,
+    print_json,
+    read_fitted_and_unseen,
+)
+from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
+from idloop.cli._ladder_folder import Kept, check_target, write_ladder
+from idloop.cli._places import OUTPUT_FOLDER, force_option
+from idloop.ending_signals import event_on_ending_signal
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Ladder
+    from idloop.physics import Model
+
+EXAMPLE = """\b
+Examples:
+  idloop workbench dc_motor bags/train --validate bags/unseen
+  idloop workbench emps bags/emps_train --validate bags/emps_pulses --output runs/emps --port 8080
+\b
+On a live graph the page comes with it: idloop launch hidden workbench:=true
+"""
+
+
+@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
+@click.argument("model", type=MODEL, metavar="MODEL")
+@click.argument("bags", nargs=-1, required=True, type=BAG, metavar="BAG...")
+@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see.")
+@diagnosis_options
+@model_options
+@limit_options
+@click.option(
+    "--output",
+    type=OUTPUT_FOLDER,
+    metavar="DIR",
+    help="Write model.yaml and ladder.json after every step; idloop refine --resume goes on from there.",
+)
+@force_option("Overwrite the files in the folder of --output.")
+@click.option(
+    "--address",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to serve at; outside this machine the printed address holds a random token.",
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to serve at.  [default: any that is free]")
+@click.option("--no-browser", is_flag=True, help="Do not open a browser.")
+@json_option
+def command(
+    model: Model,
+    bags: tuple[Path, ...],
+    *,
+    validate: tuple[Path, ...],
+    level: float,
+    minimum_improvement: float,
+    only: tuple[str, ...],
+    criterion: str,
+    seed: int,
+    settings: tuple[str, ...],
+    effects: tuple[str, ...],
+    max_command: float | None,
+    position_range: tuple[float, float] | None,
+    max_velocity: float | None,
+    duration: float | None,
+    output: Path | None,
+    force: bool,
+    address: str,
+    port: int,
+    no_browser: bool,
+    as_json: bool,
+) -> None:
+    """Look at MODEL on BAGs in a browser: where it fails, what is missing, add it, take it back.
+
+    The page is served until Ctrl-C. Measured data and model, the error over what may explain it, the ranked effects
+    and the ladder are those of compare, diagnose, refine and suggest.
+    """
+    if output is not None:
+        check_target(output, "--output", overwrite=force)
+    model = apply_options(model, settings, effects)
+    if only:
+        from idloop.diagnosis.screening.proposals import proposals
+
+        proposals(model, only)  # a name that is none is told now, not at the first search
+    records, unseen = read_fitted_and_unseen(bags, validate, model)
+
+    # Only now: bad input is told before the page's libraries are loaded.
+    from idloop.reporting.workbench.offline import OfflineSource
+    from idloop.reporting.workbench.server import Place, Site
+    from idloop.reporting.workbench.steps import Study
+
+    limits = read_limits(max_command, position_range, max_velocity)
+    study = Study(
+        tuple(records), tuple(unseen), level, criterion, only, seed, limits, duration, 0.01 * minimum_improvement
+    )
+    source = OfflineSource(model, study, keep=_keeper(output, bags, validate, model))
+    try:
+        site = Site(source, Place(address, port))
+        try:
+            _tell(site.address, no_browser=no_browser, as_json=as_json)
+            with event_on_ending_signal() as ended:
+                ended.wait()
+        finally:
+            site.close()
+    finally:
+        source.close()
+
+
+def _keeper(
+    target: Path | None, bags: tuple[Path, ...], validate: tuple[Path, ...], model: Model
+) -> Callable[[Ladder], None] | None:
+    """What leaves every step on the disk; nothing without --output."""
+    if target is None:
+        return None
+    return lambda ladder: write_ladder(target, Kept(ladder, bags, validate, model.folder))
+
+
+def _tell(address: str, *, no_browser: bool, as_json: bool) -> None:
+    """Print the address, and open it."""
+    if as_json:
+        print_json({"schema": "idloop/reporting/workbench/1", "address": address})
+    else:
+        click.echo(address)
+    log("Ctrl-C ends it")
+    if not no_browser:
+        import webbrowser
+
+        if not webbrowser.open(address):
+            log("no browser found: open the address yourself")

@@ -1,0 +1,179 @@
+"""The field of rivals: put on one scale, told apart by name, and weighed against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnosis.design.common_noise import common_noise
+from idloop.diagnosis.design.experiment import Experiment
+from idloop.diagnosis.design.force_rivals import force_decides, force_views
+from idloop.diagnosis.design.prediction_rivals import PredictionView
+from idloop.diagnosis.design.rival_view import View
+from idloop.diagnosis.design.rivals import Rival
+from idloop.errors import InputError
+from idloop.estimation.dataset import Data, prepare
+from idloop.estimation.observer.innovations import InnovationCriterion
+from idloop.estimation.optimisation.levenberg import difference_jacobian
+from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.solve import typical_size
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# Samples that are read of the data so far.
+_MOST_SAMPLES = 60_000
+
+
+def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion: str = "auto") -> list[Rival]:
+    """Put rival models on one scale.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        Each fitted to the records.
+    records : sequence of Record
+        The data so far.
+    criterion : str
+        As in `idloop.diagnosis.diagnose`; anything but the force is judged by innovations.
+
+    Raises
+    ------
+    InputError
+        Models with different signals, or records that do not suit them.
+    """
+    check_signals(models)
+    first = models[0]
+    data = _shortened(prepare(first, records))
+    views: Sequence[View] | None = None
+    if criterion == "force" or (criterion == "auto" and force_decides(first, data)):
+        views = force_views(models, data)
+    if views is None:
+        noise = common_noise(models, data)
+        views = [PredictionView(model, data, noise) for model in models]
+    return [Rival(*own) for own in zip(labels(models), models, views, strict=True)]
+
+
+def check_signals(models: Sequence[Model]) -> None:
+    """Raise an InputError where models have different signals."""
+    first = models[0]
+    for model in models[1:]:
+        if model.output_names != first.output_names or model.input != first.input:
+            raise InputError(f"models {first.name} and {model.name} have different signals: they cannot be rivals")
+
+
+def labels(models: Sequence[Model]) -> list[str]:
+    """What sets each model apart from the others: its effects that not all have, else its name."""
+    common = set(models[0].effect_names).intersection(*(model.effect_names for model in models[1:]))
+    own = [" + ".join(name for name in model.effect_names if name not in common) for model in models]
+    own = [text or "no further effect" for text in own]
+    return own if len(set(own)) == len(own) else _unique([model.name for model in models])
+
+
+def _unique(names: list[str]) -> list[str]:
+    return [name if names.count(name) == 1 else f"{name} ({index + 1})" for index, name in enumerate(names)]
+
+
+def _shortened(data: list[Data]) -> list[Data]:
+    """The first samples of every record, so that long recordings cost no more."""
+    most = max(_MOST_SAMPLES // len(data), 1000)
+    return [
+        replace(d, time=d.time[:most], output=d.output[:most], gaps=d.gaps[d.gaps < most]) if len(d.time) > most else d
+        for d in data
+    ]
+
+
+def contained(models: Sequence[Model]) -> NDArray[np.bool_]:
+    """Entry (i, j): model i is a case of model j, which can therefore explain whatever i does, shape (m, m)."""
+    m = len(models)
+    return np.array([[i != j and _is_case_of(models[i], models[j]) for j in range(m)] for i in range(m)])
+
+
+def _is_case_of(small: Model, large: Model) -> bool:
+    covered = set(large.effect_names)
+    for active in large.effects:
+        covered.update(f"{name}@{active.at}" for name in active.effect.contains)
+    return set(small.effect_names) < covered and set(small.effect_names) != set(large.effect_names)
+
+
+def experiment_gains(
+    rivals: Sequence[Rival], experiment: Experiment, *, searched: bool = False, against_first: bool = False
+) -> tuple[Array, Array]:
+    """Expected log-likelihood by which each rival, were it the truth, would lead each other one.
+
+    A rival that contains the truth explains it as well: there it is 0.
+
+    Parameters
+    ----------
+    rivals : sequence of Rival
+    experiment : Experiment
+    searched : bool
+        See `Rival.missed`.
+    against_first : bool
+        Only the first rival is held against the others; the rest is left at 0.
+
+    Returns
+    -------
+    gains, alone : ndarray (m, m)
+        Row: the truth; column: the rival refitted; 0 on the diagonal. With and without the data so far.
+    """
+    gains, alone = np.zeros((2, len(rivals), len(rivals)))
+    inside = contained([rival.model for rival in rivals])
+    for i, truth in enumerate(rivals):
+        wanted = [j for j in range(len(rivals)) if i != j and not inside[i, j] and (j == 0 or not against_first)]
+        if not wanted:
+            continue
+        record = experiment.run(truth.model, engine=truth.engine)
+        own = truth.leaves(record, experiment.start)
+        for j in wanted:
+            missed = rivals[j].missed(record, experiment.start, own, searched=searched)
+            gains[i, j], alone[i, j] = missed.gain, missed.alone
+    return gains, alone
+
+
+def drawback(model: Model, other: Model, records: Sequence[Record]) -> float:
+    """Log-likelihood by which the data so far speak against another model, all that both share being refitted.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted to the records.
+    other : Model
+        The same with something added, of a size that is not to be fitted.
+    records : sequence of Record
+
+    Returns
+    -------
+    float
+        Infinite when the other model cannot be simulated along the records.
+    """
+    data = _shortened(prepare(model, records))
+    noise = common_noise([model], data)
+    held = [name for name in other.free if name in model.values]
+    costs = []
+    for candidate in (model, other.with_free(held)):
+        criterion = InnovationCriterion(RememberingEngine(candidate), data, noise.sensors, noise.force, noise.exponent)
+        exponent, theta = np.array([noise.exponent, criterion.memory]), candidate.theta
+
+        def residual(values: Array, rule: InnovationCriterion = criterion, fixed: Array = exponent) -> Array:
+            return noise.scaled(rule.errors(values, fixed))
+
+        base = residual(theta)
+        if len(theta) and np.all(np.isfinite(base)):
+            scale = typical_size(theta, *candidate.bounds)
+            jacobian, _ = difference_jacobian(
+                residual, theta, base, *candidate.bounds, 1e-4 * scale, scale, central=False
+            )
+            if np.all(np.isfinite(jacobian)):
+                size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+                base = base - (jacobian / size) @ np.linalg.lstsq(jacobian / size, base, rcond=1e-8)[0]
+        costs.append(0.5 * float(base @ base))
+    drop = costs[1] - costs[0]
+    return drop if np.isfinite(drop) else np.inf

@@ -1,0 +1,1 @@
+"""Effects that no motion, or not this one, tells apart."""

@@ -1,0 +1,232 @@
+"""An effect's characteristic on the data that asked for it: what the model without it leaves, and the fitted curve.
+
+At a body it is the further force that the measured motion needs, at the command the part of the command that acts,
+at a coupling the torque that passes, at a sensor what the reading is off by. It is drawn over the variable that
+the fitted effect follows best, so that an effect of the user's own has its picture as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimation.dataset import prepare
+from idloop.estimation.force_balance.force_error import balance_of, thin
+from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.physics.effect import BODY, COUPLING, INPUT
+from idloop.physics.kernel import GAIN
+from idloop.validation.breakdown import sums
+from idloop.validation.free_run import free_runs
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from idloop.physics import Model
+    from idloop.physics.effect import Effect
+    from idloop.physics.model import ActiveEffect
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# Bins of the mean, points of the curve.
+_BINS, _CURVE = 24, 401
+# The effect is a curve over a variable when that explains so much of its variance.
+_IS_CURVE = 0.9
+# Less than this part is little: of the command in its change, and of standing in what the filter has left of it.
+_LITTLE = 0.1
+
+
+@dataclass(frozen=True)
+class Characteristic:
+    """What the model without an effect leaves over one variable, and the fitted effect."""
+
+    variable: str
+    unit: str
+    quantity: str
+    quantity_unit: str
+    # Some points of the record.
+    x: Array
+    y: Array
+    # Middle, mean and standard deviation of all points, by bin.
+    centre: Array
+    mean: Array
+    band: Array
+    # The fitted effect.
+    curve_x: Array
+    curve_y: Array
+    # The variable is the angle of a turn [°].
+    circular: bool
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def characteristic(model: Model, effect: str, record: Record) -> Characteristic | None:
+    """Read the characteristic of ``effect@site`` of a fitted model off a record.
+
+    None where the record does not show it: not every body is measured, the effect splits a body or makes the command
+    late, or the free run of the model is lost. Raises InputError where the model has no such effect.
+    """
+    without = model.without_effect(effect)
+    active = next(one for one in model.effects if one.name == effect)
+    if active.effect.splits or shifts_in_time(active.effect):
+        return None
+    read = _of_a_force if model.site_kind(active.at) in {BODY, INPUT, COUPLING} else _of_a_reading
+    try:
+        return read(model, without, active, record)
+    except IdloopError:
+        return None
+
+
+def shifts_in_time(effect: Effect) -> bool:
+    """Whether an effect only makes the command late: over the command that is the straight line of no effect."""
+    return effect.site == INPUT and effect.lags and not effect.lost_motion
+
+
+def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Record) -> Characteristic | None:
+    """Force, command or torque along the measured motion, in the band in which forces are compared."""
+    data = prepare(model, [record])[0]
+    engine, plain = RememberingEngine(model), RememberingEngine(without)
+    balance = balance_of(engine, data)
+    if balance is None:
+        return None
+    kind, motion, units = model.site_kind(active.at), balance.motion, model.units
+    body = 0
+    if kind != INPUT:
+        body = model.bodies.index(active.at) if kind == BODY else model.couplings.index(active.at) + 1
+
+    def unexplained(*along: Any, **conditions: Any) -> list[Array]:
+        """Of the force on the body, without the effect and with it."""
+        return [one.equation_error(None, *along, **conditions)[:, body] for one in (plain, engine)]
+
+    command = balance.command(0.0)
+    along = (motion.position, motion.velocity, motion.acceleration, motion.time, command, motion.time)
+    lacking, left = unexplained(*along, conditions=balance.conditions)
+    # Inertia times acceleration less the modelled forces is what the effect exerts; of a drag one knows its opposite,
+    # what the drive must give for it.
+    scale, offset, unit, quantity = -1.0, np.zeros(len(lacking)), units.force, "further force needed"
+    over = {
+        "velocity": (motion.velocity[:, body], f"{units.position}/s"),
+        "position": (motion.position[:, body], units.position),
+        "command": (command, model.input.unit),
+    }
+    if kind == INPUT:
+        scale, unit = 1.0 / float(engine.layout(None).axis.constants[GAIN]), model.input.unit
+        quantity = "change of the command"
+        if float(np.max(np.abs(scale * (lacking - left)))) > _LITTLE * float(np.max(np.abs(command))):
+            offset, quantity = command, "command that acts"
+        over = {name: over[name] for name in ("command", "velocity")}
+    elif kind == COUPLING:
+        twist, rate = (values[:, body - 1] - values[:, body] for values in (motion.position, motion.velocity))
+        named = model.values
+        offset = named[f"{active.at}.stiffness"] * twist + named.get(f"{active.at}.damping", 0.0) * rate
+        scale, quantity = 1.0, "torque that passes" if units.position == "rad" else "force that passes"
+        over = {"twist": (twist, units.position)}
+    # What dry friction takes while the body stands is no level of it: it follows the command, not the motion.
+    slow = np.abs(motion.velocity[:, body]) <= motion.rest_speed[body]
+    stands = slow if active.effect.friction is not None else np.zeros_like(slow)
+    fitted = offset + scale * (lacking - left)
+    columns = [stands, offset + scale * lacking, fitted, *(values for values, _ in over.values())]
+    kept = thin(np.column_stack(columns), motion)
+    _, needed, fitted, *values = kept[kept[:, 0] < _LITTLE].T
+    over = {name: (x, of) for (name, (_, of)), x in zip(over.items(), values, strict=True)}
+
+    def on_grid(variable: str, x: Array, x_unit: str) -> tuple[Array, Array]:
+        """The effect over one variable while nothing else happens, with its corners."""
+        x = np.linspace(np.min(x), np.max(x), _CURVE)
+        position, velocity, still = np.zeros((3, _CURVE, len(model.bodies)))
+        moved = {"position": position, "velocity": velocity}.get(variable)
+        if moved is not None:
+            moved[:, body] = np.radians(x) if x_unit == "°" else x
+        # Dry friction of a body that stands takes what it needs, and would hide the effect.
+        velocity[velocity == 0.0] = 1e-12
+        # So many seconds apart that a delay elsewhere in the model does not mix them.
+        sent = 10.0 * np.arange(_CURVE, dtype=np.float64)
+        acting = x if variable == "command" else np.zeros(_CURVE)
+        lacking, left = unexplained(position, velocity, still, sent, acting, sent + 9.0)
+        return x, scale * (lacking - left) + (x if np.any(offset) else 0.0)
+
+    remembers = active.effect.states > 0 or bool(active.effect.delay) or kind == COUPLING
+    return _drawn(over, needed, fitted, quantity, unit, None if remembers else on_grid)
+
+
+def _of_a_reading(model: Model, without: Model, active: ActiveEffect, record: Record) -> Characteristic | None:
+    """What a sensor is off by, against the same motion of the model as a true sensor would show it."""
+    data = prepare(model, [record])[0]
+    column = next(i for i, output in enumerate(model.outputs) if output.site == active.at)
+    output, measured = model.outputs[column], data.output[:, column]
+    # One start for both: another one would move the whole curve, or bend it.
+    both = free_runs(RememberingEngine(model), data, RememberingEngine(without))
+    seen, true = (one[:, column] for one in both)
+    known = np.isfinite(measured) & np.isfinite(true) & np.isfinite(seen)
+    spread = float(np.std(measured[known]))
+    # A free run that misses half of the motion is no ground to read a sensor's error from.
+    if not spread > 0.0 or float(np.std((measured - seen)[known])) > 0.5 * spread:
+        return None
+    over = {
+        output.field: (true[known], output.unit),
+        f"rate of {output.field}": (np.gradient(true, data.time)[known], f"{output.unit}/s"),
+    }
+    fitted = (seen - true)[known]
+    return _drawn(over, (measured - true)[known], fitted, "reading, less the true value", output.unit)
+
+
+def _drawn(
+    over: Mapping[str, tuple[Array, str]],
+    data: Array,
+    fitted: Array,
+    quantity: str,
+    quantity_unit: str,
+    on_grid: Callable[[str, Array, str], tuple[Array, Array]] | None = None,
+) -> Characteristic | None:
+    """Over the variable that the fitted effect follows best; of those that serve as well the first, the usual one."""
+    if len(data) < _BINS or not np.any(fitted):
+        return None
+    variables = dict(over)
+    place, place_unit = variables.get("position", (np.zeros(1), ""))
+    if place_unit == "rad" and float(np.ptp(place)) >= 2.0 * np.pi:
+        variables["position"] = np.asarray(np.degrees(np.mod(place, 2.0 * np.pi))), "°"
+    follows = {name: _follows(values, fitted) for name, (values, _) in variables.items()}
+    name = next(name for name, share in follows.items() if share >= max(follows.values()) - 0.02)
+    x, unit = variables[name]
+    if follows[name] < _IS_CURVE:
+        # It remembers: its path over some time from the middle of the record on, a few loops.
+        first = max((len(x) - _CURVE) // 2, 0)
+        curve = x[first : first + _CURVE], fitted[first : first + _CURVE]
+    else:
+        curve = _bins(x, fitted, 4 * _BINS)[:2] if on_grid is None else on_grid(name, x, unit)
+    some = np.unique(np.linspace(0, len(x) - 1, min(1500, len(x))).astype(np.int64))
+    label = "angle of the turn" if unit == "°" else name
+    return Characteristic(
+        label, unit, quantity, quantity_unit, x[some], data[some], *_bins(x, data, _BINS), *curve, unit == "°"
+    )
+
+
+def _follows(x: Array, y: Array) -> float:
+    """Share of the power about the mean that a curve over x makes up; 1 of what never changes."""
+    power = float(np.var(y))
+    if not power > 1e-12 * float(np.mean(y**2)):
+        return 1.0
+    if not np.ptp(x) > 0.0:
+        return 0.0
+    _, number, mean, _ = sums(_bin_of(x, 2 * _BINS), y, 2 * _BINS)
+    filled = number > 0.0
+    return float(number[filled] @ (mean[filled] - float(np.mean(y))) ** 2) / power
+
+
+def _bin_of(x: Array, count: int) -> NDArray[np.int64]:
+    low, high = float(np.min(x)), float(np.max(x))
+    return np.minimum(((x - low) / max(high - low, 1e-300) * count).astype(np.int64), count - 1)
+
+
+def _bins(x: Array, y: Array, count: int) -> tuple[Array, Array, Array]:
+    """Middle, mean and standard deviation by bin, without bins of so few points that they say nothing."""
+    index = _bin_of(x, count)
+    number = np.bincount(index, minlength=count)
+    _, _, mean, rms = sums(index, y, count)
+    middle = np.bincount(index, x, count) / np.maximum(number, 1)
+    filled = number >= min(4, max(len(x) // (8 * count), 1))
+    deviation = np.sqrt(np.maximum(rms**2 - mean**2, 0.0))
+    return middle[filled], mean[filled], deviation[filled]

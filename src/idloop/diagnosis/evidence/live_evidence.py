@@ -1,0 +1,165 @@
+"""Evidence that grows with the samples: each new stretch is scored by models that were fitted to earlier samples alone.
+
+    log E_c = Σ_stretches [log p_c(stretch | fitted to earlier samples) - log p_0(stretch | fitted to earlier samples)]
+
+Every stretch is scored once and never fitted before. What is fitted, how wide the windows are and whether an effect
+plays at all (where it promises nothing its term is 0) follow from earlier samples. Were p_0 the density of the samples,
+E_c would be an e-process: P(E_c ever reaches m/α) ≤ α/m however often one looks (Ville 1939; Dawid 1984; Grünwald, de
+Heide and Koolen, JRSS B 2024). p_0 is fitted, so that this holds to first order; benchmarks/live_evidence.py counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnosis.evidence.deciding_view import asked_fit
+from idloop.diagnosis.evidence.force_view import ForceView
+from idloop.diagnosis.evidence.predictive import Evidence, evidence_of
+from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
+from idloop.errors import IdloopError
+from idloop.estimation.dataset import prepare
+from idloop.estimation.force_balance.weak_fit import WeakFit
+from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
+from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.physics.model import Model
+from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# Parts of a stretch whose sums tell how much neighbouring windows err alike.
+PARTS = 4
+
+
+@dataclass(frozen=True)
+class Decision:
+    """When the evidence for an effect first reached its threshold: end of the stretch [ns], and samples scored."""
+
+    stamp: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class Tally:
+    """What one effect has said of the stretches so far, by differences of the log-densities of their windows."""
+
+    # Over each part of a stretch, and windows in it.
+    sums: tuple[float, ...] = ()
+    lengths: tuple[int, ...] = ()
+    # Of all windows, squared.
+    squares: float = 0.0
+    decided: Decision | None = None
+
+    def scored(self, difference: Array) -> Tally:
+        """With one more stretch, of which these are the differences of the log-densities by window."""
+        parts = np.array_split(difference, min(PARTS, len(difference)))
+        return replace(
+            self,
+            sums=(*self.sums, *(float(np.sum(part)) for part in parts)),
+            lengths=(*self.lengths, *(len(part) for part in parts)),
+            squares=self.squares + float(np.sum(difference**2)),
+        )
+
+    @property
+    def enough(self) -> bool:
+        """Whether there are enough parts to tell their spread by: not before the second look."""
+        return len(self.sums) >= 2 * PARTS
+
+    @property
+    def evidence(self) -> Evidence:
+        """Of all stretches, tempered where neighbouring windows err alike."""
+        return evidence_of(np.array(self.sums), np.array(self.lengths, dtype=float), self.squares)
+
+
+@dataclass(frozen=True)
+class LiveEvidence:
+    """Evidence for every effect that a model may lack, as the samples come in."""
+
+    # Against which effects are weighed; where the searches of its fits begin.
+    model: Model
+    # Probability that any effect is ever decided where nothing is missing.
+    level: float = 0.01
+    # Part by which an effect must make the errors on new samples smaller to be decided.
+    least: float = MINIMUM_IMPROVEMENT
+    # Choose from these only; the whole catalogue when empty.
+    effects: tuple[str, ...] = ()
+    # By the name of the effect.
+    tallies: dict[str, Tally] = field(default_factory=dict)
+    # Choices that there were, the most of all looks.
+    count: int = 0
+    # Measurements that have been scored, stretches, and the length of these [s].
+    samples: int = 0
+    looks: int = 0
+    seconds: float = 0.0
+
+    @property
+    def threshold(self) -> float:
+        """log(m/α): log-evidence that decides."""
+        return math.log(max(self.count, 1) / self.level)
+
+    @property
+    def logs(self) -> dict[str, float]:
+        """Log-evidence by effect, the most first."""
+        found = {name: tally.evidence.log for name, tally in self.tallies.items()}
+        return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+    @property
+    def decided(self) -> dict[str, Decision]:
+        """Effects that have reached the threshold, the first to do so first."""
+        found = {name: one.decided for name, one in self.tallies.items() if one.decided is not None}
+        return dict(sorted(found.items(), key=lambda pair: pair[1].stamp))
+
+    @property
+    def doubtful(self) -> tuple[str, ...]:
+        """Effects that have not been decided and whose odds are better than 1/α to 1: more samples are needed."""
+        sure = math.log(1.0 / self.level)
+        return tuple(name for name, log in self.logs.items() if self.tallies[name].decided is None and log >= sure)
+
+    def look(self, earlier: Sequence[Record], new: Record, stamp: int) -> LiveEvidence:
+        """Score a stretch of new samples that ends at `stamp` [ns] by models that are fitted to the samples before it.
+
+        Raises InputError where the balance of forces cannot be evaluated on the earlier samples, and IdloopError where
+        the stretch is too short for windows as wide as the noise asks for.
+        """
+        setting = prepare_setting(self.model, earlier, "prediction")
+        forms: dict[int, WeakForm] = {}
+        parent = asked_fit(self.model, setting, forms)
+        step = ForceView(setting, self.level, self.least, self.effects or None, forms=forms).weigh(parent)
+        # Beside the earlier samples, which tell what the usual commands are.
+        data = [*setting.data, *prepare(self.model, [new], beside=earlier)]
+        form = weak_form(parent.form.engine, data, parent.form.width)
+        if form is None:
+            seconds = 4 * parent.form.width * parent.form.sample_time
+            raise IdloopError(
+                f"a stretch of {new.duration:.3g} s is too short to be scored: {seconds:.3g} s are needed"
+            )
+        base, tallies = _of_the_last(form, step.parent), dict(self.tallies)
+        for one in step.weighed:
+            if len(one.proposals) == 1:
+                # An effect with which the new samples cannot be evaluated has made them impossible: a log-density for
+                # which no number of others makes up.
+                difference = np.nan_to_num(_of_the_last(form, one.fit) - base, nan=-700.0, neginf=-700.0)
+                name = one.proposals[0].name
+                tallies[name] = tallies.get(name, Tally()).scored(difference)
+        found = replace(
+            self,
+            count=max(self.count, step.count),
+            samples=self.samples + len(new.time),
+            looks=self.looks + 1,
+            seconds=self.seconds + new.duration,
+        )
+        for name, tally in tallies.items():
+            evidence = tally.evidence
+            shows = evidence.log >= found.threshold and evidence.told and evidence.improvement >= self.least
+            if tally.decided is None and tally.enough and shows:
+                tallies[name] = replace(tally, decided=Decision(stamp, found.samples))
+        return replace(found, tallies=tallies)
+
+
+def _of_the_last(form: WeakForm, fit: WeakFit) -> Array:
+    """Log-density of the windows of a form's last record."""
+    return fit.log_densities(form.with_engine(fit.form.engine))[form.starts[-2] :]

@@ -1,0 +1,107 @@
+"""A sensor's resolution, read off the data: readings that are multiples of a quantum need no refit to be seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnosis.candidate import Candidate
+from idloop.diagnosis.evidence.detection_limit import DetectionLimit
+from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.observer.sensor_noise import resolution
+from idloop.physics.effect import OUTPUT, Effect, catalogue
+from idloop.physics.model import Model, effect_name
+from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# The most of the readings' mean second difference in quanta. White noise of deviation 1 has one of √(12/π): the quantum
+# must be about this coarse against what else the readings scatter by.
+_MOST_BEND = 1.35
+
+
+def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = None) -> list[Candidate]:
+    """Outputs whose readings are multiples of a quantum coarser than their noise, which the model does not say.
+
+    Coarsest first, of some effects only where these are given.
+    """
+    found = []
+    for column, output in enumerate(model.outputs):
+        if any(active.at == output.site and active.effect.resolution for active in model.effects):
+            continue
+        effect = next((one for one in _rounding(model, output.field) if _asked(one, output.site, effects)), None)
+        # A velocity computed from rounded positions has no converter of its own.
+        if effect is None or not any(np.any(np.isfinite(d.output[:, column])) for d in setting.data):
+            continue
+        step = rounding_step(setting.records, column)
+        if step <= 0.0:
+            continue
+        candidate = Candidate(
+            effect=effect.name,
+            at=output.site,
+            testable="yes",
+            why=f"the readings are multiples of {step:.6g} {output.unit}, coarser than their noise",
+            text=effect.text,
+            p_value=1e-300,
+            parameters={effect.resolution: {"value": step, "stderr": 0.0, "unit": output.unit}},
+            model=model.with_entry(effect.name, output.site, {effect.resolution: step}),
+        )
+        found.append((step, candidate))
+    return [candidate for _, candidate in sorted(found, key=lambda one: -one[0])]
+
+
+def _asked(effect: Effect, at: str, effects: Sequence[str] | None) -> bool:
+    return effects is None or effect.name in effects or effect_name(effect.name, at) in effects
+
+
+def _rounding(model: Model, field: str) -> list[Effect]:
+    """Effects of the catalogue by which a sensor of a field rounds its readings."""
+    known = (effect for several in catalogue(*model.effect_folders).values() for effect in several)
+    return [effect for effect in known if effect.site == OUTPUT and effect.resolution and field in effect.outputs]
+
+
+def resolution_limits(model: Model, setting: Setting) -> dict[str, DetectionLimit]:
+    """From which resolution on each output's rounding would show beside its noise, by effect and site."""
+    limits = {}
+    for output, noise in zip(model.outputs, setting.noise, strict=True):
+        least = math.sqrt(12.0 / math.pi) / _MOST_BEND * float(noise)
+        for effect in _rounding(model, output.field):
+            limits[effect_name(effect.name, output.site)] = DetectionLimit(effect.resolution, output.unit, least, least)
+    return limits
+
+
+def rounding_step(records: Sequence[Record], column: int) -> float:
+    """Quantum of one output in all records; 0 without one that stands above the noise."""
+    steps = []
+    for record in records:
+        y = record.output[:, column]
+        y = y[np.isfinite(y)]
+        step = resolution(y)
+        if step <= 0.0:
+            return 0.0
+        step = _refined(y, step)
+        counts = y / step
+        # Of a hundred readings one may have been disturbed on its way.
+        if np.mean(np.abs(counts - np.round(counts)) < 0.01) < 0.99:
+            return 0.0
+        # Curvature of the rounded readings: with a noise above the quantum it scatters by several of them.
+        if float(np.mean(np.abs(np.diff(np.round(counts), 2)))) > _MOST_BEND:
+            return 0.0
+        steps.append(step)
+    if not steps or max(steps) > 1.02 * min(steps):
+        return 0.0
+    return float(np.mean(steps))
+
+
+def _refined(y: Array, step: float) -> float:
+    """Quantum by least squares over all readings, from a first estimate."""
+    for _ in range(3):
+        counts = np.round(y / step)
+        power = float(counts @ counts)
+        if power <= 0.0:
+            return step
+        step = float(counts @ y) / power
+    return step

@@ -1,0 +1,198 @@
+"""What the data can show at all: per effect, before anything is ranked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from idloop.diagnosis.evidence.detection_limit import DetectionLimit, detection_limit
+from idloop.diagnosis.evidence.quantisation import resolution_limits
+from idloop.diagnosis.screening.proposals import Proposal
+from idloop.diagnosis.screening.score_test import Screened
+from idloop.diagnosis.screening.typical_sizes import Sizes
+from idloop.estimation.dataset import Data
+from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.physics.effect import OUTPUT
+from idloop.physics.model import Model
+from idloop.physics.trial import Scales
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What this data can show.
+
+    Attributes
+    ----------
+    findings : tuple of str
+        Facts about the excitation, one line each.
+    testable : dict
+        ``yes``, ``weak`` or ``no`` by effect and site; ``weak`` also for what begins at a level that the
+        data may not have reached.
+    why : dict
+        One sentence by effect and site.
+    from_a_level : tuple of str
+        Effects that begin at a level, which the data may not have reached.
+    limits : dict
+        Size from which on an effect would be found, by effect and site, of those whose size has a name.
+    poor : bool
+        Whether the data cannot show effects that every servo axis may have.
+    """
+
+    findings: tuple[str, ...]
+    testable: dict[str, str]
+    why: dict[str, str]
+    from_a_level: tuple[str, ...] = ()
+    limits: dict[str, DetectionLimit] = field(default_factory=dict)
+    poor: bool = False
+
+    @property
+    def untestable(self) -> tuple[str, ...]:
+        """Effects that this data cannot show, or not beyond the level that it has reached."""
+        return tuple(name for name, answer in self.testable.items() if answer == "no" or name in self.from_a_level)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "findings": list(self.findings),
+            "testable": self.testable,
+            "why": self.why,
+            "shows_from": {name: limit.to_dict() for name, limit in self.limits.items()},
+        }
+
+
+def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: float) -> Gate:
+    """Judge what the data can show beside a fitted model.
+
+    `chance` is the statistic that the best of the catalogue reaches by chance as often as the error rate allows.
+    """
+    sizes = Sizes(model, setting)
+    findings, levels, turns = _excitation(model, setting, sizes)
+    testable, why, limits = {}, {}, {}
+    for s in screened:
+        name, scales = s.proposal.name, sizes.at(s.proposal.effect.site, s.proposal.at)
+        limit, reach = detection_limit(s, chance), ""
+        if limit is not None:
+            most, reach = reach_of(s.proposal, limit, model, scales)
+            limit = within(limit, most)
+        testable[name], why[name] = _judge(s, levels, turns, chance, limit, reach)
+        if limit is not None and testable[name] != "no":
+            limits[name] = limit
+            if quicker := _quicker(s.proposal, limit, scales):
+                testable[name], why[name] = "no", quicker
+    from_a_level = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
+    poor = any(s.proposal.effect.everyday and testable[s.proposal.name] == "no" for s in screened)
+    return Gate(findings, testable, why, from_a_level, limits | resolution_limits(model, setting), poor)
+
+
+def excitation_findings(model: Model, setting: Setting) -> tuple[str, ...]:
+    """Facts about the excitation, one line each."""
+    return _excitation(model, setting, Sizes(model, setting))[0]
+
+
+def reach_of(proposal: Proposal, limit: DetectionLimit, model: Model, scales: Scales) -> tuple[float, str]:
+    """The largest size that an effect can have on a machine, infinite where nothing bounds it, and what bounds it.
+
+    Beyond its travel, its command or its bounds no size is worth naming, such as "the whole travel of 0.128 m".
+    """
+    spec = proposal.effect.spec(limit.parameter)
+    found = [(math.inf, "")]
+    bound = max(spec.max - spec.neutral, spec.neutral - spec.min)
+    if math.isfinite(bound):
+        found.append((bound, f"it can be, {bound:.3g} {limit.unit}".rstrip(" -")))
+    travel, speed = ("the whole travel", scales.span), ("the largest speed", scales.speed_most)
+    sizes = {"{position}": travel, "{input}": ("the largest command", scales.command_most)}
+    if proposal.effect.site == OUTPUT:
+        output = next(one for one in model.outputs if one.site == proposal.at)
+        what, size = travel if output.field == "position" else speed
+        sizes["{output}"] = (what, size * abs(output.scale))
+    if spec.unit in sizes:
+        what, size = sizes[spec.unit]
+        found.append((size, f"{what} of {size:.3g} {limit.unit}"))
+    return min(found, key=lambda one: one[0])
+
+
+def within(limit: DetectionLimit, most: float) -> DetectionLimit:
+    """The detection limit without the sizes that are out of reach."""
+    if limit.at_most:
+        return limit
+    least, sure = (value if value <= most else math.inf for value in (limit.least, limit.sure))
+    return replace(limit, least=least, sure=sure)
+
+
+def _quicker(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
+    """Why an excitation far slower than the samples cannot show what is as quick as they are; empty where it can.
+
+    A loop that is sampled may have a delay of one sample, and a joint that swings within ten of them can be seen.
+    """
+    period, also = scales.sample_time, f"; {limit.text}" if limit.text else ""
+    if proposal.effect.delay and limit.least > period:
+        return f"a delay of one sample, {1e3 * period:.3g} ms, would not show: excite faster{also}"
+    if limit.at_most:
+        # Two halves against each other swing with a quarter of the inertia of both.
+        swing = math.sqrt(limit.least / (0.25 * scales.inertia)) / (2.0 * math.pi)
+        if swing < 0.1 / period:
+            return f"a joint that swings at more than {swing:.3g} Hz would not show: excite faster{also}"
+    return ""
+
+
+def _excitation(model: Model, setting: Setting, sizes: Sizes) -> tuple[tuple[str, ...], int, float]:
+    """Facts about the excitation in words, levels of the command, and turns of the driven body."""
+    command = np.abs(np.concatenate([d.input for d in setting.data]))
+    moving = command[command > 1e-3 * sizes.command_most]
+    levels = len(np.unique(np.round(moving / (0.02 * sizes.command_most)))) if len(moving) else 0
+    reversals = sum(_reversals(model, data) for data in setting.data)
+    speed, _, _, span = sizes.bodies[0]
+    unit = model.units.position
+    turns = span / (2.0 * np.pi) if unit == "rad" else 0.0
+    reach = f"{turns:.2g} turns" if unit == "rad" else f"{span:.3g} {unit}"
+    sentence = (
+        f"{sizes.duration:.3g} s in {len(setting.data)} record{'s' if len(setting.data) > 1 else ''}, "
+        f"command up to {sizes.command_most:.3g} {model.input.unit}, motion over {reach}, "
+        f"speed {speed:.3g} {unit}/s rms, {reversals} reversals"
+    )
+    findings = [sentence]
+    if levels <= 1:
+        findings.append("the command has one size only: what depends on its size cannot be told from the gain")
+    if reversals < 4:
+        findings.append(f"the axis reverses {reversals} times: friction and play hardly show")
+    return tuple(findings), levels, turns
+
+
+def _reversals(model: Model, data: Data) -> int:
+    """Reversals of the driven body above the noise of its sensors, as a comparison counts them."""
+    from idloop.validation.operating_state import doing_of
+    from idloop.validation.regions import since_reversal
+
+    direction = doing_of(model, data, model.bodies[0]).direction
+    return 0 if direction is None else len(since_reversal(data.time, direction)[1])
+
+
+def _judge(
+    s: Screened, levels: int, turns: float, chance: float, limit: DetectionLimit | None, reach: str
+) -> tuple[str, str]:
+    """``yes``, ``weak`` or ``no``, and why."""
+    effect = s.proposal.effect
+    if not s.traces:
+        return "no", "the model cannot be simulated with it on this data"
+    if effect.odd and levels <= 1:
+        return "no", "the command has one size only, so the effect is a plain gain: use several amplitudes"
+    if s.left < 3e-3:
+        return "no", "on this data it does no more than the free parameters or the initial state can do"
+    worth = max(t.worth for t in s.traces)
+    from_where = "" if limit is None else limit.text
+    if worth < chance:
+        if reach and not from_where:
+            from_where = f"to show it would have to be larger than {reach}, so this experiment cannot show it"
+        return "no", "at its usual size it does no more than chance" + (f"; {from_where}" if from_where else "")
+    # An effect of typical size must be worth 2.5 times what chance reaches to be found or ruled out for sure.
+    if worth < 2.5 * chance:
+        return "weak", from_where or "only a strong effect would show"
+    if effect.from_a_level:
+        return "weak", f"a {effect.from_a_level} that this data has reached would show, one beyond it cannot"
+    if effect.whole_turn and turns < 1.0:
+        return "weak", f"the motion covers {turns:.2g} of a turn: it looks like an offset or a spring"
+    return "yes", from_where or f"at its usual size it would be worth {0.5 * worth:.3g} units of log-likelihood"

@@ -1,0 +1,93 @@
+"""How far a model is from a set of records, in the figures that a ladder shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from idloop.errors import IdloopError
+from idloop.estimation.dataset import prepare
+from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.physics.model import Model
+from idloop.records import Record
+from idloop.validation.drive import force_error
+from idloop.validation.free_run import free_run
+from idloop.validation.measures import fit_percent, nrmse, rmse
+
+# Fifths of a record, which keeps them: what is known of them is asked for by every model.
+_FIFTHS: WeakKeyDictionary[Record, list[Record]] = WeakKeyDictionary()
+
+
+def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
+    """Free-run errors ``nrmse``, ``fit`` [%], ``rmse`` and ``anew`` by output over all records, and by ``records``.
+
+    ``anew`` is nrmse of a run that is started anew at every fifth of a record, ``force`` the relative force error, None
+    where it cannot be told. Empty without records.
+    """
+    if not records:
+        return {}
+    by_record = {record.name: _errors(model, record) for record in records}
+    return {**_mean(list(by_record.values())), "records": by_record}
+
+
+def _errors(model: Model, record: Record) -> dict[str, Any]:
+    names = [o.name for o in model.outputs]
+    data = prepare(model, [record])[0]
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            simulated = free_run(RememberingEngine(model), data)
+    except IdloopError:
+        simulated = np.full(data.output.shape, np.nan)
+    found: dict[str, Any] = {"anew": _anew(model, record)}
+    for label, measure in (("nrmse", nrmse), ("fit", fit_percent), ("rmse", rmse)):
+        values = measure(record.output, simulated)
+        found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
+    try:
+        force = force_error(model, record)
+        # Where the sensors' noise alone makes more of it, the error says little about the model.
+        found["force"] = force.relative if force.noise < 0.2 else None
+    except IdloopError:
+        found["force"] = None
+    return found
+
+
+def _anew(model: Model, record: Record) -> dict[str, float]:
+    """Error of the free run by output, started anew at every fifth: a disturbance has had less time to carry it away.
+
+    Empty where a fifth is too short to be run.
+    """
+    powers = []
+    try:
+        if record not in _FIFTHS:
+            ends = np.linspace(record.time[0], record.time[-1], 6)
+            _FIFTHS[record] = [record.cut(float(start), float(end)) for start, end in pairwise(ends)]
+        for part in _FIFTHS[record]:
+            with np.errstate(over="ignore", invalid="ignore"):
+                simulated = free_run(RememberingEngine(model), prepare(model, [part])[0])
+                powers.append(np.nanmean((part.output - simulated) ** 2, axis=0))
+    except IdloopError:
+        return {}
+    spread = np.nanstd(record.output, axis=0)
+    errors = np.sqrt(np.mean(powers, axis=0)) / np.where(spread > 0.0, spread, np.nan)
+    return {o.name: float(error) for o, error in zip(model.outputs, errors, strict=True) if np.isfinite(error)}
+
+
+def _mean(several: list[dict[str, Any]]) -> dict[str, Any]:
+    """Root mean square over the records of all but FIT, which is averaged."""
+    mean: dict[str, Any] = {}
+    for label in ("nrmse", "fit", "rmse", "anew"):
+        mean[label] = {}
+        for name in dict.fromkeys(name for one in several for name in one[label]):
+            values = [one[label][name] for one in several if name in one[label]]
+            mean[label][name] = float(np.mean(values)) if label == "fit" else _rms(values)
+    forces = [one["force"] for one in several]
+    mean["force"] = None if None in forces else _rms(forces)
+    return mean
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,171 @@
+"""Unknown structure in a force balance: curves that the unexplained force follows and no effect of the catalogue is.
+
+A force over velocity or position, or a coefficient (inertia, friction, drive) over the position or time, is
+piecewise linear between knots, and so linear in its heights: a row of the balance's residual each. A curve is judged as
+an effect is, on samples that its fit has not seen. A force over the command is none of them: it is what the balance
+explains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnosis.evidence.predictive import Evidence, Scores, deal, others
+from idloop.diagnosis.residual_curves.unknown_structure import (
+    COEFFICIENT_KNOTS,
+    KNOTS,
+    TIME_KNOTS,
+    TURNS,
+    Curve,
+    UnknownStructure,
+    coefficient_units,
+)
+from idloop.diagnosis.search.step import Weighed
+from idloop.estimation.force_balance.weak_fit import WeakFit
+from idloop.estimation.force_balance.weak_form import BLOCKS
+from idloop.estimation.statistics.student import log_density, scale_of
+
+Array = NDArray[np.float64]
+
+# Directions weaker than this part of the strongest are left out.
+_LEAST_WEIGHT = 1e-3
+
+
+@dataclass(frozen=True)
+class ForceCurve(Curve):
+    """A curve that the unexplained force of the driven body may follow, with the evidence against none.
+
+    It is a force, or the change of a coefficient.
+    """
+
+    fit: WeakFit
+    # Slopes of the force in every window by the parameters of the fit, and by the heights at the knots.
+    columns: Array
+    scores: Scores
+    evidence: Evidence
+
+    @property
+    def imitated(self) -> bool:
+        """Whether waves and springs may stand in for it: what depends on where the axis is, and not on how it moves."""
+        return self.of in ("force", "inertia") and "position" in self.over
+
+    def imitated_by(self, one: Weighed[WeakFit]) -> bool:
+        """Whether an effect may stand in for it."""
+        return self.imitated and not self.beside(one).evidence.told
+
+    def beside(self, one: Weighed[WeakFit]) -> Weighed[WeakFit]:
+        """An effect as it is weighed beside the curve, by the change of force that it makes alone."""
+        change = one.fit.residual[:, 0] - self.fit.residual[:, 0]
+        scores = _scores(self.fit, np.column_stack([self.columns, change]))
+        return replace(one, scores=scores, evidence=scores.against(self.scores))
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        what = "a force" if self.of == "force" else f"a change of the {self.of}"
+        return f"{what} over the {self.variable}"
+
+    @cached_property
+    def worth(self) -> float:
+        """Part by which it makes errors on unseen samples smaller, and of the drive's force that it explains."""
+        residual = self.fit.residual[:, 0]
+        left = residual - self.columns @ np.linalg.lstsq(self.columns, residual, rcond=_LEAST_WEIGHT)[0]
+        part = 1.0 - float(np.linalg.norm(left) / max(float(np.linalg.norm(residual)), 1e-300))
+        return min(self.evidence.improvement, self.fit.relative * part)
+
+    def unknown(self, p_value: float) -> UnknownStructure:
+        """As a diagnosis reports it."""
+        residual = self.fit.residual[:, 0]
+        # The parameters of the model are free beside the heights.
+        inverse = np.linalg.pinv(self.columns, rcond=_LEAST_WEIGHT)
+        heights = inverse @ residual
+        left = residual - self.columns @ heights
+        parts = zip(np.array_split(inverse, BLOCKS, axis=1), np.array_split(left, BLOCKS), strict=True)
+        spread = np.sqrt(np.sum(np.array([p @ r for p, r in parts]) ** 2, axis=0))
+        count = len(self.knots) - self.closed
+        value, spread = heights[-count:], spread[-count:]
+        if self.coefficient:
+            value = value - float(np.mean(self.at_knots(value)))
+        share = float(np.clip(1.0 - np.exp(-2.0 * self.evidence.difference / self.evidence.samples), 0.0, 1.0))
+        return self.structure("the errors of the force", p_value, value, 1.96 * spread, share)
+
+
+def structures(fit: WeakFit) -> list[ForceCurve]:
+    """Curves that the unexplained force of the driven body may follow, with their evidence, best first."""
+    form, model = fit.form, fit.form.engine.model
+    body, units, own = model.bodies[0], model.units, fit.slopes_of_force
+    base = _scores(fit, own)
+    signals = {name: form.along(name) for name in ("position", "velocity", "time")}
+    speed = signals["velocity"]
+    turning = units.position == "rad" and float(np.ptp(signals["position"])) > TURNS * 2.0 * np.pi
+    unit_of = {"velocity": f"{units.position}/s", "position": units.position, "time": "s"}
+    found = []
+
+    def add(of: str, of_unit: str, over: str, count: int, factor: Array | None = None, *, turn: bool = False) -> None:
+        values = signals[over]
+        low, high = (0.0, 2.0 * np.pi) if turn else np.percentile(values, (0.5, 99.5))
+        knots = np.linspace(low, max(high, low + 1e-12), count)
+        hats = _hats(values, knots, closed=turn)
+        columns = hats if factor is None else hats * factor[:, None]
+        if of == "inertia":
+            # What stores kinetic energy takes a force at constant speed, too, where it changes (Lagrange's equation).
+            step = 1e-3 * (knots[1] - knots[0])
+            columns = columns - 0.5 * ((_hats(values + step, knots, closed=turn) - hats) / step) * speed[:, None] ** 2
+        if of in ("drive", "inertia"):
+            # Its mean is that of all other forces: a machine without drive and inertia explains everything.
+            columns = columns - np.mean(columns, axis=1, keepdims=True)
+        name = over if over == "time" else f"{body}.{over}" + (" within a turn" if turn else "")
+        columns = np.hstack([own, columns])
+        scores = _scores(fit, columns)
+        evidence = scores.against(base)
+        if np.isfinite(evidence.difference):
+            curve = of, of_unit, name, unit_of[over], knots, turn
+            found.append(ForceCurve(*curve, fit, columns, scores, evidence))
+
+    add("force", units.force, "velocity", KNOTS)
+    add("force", units.force, "position", KNOTS)
+    if turning:
+        add("force", units.force, "position", KNOTS, turn=True)
+    factors = {
+        "inertia": -form.inertial[:, 0],
+        "viscous friction": -speed,
+        "dry friction": -np.sign(speed),
+        "drive": form.drive(fit.theta, fit.shift),
+    }
+    for of, of_unit in coefficient_units(units).items():
+        add(of, of_unit, "position", COEFFICIENT_KNOTS, factors[of], turn=turning)
+        if of != "inertia":
+            add(of, of_unit, "time", TIME_KNOTS, factors[of])
+    return sorted(found, key=lambda one: one.evidence.spread - one.evidence.difference)
+
+
+def _scores(fit: WeakFit, columns: Array) -> Scores:
+    """Log-densities of the residual beside some columns, by folds that their fit has not seen."""
+    residual, found = fit.residual[:, 0], []
+    folds, blocks = deal(fit.form.starts)
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    for index, fold in enumerate(folds):
+        rest = np.sort(others(folds, index))
+        heights = np.linalg.lstsq(columns[rest], residual[rest], rcond=_LEAST_WEIGHT)[0]
+        scale = scale_of(residual[rest] - columns[rest] @ heights)
+        found.append(log_density(residual[fold] - columns[fold] @ heights, scale))
+    return Scores(np.concatenate(found), blocks)
+
+
+def _hats(values: Array, knots: Array, *, closed: bool) -> Array:
+    """Piecewise linear functions that are 1 at one knot each, shape (n, heights)."""
+    count = len(knots) - 1
+    place = (values - knots[0]) / float(knots[1] - knots[0])
+    place = np.mod(place, count) if closed else np.clip(place, 0.0, count)
+    lower = np.minimum(place.astype(np.int64), count - 1)
+    hats, rows = np.zeros((len(values), len(knots))), np.arange(len(values))
+    hats[rows, lower] = 1.0 - (place - lower)
+    hats[rows, lower + 1] = place - lower
+    if closed:
+        hats[:, 0] += hats[:, -1]
+        hats = hats[:, :-1]
+    return hats

@@ -1,0 +1,105 @@
+"""Periods over position with which a remaining force repeats (magnets, teeth, a screw): any, or parts of a turn."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimation.force_balance.force_error import balance_of
+from idloop.estimation.force_balance.weak_fit import WeakFit
+from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.statistics.student import weights
+from idloop.physics.model import Model
+
+Array = NDArray[np.float64]
+
+# Periods within the travel, or within a turn, up to which is looked.
+_MOST = 400
+# Step between neighbouring frequencies [periods within the travel].
+_STEP = 0.25
+
+
+def remaining_period(model: Model, setting: Setting) -> tuple[float, int] | None:
+    """Period over the driven body's position with which the force that a fitted model lacks repeats most.
+
+    With the number of periods that were looked at. None where the motion of some body is not measured, or the travel
+    holds too few periods to tell.
+    """
+    from scipy.ndimage import median_filter
+
+    # The force balance along the measured motion leaves a force at every instant; its spectrum over position, against
+    # what neighbouring frequencies have, shows what repeats. Linear in the number of samples.
+    engine, runs, strides = RememberingEngine(model), [], []
+    for data in setting.data:
+        with np.errstate(all="ignore"):
+            narrow = balance_of(engine, data)
+            if narrow is None:
+                return None
+            # The force is wanted up to beyond what the motion is excited to.
+            cutoff = min(4.0 * narrow.motion.cutoff, 0.2 / narrow.motion.sample_time)
+            balance = balance_of(engine, data, max(cutoff, narrow.motion.cutoff))
+        if balance is None:
+            return None
+        m = balance.motion
+        along = (m.position, m.velocity, m.acceleration, m.time, balance.command(0.0), m.time)
+        applied, required = engine.drive_force(None, *along, conditions=balance.conditions)
+        place, force = m.position[:, 0], applied - required
+        known = np.isfinite(place) & np.isfinite(force)
+        if not np.any(known):
+            return None
+        runs.append((place[known], force[known]))
+        strides.append(float(np.sqrt(np.mean(m.velocity[:, 0] ** 2))) * m.sample_time)
+    low = min(float(np.min(place)) for place, _ in runs)
+    span = max(float(np.max(place)) for place, _ in runs) - low
+    stride = float(np.mean(strides))
+    if not (np.isfinite(span) and span > 0.0 and stride > 0.0):
+        return None
+    # Of six samples at typical speed at least; less than three of them within the travel are a curve over it.
+    fewest, most = 3.0, min(float(_MOST), span / (6.0 * stride))
+    bins = int(8 * most)
+    if most < 2.0 * fewest:
+        return None
+    total = np.zeros(bins)
+    for place, force in runs:
+        at = np.minimum(((place - low) / span * bins).astype(np.int64), bins - 1)
+        total += np.bincount(at, force - np.mean(force), bins)
+    power = np.abs(np.fft.rfft(total, round(bins / _STEP))) ** 2
+    frequency = _STEP * np.arange(len(power))
+    inside = (frequency >= fewest) & (frequency <= most)
+    # What a frequency has by itself.
+    usual = median_filter(power, 101, mode="nearest")
+    stands = np.where(inside & (usual > 0.0), power / np.where(usual > 0.0, usual, 1.0), 0.0)
+    if not np.any(stands > 0.0):
+        return None
+    near = frequency[int(np.argmax(stands))] + np.arange(-_STEP, _STEP, 0.02)
+    exact = [sum(np.sum(f * np.exp(2j * np.pi * n / span * place)) for place, f in runs) for n in near]
+    return span / float(near[int(np.argmax(np.abs(exact)))]), int(np.sum(inside))
+
+
+def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
+    """Harmonics of a turn, from 2 on, that the unexplained force of a body has most of, and how many were looked at.
+
+    Strongest first; empty where the motion tells of none.
+    """
+    form = fit.form
+    angle = form.along("position", body)
+    speed = float(np.median(np.abs(form.along("velocity", body))))
+    windows = form.width * form.sample_time * speed / (2.0 * np.pi)
+    turns = float(np.ptp(angle)) / (2.0 * np.pi)
+    # Two periods within the motion show a wave, and one of one and a half windows leaves five sixths of it.
+    lowest = max(2, int(np.ceil(2.0 / max(turns, 1e-12))))
+    highest = min(_MOST, int(1.0 / max(1.5 * windows, 1e-12)))
+    if highest < lowest:
+        return (), 0
+    # Of more windows every n-th tells the same.
+    stride = max(len(angle) // 20_000, 1)
+    left = fit.residual[::stride, body]
+    left = left * weights(left / fit.scale[body])
+    turned = np.exp(1j * angle[::stride])
+    power, wave = [], turned ** (lowest - 1)
+    for _ in range(lowest, highest + 1):
+        wave = wave * turned
+        power.append(abs(np.vdot(wave, left)))
+    # As many as are worth a fit.
+    return tuple(int(lowest + place) for place in np.argsort(power)[::-1][:3]), len(power)

@@ -1,0 +1,103 @@
+"""Whether the measured motion follows the command at all.
+
+Columns of two runs, a drive that was off, a motor that was turned by hand: there a fit finds a machine so heavy or so
+stiff that the command hardly counts, and an effect that takes the rest of it away is an improvement. Nothing that such
+data say is about the axis. They are told by what a model predicts with the command, and with its mean in its place. A
+model that lacks the very effect through which the command is seen does no better either: the model that has it does.
+Nor does one whose gain may not be negative where command and motion count in opposite directions: with the command
+turned it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from enum import Enum
+
+import numpy as np
+
+from idloop.diagnosis.screening.granger_test import foretells
+from idloop.errors import IdloopError
+from idloop.estimation.direction import AGAINST, TURN
+from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
+from idloop.estimation.likelihood.likelihood_difference import distinguishable
+from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none, transfer
+from idloop.physics.model import Model
+from idloop.records import Record
+
+
+class CommandResponse(str, Enum):
+    """How the measured motion follows the command: the words of the JSON."""
+
+    FOLLOWS = "follows"
+    UNMOVED = "unmoved"
+    OTHERWISE = "otherwise"
+    REVERSED = "reversed"
+
+    @property
+    def tells_nothing(self) -> bool:
+        """Whether such data say nothing of the axis."""
+        return self in (CommandResponse.UNMOVED, CommandResponse.REVERSED)
+
+    @property
+    def text(self) -> str:
+        """What to say of it; empty where the motion follows the command."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    CommandResponse.FOLLOWS: "",
+    CommandResponse.UNMOVED: (
+        "the measured motion does not follow the command: the model predicts it no better with the command than "
+        "without. Was the drive on, and are command and motion of the same run and the same joint?"
+    ),
+    CommandResponse.OTHERWISE: (
+        "the measured motion follows the command, but not as this model has it: the model predicts it no better with "
+        "the command than without. What lies between the two is missing, or the values of the model file are far from "
+        "the machine's"
+    ),
+    CommandResponse.REVERSED: f"{AGAINST}: with the sign of the command turned the model predicts it. {TURN}",
+}
+
+
+def follows(setting: Setting, fit: Refit) -> bool:
+    """Whether a fitted model predicts the motion better with the command than without, or that cannot be computed."""
+    # Of steps from rest, each a constant command, the mean of its own would be the command itself.
+    means = [float(np.mean(one.input)) for one in setting.data]
+    if all(np.ptp(one.input) == 0.0 for one in setting.data):
+        # A step of one level began from none.
+        means = [float(np.mean(means)) if np.ptp(means) > 0.0 else 0.0] * len(means)
+    still = tuple(
+        replace(one, input=np.full_like(one.input, mean)) for one, mean in zip(setting.data, means, strict=True)
+    )
+    without = transfer(replace(setting, data=still), fit, own_disturbance=True)
+    return without is None or distinguishable(fit, without)
+
+
+def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
+    """Whether a model that does not follow the command would follow one of the other sign.
+
+    The fit to the turned command begins at `start`: the values found may be far from any machine's.
+    """
+    records = [replace(one, input=-one.input) for one in setting.records]
+    turned = prepare_setting(start, records, setting.kind)
+    other = refit_or_none(turned, start)
+    return other is not None and other.log_likelihood > fit.log_likelihood and follows(turned, other)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def response_of(start: Model, records: Sequence[Record]) -> CommandResponse:
+    """How the motion of some data follows the command by a model that is not fitted yet, whatever its parameters.
+
+    In whatever way it follows, and where that cannot be computed, it counts as following.
+    """
+    try:
+        setting = prepare_setting(start, records, "prediction")
+        found = refit(setting, start)
+        if follows(setting, found):
+            return CommandResponse.FOLLOWS
+        if reversed_command(setting, found, start):
+            return CommandResponse.REVERSED
+    except (IdloopError, np.linalg.LinAlgError):
+        return CommandResponse.FOLLOWS
+    return CommandResponse.FOLLOWS if foretells(records) else CommandResponse.UNMOVED

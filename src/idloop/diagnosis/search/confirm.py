@@ -1,0 +1,232 @@
+"""Full refits of the most promising effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnosis.screening.proposals import Proposal
+from idloop.diagnosis.screening.score_test import Screened, Trace
+from idloop.errors import IdloopError
+from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.parallel import in_parallel
+from idloop.estimation.likelihood.refit import FAN, Refit, refit, refit_or_none
+from idloop.estimation.observer.innovations import WALK
+from idloop.physics.model import Model
+from idloop.physics.trial import Trial
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+# An effect by its name, and the first round of its search: None, or an `IdloopError`, where it cannot be simulated.
+Begin = tuple[str, Callable[[], "Confirmed | None"]]
+
+# Most effects that are refitted, where they do not promise much the same.
+USUAL_REFITS = 8
+# What promises, or has gained after one round, this part of the best may still turn out to be the best.
+STILL_IN_IT = 0.5
+# Rounds in which a search is finished, and those of one that only leads to the neighbourhood.
+MORE_ROUNDS, _ROUGH_ROUNDS = 8, 2
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """A proposal after its refit."""
+
+    proposal: Proposal
+    fit: Refit
+    gain: float  # log-likelihood above the parent's, never below 0: the parent is one of its models
+    statistic: float  # score statistic of the screening
+    beside: Proposal | None = None  # the first effect of a pair, of which this is the second
+
+    def refitted(self, fit: Refit, parent: Refit) -> Confirmed:
+        """The same with another fit."""
+        gain = fit.log_likelihood - parent.log_likelihood
+        if self.proposal.effect.slow:
+            gain += fit.at_start - parent.at_start
+        return replace(self, fit=fit, gain=max(gain, 0.0))
+
+
+def promising(screened: Sequence[Screened], chance: float, fewest: int = 3) -> list[Screened]:
+    """The effects that are worth a refit, best first: the fewest in any case, the others by more than chance."""
+    ranked = ranked_by_score(screened)
+    if not ranked:
+        return []
+    best = ranked[0].statistic
+    # What promises a twentieth of the best is not it, and an effect at many bodies promises much the same at each:
+    # which body it is, only refits tell.
+    bars = [0.0] * fewest + [max(0.05 * best, chance)] * (USUAL_REFITS - fewest)
+    bars += [max(STILL_IN_IT * best, chance)] * (20 - USUAL_REFITS)
+    return [s for s, bar in zip(ranked, bars, strict=False) if s.statistic > bar]
+
+
+def ranked_by_score(screened: Sequence[Screened]) -> list[Screened]:
+    """Those with a score at all, best first."""
+    return sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)
+
+
+def by_gain(found: Sequence[Confirmed]) -> list[Confirmed]:
+    """The same in order of falling gain."""
+    return sorted(found, key=lambda one: -one.gain)
+
+
+def confirm(
+    setting: Setting,
+    parent: Refit,
+    chosen: Sequence[Screened],
+    report: Progress = lambda share, text: None,
+    matters: Callable[[Confirmed], bool] = lambda first: True,
+) -> list[Confirmed]:
+    """Refit the parent with each of some effects, in order of falling gain."""
+    return search(
+        setting, parent, [(s.proposal.name, partial(_confirm, setting, parent, s)) for s in chosen], report, matters
+    )
+
+
+def search(
+    setting: Setting,
+    parent: Refit,
+    chosen: Sequence[Begin],
+    report: Progress,
+    matters: Callable[[Confirmed], bool] = lambda first: True,
+) -> list[Confirmed]:
+    """Search each of some choices for a first round, and to the end those that may still be the best and matter.
+
+    In order of falling gain, without those that cannot be simulated.
+    """
+
+    def one(choice: Begin) -> Confirmed | None:
+        try:
+            return choice[1]()
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
+
+    def finish(first: Confirmed) -> Confirmed:
+        fit = refit_or_none(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS, calm=True)
+        return first if fit is None or fit.log_likelihood <= first.fit.log_likelihood else first.refitted(fit, parent)
+
+    begun = []
+    for i, (choice, confirmed) in enumerate(zip(chosen, in_parallel(one, chosen), strict=True)):
+        if confirmed is not None:
+            begun.append(confirmed)
+        report((i + 1) / len(chosen), choice[0])
+    begun = by_gain(begun)
+    most = begun[0].gain if begun else 0.0
+    # No further round makes up for 50 units of log-likelihood.
+    bar = min(STILL_IN_IT * most, most - 50.0)
+    worth = [first.gain >= bar and matters(first) for first in begun]
+    finished = in_parallel(finish, [first for first, front in zip(begun, worth, strict=True) if front])
+    return by_gain([*finished, *(first for first, front in zip(begun, worth, strict=True) if not front)])
+
+
+def first_round(setting: Setting, model: Model, thetas: list[Array], beside: Refit, **options: Any) -> Refit | None:
+    """One round of search from several starts; None where the model cannot be simulated."""
+    scale = np.max(np.abs(np.array(thetas)), axis=0)
+    try:
+        return refit(setting, model, thetas, beside, scale, rounds=1, **options)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+
+
+def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
+    """The first round of an effect's search, by what a search cannot move: whole numbers such as harmonics."""
+    proposal = screened.proposal
+    # Where nothing says how strong an effect is, no trace tells how far the search has to go: more of them are tried.
+    count = 2 if proposal.effect.strength else 12
+    integers = [spec.name for spec in proposal.effect.parameters if spec.integer]
+    groups: dict[tuple[float, ...], list[tuple[Trial, Array | None]]] = {}
+    for place, trace in enumerate(sorted(screened.traces, key=lambda t: -t.statistic)[:count]):
+        # Without a strength to scale, the best trace goes by itself: of the others one may look better before the
+        # search than it ever does after it.
+        alone = float(place == 0 and not proposal.effect.strength)
+        key = (*(trace.trials[0].get(name, 0.0) for name in integers), alone)
+        groups.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace, place == 0))
+    best: Refit | None = None
+    for model, group in [(proposal.model(group[0][0]), group) for group in groups.values()]:
+        thetas = [theta for values, shift in group for theta in points(parent, proposal.model(values), shift)]
+        found = first_round(setting, model, thetas, parent)
+        if found is not None and (best is None or found.log_likelihood > best.log_likelihood):
+            best = found
+        # Another shape is only worth its time while none has explained anything.
+        if best is not None and best.log_likelihood - parent.log_likelihood > 0.25 * screened.statistic > 0.0:
+            break
+    if best is None:
+        return None
+    return Confirmed(proposal, best, 0.0, screened.statistic).refitted(best, parent)
+
+
+@np.errstate(all="ignore")
+def confirm_behind_noise(
+    setting: Setting, parent: Refit, screened: Sequence[Screened], report: Progress = lambda share, text: None
+) -> list[Confirmed]:
+    """Refit the parent with the few effects that explain most when the noise may explain next to nothing.
+
+    A free whitening and a strong disturbance make up for anything, and the way from there to an effect's optimum is
+    long and winding. With white errors and a weak disturbance it is short; then the noise model is free again.
+    """
+    plain = [0] * len(parent.problem.orders)
+    # The intensity of a disturbance [decades] that cannot make up for a missing effect.
+    limits = -4.0, WALK
+    try:
+        bare = refit(setting, parent.model, orders=plain, rounds=_ROUGH_ROUNDS, limits=limits)
+    except (IdloopError, np.linalg.LinAlgError):
+        return []
+
+    def rough(one: Screened) -> Refit | None:
+        models = [one.proposal.model(trace.trials[0]) for trace in one.traces]
+        thetas = [points(bare, model, None)[0] for model in models]
+        return first_round(setting, models[0], thetas, bare, orders=plain, limits=limits) if models else None
+
+    def begin(one: Screened, near: Refit) -> Confirmed:
+        fit = refit(setting, near.model, None, near, rounds=_ROUGH_ROUNDS, orders=parent.problem.orders)
+        return Confirmed(one.proposal, fit, 0.0, one.statistic).refitted(fit, parent)
+
+    found: list[tuple[Screened, Refit]] = []
+    for i, (one, fit) in enumerate(zip(screened, in_parallel(rough, screened), strict=True)):
+        if fit is not None and fit.log_likelihood > bare.log_likelihood:
+            found.append((one, fit))
+        report(0.5 * (i + 1) / len(screened), one.proposal.name)
+    found.sort(key=lambda pair: -pair[1].log_likelihood)
+    # Six are far more than a noise model has swallowed at once.
+    chosen = [(one.proposal.name, partial(begin, one, near)) for one, near in found[:6]]
+    return search(setting, parent, chosen, lambda share, text: report(0.5 + 0.5 * share, text))
+
+
+def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
+    """Free parameters to start a search from: an effect's beside the parent's as they are, and as they would move.
+
+    `start` is the parent's model with an effect at its trial values, `shift` the expected move of shape (k,).
+    """
+    known = [dict(zip(parent.model.free, parent.point, strict=False))]
+    if shift is not None:
+        known.append({name: known[0][name] + d for name, d in zip(parent.model.free, shift, strict=True)})
+    return [np.array([values.get(name, start.values[name]) for name in start.free]) for values in known]
+
+
+def starts(proposal: Proposal, trace: Trace, fan: bool = False) -> list[Trial]:
+    """Values to start a search from, by what the screening found.
+
+    With a fan also at strengths around the trial's: what has walls, such as a play, has many local optima.
+    """
+    found: list[Trial] = []
+    strength = proposal.effect.strength
+    # What takes another effect's place keeps that one's strength.
+    scalable = strength and proposal.replaces is None
+    for trial, size in zip(trace.trials, trace.size, strict=True):
+        found.append(trial)
+        share = float(np.clip(abs(size), 0.02, 50.0))
+        if scalable and share != 1.0:
+            sign = 1.0 if proposal.one_sided else float(np.sign(size))
+            found.append(proposal.inside(proposal.weaker(trial, sign * share)))
+    if fan and scalable:
+        found += [proposal.inside(proposal.weaker(trace.trials[0], share)) for share in FAN]
+    if "phase" in trace.trials[0] and strength:
+        base = proposal.weaker(trace.trials[0], float(np.clip(np.linalg.norm(trace.size), 0.02, 1e4)))
+        found = [{**base, "phase": phase} for phase in (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)]
+        if len(trace.size) > 1:
+            found.append({**base, "phase": float(np.arctan2(trace.size[1], trace.size[0]))})
+    return found

@@ -1,8 +1,0 @@
-"""Estimation: grey-box fits of any model file, and a recursive estimator for the live case."""
-
-from __future__ import annotations
-
-from idloop.estimate.greybox import CRITERIA, fit
-from idloop.estimate.result import FitResult, RecordResidual
-
-__all__ = ["CRITERIA", "FitResult", "RecordResidual", "fit"]

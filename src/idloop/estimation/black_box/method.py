@@ -1,0 +1,186 @@
+"""A black-box method: what one chooses of it, what it is for, and what it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from idloop.estimation.linear import LinearModel
+    from idloop.estimation.networks import NarxModel
+    from idloop.estimation.nonparametric import FrequencyResponse, ImpulseResponse
+    from idloop.estimation.recursive import CoefficientHistory
+
+    Result = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
+
+Kind = Literal["response", "linear", "recursive", "network"]
+Numbers = int | tuple[int, ...] | Literal["auto"]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a user chooses; each method reads what it `needs`.
+
+    Attributes
+    ----------
+    order : int, tuple of int or "auto"
+        Number of states, or degree of every polynomial; of several the one with the least BIC (`Method.selects`).
+    delay : int, tuple of int or "auto"
+        Lag of the first coefficient of B [samples].
+    structure : mapping of str to int
+        Degrees that differ from `order`, by ``na``, ``nb``, ``nc``, ``nd``, ``nf``.
+    horizon : int, optional
+        Of subspace methods [samples].
+    window : int, optional
+        Lag window, segment, or largest lag of a response [samples].
+    period : float, optional
+        Of a periodic excitation [s].
+    units : int, optional
+        Of a network.
+    focus : "prediction" or "simulation"
+    band : (float, float), optional
+        Frequencies that a fit is weighed towards [Hz]; 0 and infinity leave a side open.
+    stable : bool
+        Reflect poles into the unit circle.
+    integrates : bool, optional
+        Put the pole nearest 1 there; where nothing is said, n4sid, moesp and cva let the data decide.
+    closed_loop : bool
+        Go by way of the reference where a method can.
+    controller : mapping, optional
+        ``controller:`` section of a model file.
+    seed : int
+        Of networks.
+    """
+
+    order: Numbers = "auto"
+    delay: Numbers = 1
+    structure: Mapping[str, int] = field(default_factory=dict)
+    horizon: int | None = None
+    window: int | None = None
+    period: float | None = None
+    units: int | None = None
+    focus: Literal["prediction", "simulation"] = "prediction"
+    band: tuple[float, float] | None = None
+    stable: bool = False
+    integrates: bool | None = None
+    closed_loop: bool = False
+    controller: Mapping[str, Any] | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One order and delay that were tried.
+
+    Attributes
+    ----------
+    order : int or "auto"
+    delay : int
+    bic : float
+    error : str
+        Why there is no model; empty where there is one.
+    """
+
+    order: int | Literal["auto"]
+    delay: int
+    bic: float = float("nan")
+    error: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What a method found.
+
+    Attributes
+    ----------
+    method : Method
+    model : LinearModel, NarxModel, FrequencyResponse or ImpulseResponse
+    order : int or "auto"
+        That the method was given: number of states, or degree of the polynomials.
+    delay : int or None
+        [samples]; None where the method has none.
+    trials : tuple of Trial
+        What was tried on the way to the order and the delay.
+    history : tuple of CoefficientHistory
+        Of each output, from recursive methods.
+    """
+
+    method: Method
+    model: Result
+    order: int | Literal["auto"] = "auto"
+    delay: int | None = None
+    trials: tuple[Trial, ...] = ()
+    history: tuple[CoefficientHistory, ...] = ()
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether the order is the highest of several that were tried, so that a higher one might be better."""
+        tried = {trial.order for trial in self.trials if isinstance(trial.order, int)}
+        return len(tried) > 1 and self.order == max(tried)
+
+    @property
+    def predicts(self) -> bool:
+        """Whether the result simulates and predicts; responses do not."""
+        return self.method.kind != "response"
+
+    @property
+    def linear(self) -> LinearModel | None:
+        """The result as a linear model, where it is one."""
+        from idloop.estimation.linear import LinearModel
+
+        return self.model if isinstance(self.model, LinearModel) else None
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the result as it draws itself: Bode diagram, impulse response or training of a network."""
+        return self.model.plot(axes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "method": self.method.name,
+            "kind": self.method.kind,
+            "order": self.order,
+            "order_at_limit": self.at_limit,
+            "delay": self.delay,
+            "trials": [vars(trial) for trial in self.trials],
+            "model": self.model.to_dict(),
+            "history": [one.to_dict() for one in self.history],
+        }
+
+
+@dataclass(frozen=True)
+class Method:
+    """A black-box method.
+
+    Attributes
+    ----------
+    name, summary : str
+        The summary says what it is for.
+    kind : "response", "linear", "recursive" or "network"
+    loop : str
+        Which loop its theory allows: "open", "any", or "closed, controller known".
+    source : str
+    needs : tuple of str
+        Names of the `Choices` that it reads.
+    run : callable
+        ``run(data, choices, order, delay)`` to a result, or to a result and its history.
+    polynomials : tuple of str
+        Degrees that `Choices.structure` may set.
+    automatic : tuple of int
+        Orders tried for "auto"; empty where the method chooses itself.
+    selects : "prediction" or "free run"
+        Errors whose BIC chooses between orders. Instrumental variables and output errors have no noise model: errors
+        one step ahead say nothing of theirs.
+    """
+
+    name: str
+    kind: Kind
+    summary: str
+    loop: str
+    source: str
+    needs: tuple[str, ...]
+    run: Callable[..., Any]
+    polynomials: tuple[str, ...] = ()
+    automatic: tuple[int, ...] = ()
+    selects: Literal["prediction", "free run"] = "prediction"

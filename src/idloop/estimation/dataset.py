@@ -1,0 +1,314 @@
+"""Records as the criteria read them: arrays in one place, with what never changes during a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.force_balance.held_command import held_along
+from idloop.estimation.observer.sensor_noise import noise_std
+from idloop.estimation.sensors import body_sensors
+from idloop.physics.conditions import Conditions, condition_name
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from idloop.physics import Engine, Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# Fewer samples than this carry no dynamics that could be fitted.
+_FEWEST_SAMPLES = 20
+# A record's opening is this part of it, and no shorter than this many samples.
+_OPENING = 8
+_FEWEST_OPENING = 1000
+
+
+@dataclass(frozen=True)
+class Data:
+    """One record, contiguous and checked.
+
+    Attributes
+    ----------
+    name : str
+    input_time, input : array, shape (m,)
+    time : array, shape (n,)
+    output : array, shape (n, p)
+        NaN where not measured.
+    sample_time : float
+        Median step of `time` [s].
+    gaps : array of int
+        First sample after each gap longer than 5 steps.
+    conditions : Conditions, optional
+        Where any were recorded.
+    """
+
+    name: str
+    input_time: Array
+    input: Array
+    time: Array
+    output: Array
+    sample_time: float
+    gaps: NDArray[np.int64]
+    conditions: Conditions | None = None
+
+    def held_input(self) -> Array:
+        """Command that holds at each output instant, shape (n,)."""
+        index = np.searchsorted(self.input_time, self.time + 1e-9, side="right") - 1
+        return np.where(index >= 0, self.input[np.maximum(index, 0)], 0.0)
+
+    def part(self, first: int, last: int) -> Data:
+        """From one sample up to another; the command that is held at the first stays known."""
+        time = self.time[first:last]
+        begin = max(int(np.searchsorted(self.input_time, time[0], side="right")) - 1, 0)
+        end = max(int(np.searchsorted(self.input_time, time[-1], side="right")), begin + 1)
+        gaps = self.gaps[(self.gaps > first) & (self.gaps < last)] - first
+        own, inputs = slice(first, last), slice(begin, end)
+        return replace(
+            self, input_time=self.input_time[inputs], input=self.input[inputs], time=time, output=self.output[own],
+            gaps=gaps,
+        )  # fmt: skip
+
+
+def prepare(
+    model: Model, records: Sequence[Record], *, beside: Sequence[Record] = (), every: bool = False
+) -> list[Data]:
+    """Check records against a model and lay them out for the compiled simulator.
+
+    A velocity that any of the records shows to be computed from the position counts as not measured
+    (`idloop.records.inspection.differenced`): it is no second sensor.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+    beside : sequence of Record
+        Further records of the same sensors, that are to be read in the same way.
+    every : bool
+        Keep a computed velocity as well.
+
+    Raises
+    ------
+    InputError
+        If there is no record, or one is too short, has other outputs than the
+        model, carries infinite samples, or measures nothing.
+    """
+    if len(records) == 0:
+        raise InputError("no record to fit; give at least one bag")
+    found = [_prepare(model, record) for record in records]
+    for place, speed in [] if every else sorted(_computed([*records, *beside])):
+        for data in found:
+            if np.any(np.isfinite(data.output[:, place])):
+                data.output[:, speed] = np.nan
+    return found
+
+
+def _computed(records: Sequence[Record]) -> set[tuple[int, int]]:
+    """Columns of positions, and of the velocities that are computed from them."""
+    from idloop.records.inspection.differenced import differenced
+
+    pairs = set()
+    for record in records:
+        names = record.output_names
+        for one in differenced(record):
+            place = f"{one.where.rpartition('.')[0]}.position"
+            if {place, one.where} <= set(names):
+                pairs.add((names.index(place), names.index(one.where)))
+    return pairs
+
+
+def _each_once(time: Array, value: Array) -> tuple[Array, Array]:
+    """The last of the samples with the same stamp."""
+    last = np.append(np.diff(time) > 0.0, True)
+    return time[last], value[last]
+
+
+def _prepare(model: Model, record: Record) -> Data:
+    time = np.ascontiguousarray(record.time, dtype=float)
+    output = np.array(record.output, dtype=float, order="C")
+    input_time = np.ascontiguousarray(record.input_time, dtype=float)
+    value = np.ascontiguousarray(record.input, dtype=float)
+    where = f"record {record.name!r}"
+    if len(time) < _FEWEST_SAMPLES:
+        raise InputError(f"{where} has {len(time)} samples; a fit needs at least {_FEWEST_SAMPLES}: record for longer")
+    if output.ndim != 2 or output.shape != (len(time), len(model.outputs)):
+        raise InputError(
+            f"{where} has outputs of shape {output.shape}; the model {model.name!r} wants "
+            f"{len(model.outputs)}: {', '.join(o.name for o in model.outputs)}"
+        )
+    if len(value) == 0:
+        raise InputError(f"{where} has no command samples; check the topic {model.input.topic!r}")
+    if not np.all(np.isfinite(value)):
+        raise InputError(f"{where} has commands that are NaN or infinite; cut or repair them first")
+    if np.any(np.isinf(output)):
+        raise InputError(f"{where} has infinite measurements; mark missing samples as NaN")
+    if np.any(np.diff(time) <= 0.0) or np.any(np.diff(input_time) < 0.0):
+        raise InputError(f"{where} has stamps that run backwards; split it where the clock was reset")
+    if not np.any(np.isfinite(output)):
+        raise InputError(f"{where} measures none of the model's outputs; all samples are NaN")
+    step = np.diff(time)
+    sample_time = float(np.median(step))
+    gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
+    if model.input.kind == "measured":
+        input_time, value = held_along(*_each_once(input_time, value))
+    return Data(record.name, input_time, value, time, output, sample_time, gaps, _conditions(model, record))
+
+
+def _conditions(model: Model, record: Record) -> Conditions | None:
+    """What was measured beside the axis, all that the effects of the model depend on among it."""
+    units = {one.name: one.unit for one in record.conditions}
+    for active in (one for one in model.effects if one.effect.condition):
+        name, unit = condition_name((active.at, active.effect.condition), units), active.effect.condition_unit
+        if name not in units:
+            raise InputError(
+                f"record {record.name!r} holds no condition {name!r}, which {active.name} depends on; record it, name"
+                " it under `conditions:` of the model file, or take the effect out"
+            )
+        if units[name] not in (unit, ""):
+            raise InputError(
+                f"record {record.name!r}: condition {name!r} is in {units[name]}, and {active.name} takes it in {unit};"
+                " convert it by scale and offset"
+            )
+    return Conditions(record.conditions) if record.conditions else None
+
+
+def recorded(data: Sequence[Data]) -> dict[str, str]:
+    """Names and units of the conditions that all records hold."""
+    several = [set() if d.conditions is None else set(d.conditions.units.items()) for d in data]
+    return dict(sorted(set.intersection(*several))) if several else {}
+
+
+def openings(data: list[Data]) -> list[Data] | None:
+    """First part of every record, from the same initial states: on it a search comes near at a small part of the cost.
+
+    Returns
+    -------
+    list of Data or None
+        None where the records are short, or where the command does not change in what would be left of one.
+    """
+    short = []
+    for d in data:
+        count = len(d.time) // _OPENING
+        if count < _FEWEST_OPENING:
+            return None
+        last = int(np.searchsorted(d.input_time, d.time[count - 1], side="right"))
+        part = replace(
+            d, input_time=d.input_time[:last], input=d.input[:last], time=d.time[:count], output=d.output[:count],
+            gaps=d.gaps[d.gaps < count],
+        )  # fmt: skip
+        if last < 2 or np.ptp(part.input) == 0.0 or not np.any(np.isfinite(part.output)):
+            return None
+        short.append(part)
+    return short
+
+
+def output_noise(model: Model, data: list[Data]) -> Array:
+    """Standard deviation of each output's measurement noise.
+
+    Taken from the model file where that states it, from the data's high-frequency
+    part otherwise (median over the records).
+
+    Returns
+    -------
+    array, shape (p,)
+        In the outputs' units, positive.
+    """
+    values = np.empty(len(model.outputs))
+    for column, output in enumerate(model.outputs):
+        if output.noise is not None and output.noise > 0.0:
+            values[column] = output.noise
+            continue
+        found = [noise_std(d.output[:, column]) for d in data]
+        found = [value for value in found if value > 0.0]
+        values[column] = float(np.median(found)) if found else 1.0
+    return values
+
+
+def output_groups(data: list[Data]) -> list[list[int]]:
+    """Outputs that are measured at the same instants, as lists of columns.
+
+    Outputs of one group share a vector noise model; groups sampled at different
+    instants are treated as independent. Never measured outputs are in no group.
+    """
+    known = np.concatenate([np.isfinite(d.output) for d in data])
+    groups: list[list[int]] = []
+    for column in range(known.shape[1]):
+        if not np.any(known[:, column]):
+            continue
+        for group in groups:
+            # Outputs of one message miss the same samples; a stray NaN does not split them.
+            if np.mean(known[:, group[0]] != known[:, column]) < 0.02:
+                group.append(column)
+                break
+        else:
+            groups.append([column])
+    return groups
+
+
+def first_motion(model: Model, data: Data) -> tuple[Array, Array]:
+    """Position and velocity of every body at the first sample, from the first few samples.
+
+    Returns
+    -------
+    position, velocity : array, shape (bodies,)
+        Bodies without a sensor take the motion of the nearest body that has one.
+    """
+    bodies = len(model.bodies)
+    position, velocity = np.full(bodies, np.nan), np.full(bodies, np.nan)
+    window = min(10, len(data.time))
+    elapsed = data.time[:window] - data.time[0]
+    for body, (place, speed) in enumerate(body_sensors(model)):
+        if place is not None:
+            y = data.output[:window, place] / model.outputs[place].scale
+            known = np.isfinite(y)
+            if np.sum(known) >= 4:
+                velocity[body], position[body] = np.polyfit(elapsed[known], y[known], 1)
+            elif np.any(known):
+                position[body] = y[known][0]
+        if speed is not None:
+            y = data.output[:window, speed] / model.outputs[speed].scale
+            known = np.isfinite(y)
+            if np.any(known):
+                velocity[body] = float(np.mean(y[known][:3]))
+    return _spread(position), _spread(velocity)
+
+
+def travel(model: Model, data: Data) -> float:
+    """Typical travel of the bodies in a record [position unit], never 0."""
+    spans = [1e-9]
+    for place, speed in body_sensors(model):
+        if place is not None and np.any(np.isfinite(data.output[:, place])):
+            y = data.output[:, place] / model.outputs[place].scale
+            spans.append(float(np.nanmax(y) - np.nanmin(y)))
+        elif speed is not None and np.any(np.isfinite(data.output[:, speed])):
+            y = data.output[:, speed] / model.outputs[speed].scale
+            spans.append(float(np.nanstd(y)) * float(data.time[-1] - data.time[0]))
+    return max(spans)
+
+
+def _spread(values: Array) -> Array:
+    """Fill bodies without a value from the nearest one; 0 when none has one."""
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) == 0:
+        return np.zeros_like(values)
+    nearest = [known[int(np.argmin(np.abs(known - i)))] for i in range(len(values))]
+    return np.asarray(values[nearest])
+
+
+def force_scale(engine: Engine, data: list[Data]) -> float:
+    """Typical drive force of the records: gain times the command's root mean square.
+
+    Returns
+    -------
+    float
+        Positive.
+    """
+    linear = engine.linearise(None)
+    gain = float(np.linalg.norm(linear.B)) / max(float(np.linalg.norm(linear.G)), 1e-300)
+    level = float(np.sqrt(np.mean(np.concatenate([d.input for d in data]) ** 2)))
+    return max(gain * level, 1e-12)

@@ -1,0 +1,310 @@
+"""Describing function between two recorded signals of a stepped-sine experiment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from idloop.errors import InputError
+from idloop.estimation.describing_functions.describing_function import DescribingFunction, Places
+from idloop.estimation.describing_functions.dwell import Dwell, find_dwells
+from idloop.estimation.describing_functions.harmonics import Floats
+from idloop.estimation.describing_functions.linear_part import linear_part
+from idloop.estimation.describing_functions.plain import plain_list
+from idloop.estimation.describing_functions.recorded_signal import RecordedSignal, recorded_signal
+from idloop.estimation.describing_functions.sine_drive import HARMONICS
+from idloop.estimation.describing_functions.sine_fit import SineFit, held_sine_fit, sine_fit
+from idloop.records import Record
+
+# Frequencies beside the fundamental at which the noise is read: enough to average, near enough to be like it.
+BESIDE = 8
+# Fitted unknowns need more samples than this many times their number.
+SAMPLES_PER_UNKNOWN = 2
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeasuredDescribingFunction(DescribingFunction):
+    """A describing function measured from records, with how sure each point is.
+
+    Attributes
+    ----------
+    record : tuple of str, length n
+        Record of each point.
+    source, target : str
+        The two signals.
+    stderr : ndarray, shape (n,)
+        Standard error of the complex gain, rms of its distance from the true one; NaN where one period
+        leaves no frequency beside the fundamental to read the noise at.
+    radius : ndarray, shape (n,)
+        Radius of the circle around the gain that holds the true one with the given probability.
+    probability : float
+        Of the circle.
+    source_distortion : ndarray, shape (n,)
+        Total harmonic distortion of the source: a describing function asks for a sine.
+    periods : ndarray of int, shape (n,)
+        Periods fitted.
+    """
+
+    record: tuple[str, ...]
+    source: str
+    target: str
+    stderr: Floats
+    radius: Floats
+    probability: float
+    source_distortion: Floats
+    periods: Floats
+
+    def without(self, system: Any, delay: float = 0.0) -> MeasuredDescribingFunction:
+        """Divide a known linear part out: what is left is the element before it (exactly) or behind it.
+
+        A linear part behind the element passes the first harmonic whatever the others are. One before it
+        changes the amplitude at the element as well: measure from the signal between them instead.
+
+        Parameters
+        ----------
+        system : control.TransferFunction or control.StateSpace
+            From the element's output to the target.
+        delay : float
+            Further delay [s].
+
+        Returns
+        -------
+        MeasuredDescribingFunction
+            Its distortion and harmonics are unknown (NaN): those of the target passed through the linear part.
+
+        Raises
+        ------
+        InputError
+            Not such a system, or it passes nothing at a frequency.
+        """
+        response = linear_part(system, delay).response(self.frequency)
+        if not np.all(np.isfinite(response)) or np.any(response == 0.0):
+            raise InputError(f"{self.name}: the linear part has a pole or a zero at one of the frequencies")
+        size = np.abs(response)
+        return replace(
+            self,
+            gain=self.gain / response,
+            stderr=self.stderr / size,
+            radius=self.radius / size,
+            distortion=np.full_like(self.distortion, np.nan),
+            harmonics=np.full_like(self.harmonics, np.nan),
+            output_unit="",
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON; numbers that are not finite become None."""
+        return {
+            **super().to_dict(),
+            "source": self.source,
+            "target": self.target,
+            "record": list(self.record),
+            "stderr": plain_list(self.stderr),
+            "radius": plain_list(self.radius),
+            "probability": self.probability,
+            "source_distortion": plain_list(self.source_distortion),
+            "periods": [int(count) for count in self.periods],
+        }
+
+    def _draw(self, axes: Any, x: Floats, places: Places, label: str) -> None:
+        super()._draw(axes, x, places, label)
+        colour = axes[0].lines[-1].get_color()
+        size, radius = np.abs(self.gain[places]), self.radius[places]
+        known = np.isfinite(radius)
+        axes[0].errorbar(x[known], size[known], radius[known], fmt="none", ecolor=colour, capsize=2)
+        # The angle under which the circle is seen; all of them where it holds the origin.
+        angle = np.degrees(np.arcsin(np.minimum(radius / np.maximum(size, 1e-300), 1.0)))
+        phase = np.degrees(np.angle(self.gain[places]))
+        axes[1].errorbar(x[known], phase[known], angle[known], fmt="none", ecolor=colour, capsize=2)
+
+
+def measure_describing_function(
+    records: Record | Sequence[Record],
+    source: str | None,
+    target: str,
+    dwells: Sequence[Dwell] | Sequence[Sequence[Dwell]] | None = None,
+    *,
+    harmonics: int = HARMONICS,
+    trend: bool = True,
+    probability: float = 0.95,
+) -> MeasuredDescribingFunction:
+    """Measure the describing function from one recorded signal to another, step by step.
+
+    Of each step the last whole periods are fitted. Commands, references and excitations are taken as held
+    between their stamps, outputs as sampled. The noise is read beside the fundamental, from what the target
+    does there that the measured gain does not explain by the source: coloured noise and noise on both count.
+
+    Parameters
+    ----------
+    records : Record or sequence of Record
+        Experiments, such as one for each amplitude.
+    source : str or None
+        Name of the input signal; None: the command. See `recorded_signal` for the names.
+    target : str
+        Name of the output signal.
+    dwells : sequence of Dwell, optional
+        From `dwells_of` (one sequence, or one for each record); by default found in the commands.
+    harmonics : int
+        Highest harmonic fitted, where the sample rate allows.
+    trend : bool
+        Let outputs drift along a straight line within a step.
+    probability : float
+        Of the confidence circle.
+
+    Returns
+    -------
+    MeasuredDescribingFunction
+        Points in the order of records and steps.
+
+    Raises
+    ------
+    InputError
+        No records, no such signal, no steps, a step outside the record, too short or too coarsely sampled,
+        or without a source's sine.
+    """
+    every = [records] if isinstance(records, Record) else list(records)
+    if not every:
+        raise InputError("describing function: no records; give at least one")
+    if not 0.0 < probability < 1.0 or harmonics < 1:
+        raise InputError(
+            f"describing function: probability {probability:g}, {harmonics} harmonics; take 0 to 1, and 1 or more"
+        )
+    rows: list[_Point] = []
+    names: list[str] = []
+    units = ("", "")
+    for index, record in enumerate(every):
+        origin = recorded_signal(record, record.input_name if source is None else source)
+        answer = recorded_signal(record, target)
+        steps = _dwells_for(record, dwells, index, len(every))
+        rows += [_point(record, origin, answer, dwell, harmonics, trend, probability) for dwell in steps]
+        names += [record.name] * len(steps)
+        units = (origin.unit, answer.unit)
+    source_name = every[0].input_name if source is None else source
+    return MeasuredDescribingFunction(
+        name=f"{source_name} → {target}",
+        amplitude=np.array([row.amplitude for row in rows]),
+        frequency=np.array([row.frequency for row in rows]),
+        gain=np.array([row.gain for row in rows], dtype=np.complex128),
+        distortion=np.array([row.distortion for row in rows]),
+        harmonics=np.array([row.harmonics for row in rows]),
+        input_unit=units[0],
+        output_unit=units[1],
+        record=tuple(names),
+        source=source_name,
+        target=target,
+        stderr=np.array([row.stderr for row in rows]),
+        radius=np.array([row.radius for row in rows]),
+        probability=probability,
+        source_distortion=np.array([row.source_distortion for row in rows]),
+        periods=np.array([row.periods for row in rows], dtype=np.float64),
+    )
+
+
+@dataclass(frozen=True)
+class _Point:
+    amplitude: float
+    frequency: float
+    gain: complex
+    distortion: float
+    harmonics: Floats
+    stderr: float
+    radius: float
+    source_distortion: float
+    periods: int
+
+
+def _dwells_for(
+    record: Record, dwells: Sequence[Dwell] | Sequence[Sequence[Dwell]] | None, index: int, count: int
+) -> Sequence[Dwell]:
+    if dwells is None:
+        return find_dwells(record)
+    one = [dwell for dwell in dwells if isinstance(dwell, Dwell)]
+    if one:
+        return one
+    if len(dwells) != count:
+        raise InputError(
+            f"describing function: dwells of {len(dwells)} records for {count}; give one sequence for each"
+        )
+    each = dwells[index]
+    return each if not isinstance(each, Dwell) else [each]
+
+
+def _point(
+    record: Record,
+    source: RecordedSignal,
+    target: RecordedSignal,
+    dwell: Dwell,
+    harmonics: int,
+    trend: bool,
+    probability: float,
+) -> _Point:
+    where = f"{record.name}: step at {dwell.start:g} s, {dwell.frequency:g} Hz"
+    periods = math.floor(dwell.periods + 1e-3)
+    if not (dwell.frequency > 0.0 and periods >= 1):
+        raise InputError(f"{where}: shorter than one period; dwell longer")
+    start = dwell.stop - periods / dwell.frequency
+    # Frequencies beside the fundamental that fit the stretch and are no harmonic of it.
+    order = np.arange(1, periods + 2 * BESIDE + 2)
+    order = order[order % periods != 0] if periods > 1 else order[:0]
+    nearest = order[np.argsort(np.abs(order - periods), kind="stable")][:BESIDE]
+    beside = np.sort(nearest) * dwell.frequency / periods
+    fits = [_fit(where, signal, dwell, start, harmonics, trend, beside) for signal in (source, target)]
+    (origin, answer), (u, y) = fits, (fits[0].phasors[0], fits[1].phasors[0])
+    scale = float(np.max(np.abs(source.value)))
+    if abs(u) <= 1e-9 * scale or scale == 0.0:
+        raise InputError(f"{where}: no sine of this frequency in {source.name}; check the dwells and the source")
+    gain = y / u
+    stderr = radius = float("nan")
+    if beside.size:
+        from scipy.stats import f
+
+        left = answer.beside - gain * origin.beside
+        stderr = float(np.sqrt(np.mean(np.abs(left) ** 2))) / abs(u)
+        radius = stderr * math.sqrt(float(f.ppf(probability, 2, 2 * beside.size)))
+    shares = np.full(harmonics - 1, np.nan)
+    found = np.abs(answer.phasors[1:]) / max(abs(y), 1e-300)
+    shares[: found.size] = found
+    return _Point(
+        amplitude=abs(u),
+        frequency=dwell.frequency,
+        gain=complex(gain),
+        distortion=answer.distortion,
+        harmonics=shares,
+        stderr=stderr,
+        radius=radius,
+        source_distortion=origin.distortion,
+        periods=periods,
+    )
+
+
+def _fit(
+    where: str, signal: RecordedSignal, dwell: Dwell, start: float, harmonics: int, trend: bool, beside: Floats
+) -> SineFit:  # fmt: skip
+    """Harmonics of one signal over one step, as many as its samples can tell."""
+    step = float(np.median(np.diff(signal.time)))
+    slack = 0.5 * step
+    # A held signal is known from its first stamp on for good, a sampled one between its stamps.
+    late = not signal.held and signal.time[-1] < dwell.stop - 1.5 * step
+    if signal.time[0] > start + slack or late:
+        raise InputError(
+            f"{where}: {signal.name} was recorded from {signal.time[0]:g} to {signal.time[-1]:g} s; "
+            "the step does not lie in it"
+        )
+    most = min(harmonics, math.ceil(0.5 / (step * dwell.frequency)) - 1)
+    if most < 1:
+        raise InputError(f"{where}: {signal.name} is sampled every {step:g} s, too coarsely for this frequency")
+    if signal.held:
+        return held_sine_fit(signal.time, signal.value, start, dwell.stop, dwell.frequency, most, beside=beside)
+    inside = (signal.time >= start - 1e-6 * step) & (signal.time < dwell.stop - 1e-6 * step)
+    unknowns = 2 * most + 1 + int(trend)
+    if int(inside.sum()) < SAMPLES_PER_UNKNOWN * unknowns:
+        raise InputError(
+            f"{where}: {int(inside.sum())} samples of {signal.name} for {unknowns} unknowns; "
+            "dwell longer or ask for fewer harmonics"
+        )
+    return sine_fit(
+        signal.time[inside], signal.value[inside], dwell.frequency, most, trend=trend, beside=beside
+    )  # fmt: skip

@@ -1,0 +1,17 @@
+"""Numbers as JSON knows them."""
+
+from __future__ import annotations
+
+import math
+
+from idloop.estimation.describing_functions.harmonics import Floats
+
+
+def plain(value: float) -> float | None:
+    """Return the number, or None where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def plain_list(values: Floats) -> list[float | None]:
+    """Return the numbers of an array, shape (n,), None where they are not finite."""
+    return [plain(value) for value in values.tolist()]

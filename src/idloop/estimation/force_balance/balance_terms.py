@@ -1,0 +1,663 @@
+"""The terms of a force balance along a measured motion, each kept for as long as its own parameters stay.
+
+Of a measured motion every force of a model is a sum of terms that do not depend on each other: inertia, springs, the
+drive, each effect at a body, the dry friction of each body. A fit moves one parameter at a time, and candidate models
+share all effects but one, so that next to every evaluation needs one new term or none. Only a body that stands couples
+them: its dry friction takes what all others leave.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from idloop.estimation.force_balance.held_command import CommandAround
+from idloop.physics import kernel
+from idloop.physics.conditions import Conditions
+from idloop.physics.effect import BODY, COUPLING, INPUT, Effect
+from idloop.physics.layout import lay_out
+from idloop.physics.model import ActiveEffect, Model, values_of
+
+Array = NDArray[np.float64]
+Places = NDArray[np.int64]
+Values = Mapping[str, float]
+
+# Memory for the terms that are kept [bytes], and how many it has room for at least.
+_KEPT, _FEWEST_KEPT = 32_000_000, 16
+# A change of the command by this part of its rms shows how far the balance still depends on it.
+PROBE = 1e-3
+# Places of the arguments of a friction and a force that depend on other terms: the torque that arrives, the inertia.
+_ARRIVING = _INERTIA = 2
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Motion (m, bodies) of all bodies at m instants that follow each other, and what conditions there are."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    conditions: Conditions | None
+
+    def at(self, places: Places) -> Instants:
+        """The motion at some instants, in any order, as if they followed each other."""
+        before, time = self.time[places], np.arange(len(places), dtype=float)
+        conditions = None if self.conditions is None else self.conditions.sampled(before, time)
+        return Instants(time, self.position[places], self.velocity[places], self.acceleration[places], conditions)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One force along a motion.
+
+    Attributes
+    ----------
+    weak : array, shape (rows,)
+        Its mean over every window, weighted by the test function.
+    near : array, shape (k,)
+        Itself at the instants near rest.
+    """
+
+    weak: Array
+    near: Array
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return self.weak.nbytes + self.near.nbytes
+
+    def __mul__(self, factor: float) -> Term:
+        return Term(factor * self.weak, factor * self.near)
+
+
+@dataclass(frozen=True)
+class DriveTerm:
+    """Force of the drive along a motion, per gain; around an instant near rest at which the command jumps, both sides.
+
+    Attributes
+    ----------
+    weak : array, shape (rows,)
+        As of `Term`.
+    near : array, shape (k + 2 j,)
+        At k instants near rest, then before and after j jumps among them.
+    jumps : array of int, shape (j,)
+        Which of the k instants those are.
+    late : array, shape (j,)
+        Part of the sample time around them after the jump.
+    probe : callable
+        What small changes of the command do to both, one by one.
+    sent : array, shape (rows,)
+        Rms of these changes in every window.
+    """
+
+    weak: Array
+    near: Array
+    jumps: Places
+    late: Array
+    probe: Callable[[], list[tuple[Array, Array]]]
+    sent: Array
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return 3 * (self.weak.nbytes + self.near.nbytes)
+
+    @cached_property
+    def changes(self) -> list[tuple[Array, Array]]:
+        """What `probe` finds."""
+        return self.probe()
+
+    @property
+    def mean(self) -> Array:
+        """At the instants near rest, shape (k,): of two sides the mean."""
+        return _mean_of_sides(self.near, len(self.near) - 2 * len(self.jumps), self.jumps, self.late)
+
+    def response(self, changed: Callable[[Array, Array], Array]) -> Array:
+        """How far something in every window depends on the command: a function of what the drive changes, (rows,)."""
+        squares = sum(changed(weak, near) ** 2 for weak, near in self.changes)
+        return np.asarray(np.sqrt(squares / np.maximum(self.sent**2, 1e-300)))
+
+
+@dataclass(frozen=True)
+class _Friction:
+    """Dry friction of a body: as a term of a body that moves, and the levels at which it breaks away."""
+
+    weak: Array
+    near: Array
+    ahead: Array
+    back: Array
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return self.weak.nbytes + 3 * self.near.nbytes
+
+    def __mul__(self, factor: float) -> _Friction:
+        return _Friction(factor * self.weak, factor * self.near, factor * self.ahead, factor * self.back)
+
+
+def _mean_of_sides(values: Array, count: int, jumps: Places, late: Array) -> Array:
+    """Of values at instants, then before and after some of them, those at the instants."""
+    found = values[:count]
+    if len(jumps):
+        found = found.copy()
+        sides = values[count:].reshape(2, len(jumps), *values.shape[1:])
+        late = late.reshape(-1, *np.ones(values.ndim - 1, dtype=int))
+        found[jumps] = (1.0 - late) * sides[0] + late * sides[1]
+    return found
+
+
+@njit(cache=True, nogil=True)
+def windowed(values: Array, rows: Places, weights: Array) -> Array:
+    """Weighted sums of the columns of values (n, b) over the windows that begin at some rows."""
+    sums = np.zeros((len(rows), values.shape[1]))
+    for row in range(len(rows)):
+        for k in range(len(weights)):
+            for column in range(values.shape[1]):
+                sums[row, column] += weights[k] * values[rows[row] + k, column]
+    return sums
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _with_friction(left: Array, speed: Array, rest: float, moving: Array, ahead: Array, back: Array) -> Array:
+    """What a dry friction changes of the unexplained force ``left`` of a body near rest, shape (k,)."""
+    change = np.empty(len(left))
+    for k in range(len(left)):
+        if speed[k] > rest:
+            change[k] = moving[k]
+        elif left[k] > 0.0:
+            change[k] = max(left[k] - back[k], 0.0) - left[k]
+        else:
+            change[k] = -max(-left[k] - ahead[k], 0.0) - left[k]
+    return change
+
+
+class MotionInWindows:
+    """The measured motion of records, windows over it, and the forces along it that were asked for last.
+
+    Parameters
+    ----------
+    motions : sequence of Instants
+        One for each stretch of a record.
+    commands : callable
+        From a time to the commands around the instants of all stretches, so much earlier [s].
+    rows : array of int, shape (rows,)
+        First sample of every window, of all stretches one after the other.
+    weights : array, shape (width,)
+        Of the samples of a window.
+    inertial : array, shape (rows, bodies)
+        Weak acceleration of every body.
+    slowest : float
+        No speed below which a body counts as standing is above it [m/s or rad/s].
+    """
+
+    def __init__(
+        self, motions: Sequence[Instants], commands: Callable[[float], CommandAround], rows: Places, weights: Array,
+        inertial: Array, slowest: float,
+    ) -> None:  # fmt: skip
+        self.motions, self.commands, self.rows, self.weights = tuple(motions), commands, rows, weights
+        self.inertial = inertial
+        self.whole = _joined(self.motions)
+        mean = commands(0.0).mean
+        self.command_rms = float(np.sqrt(np.mean(mean**2)))
+        self.weak_command = self.weak(mean)
+        self.near = np.flatnonzero(np.any(np.abs(self.whole.velocity) <= slowest, axis=1))
+        self.speed = np.abs(self.whole.velocity[self.near])
+        self.near_rest = self.whole.at(self.near)
+        # Of every instant its place among those near rest, -1 of others.
+        self.place = np.full(len(self.whole.time), -1)
+        self.place[self.near] = np.arange(len(self.near))
+        self._kept: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
+        self._size, self._lock = 0, Lock()
+        self._most = max(_KEPT, _FEWEST_KEPT * 8 * (len(rows) + len(self.near)))
+
+    def weak(self, values: Array) -> Array:
+        """Mean of a signal (m,) over every window, shape (rows,)."""
+        return np.asarray(windowed(np.ascontiguousarray(values)[:, None], self.rows, self.weights)[:, 0])
+
+    @cached_property
+    def spread(self) -> Any:
+        """From values at the instants near rest to their part of every window, sparse (rows, k)."""
+        width = len(self.weights)
+        row, offset = np.divmod(np.arange(len(self.rows) * width), width)
+        column = self.place[self.rows[row] + offset]
+        there = column >= 0
+        shape = (len(self.rows), len(self.near))
+        return csr_array((self.weights[offset[there]], (row[there], column[there])), shape=shape)
+
+    def waves(self, *, slow_and_quick: bool) -> tuple[list[Array], Array]:
+        """Small changes of the command (m,), and their rms in every window (rows,).
+
+        A constant one; of what lags two square waves, a quarter of a period apart: it passes no quick changes.
+        """
+        return self._square_waves if slow_and_quick else self._constant
+
+    @cached_property
+    def _constant(self) -> tuple[list[Array], Array]:
+        probe = PROBE * self.command_rms
+        return [np.full(len(self.whole.time), probe)], np.full(len(self.rows), probe)
+
+    @cached_property
+    def _square_waves(self) -> tuple[list[Array], Array]:
+        probe = PROBE * self.command_rms
+        counts = [np.arange(len(motion.time)) / len(self.weights) for motion in self.motions]
+        waves = [
+            np.concatenate([np.where((count + late) % 2.0 < 1.0, probe, -probe) for count in counts])
+            for late in (0.0, 0.5)
+        ]
+        return waves, np.asarray(np.sqrt(sum(self.weak(wave) ** 2 for wave in waves)))
+
+    @cached_property
+    def weak_velocity(self) -> Array:
+        """Velocity of every body in every window, shape (rows, bodies)."""
+        return np.asarray(windowed(self.whole.velocity, self.rows, self.weights))
+
+    @cached_property
+    def weak_position(self) -> Array:
+        """Position of every body in every window, shape (rows, bodies)."""
+        return np.asarray(windowed(self.whole.position, self.rows, self.weights))
+
+    def kept(self, key: Any, made: Callable[[], Any]) -> Any:
+        """What was made for a key before, or is made now."""
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key][0]
+        found = made()
+        size = int(getattr(found, "nbytes", 0))
+        with self._lock:
+            if key not in self._kept:
+                self._kept[key] = found, size
+                self._size += size
+            while self._size > self._most and len(self._kept) > 1:
+                self._size -= self._kept.popitem(last=False)[1][1]
+        return found
+
+    def term(self, values: Array) -> Term:
+        """A force given at all instants."""
+        return Term(self.weak(values), values[self.near])
+
+
+def _joined(motions: Sequence[Instants]) -> Instants:
+    """Motions one after the other."""
+    step = float(np.median(np.diff(motions[0].time[:100])))
+    times, conditions, after = [], [], 0.0
+    for motion in motions:
+        times.append(motion.time - motion.time[0] + after)
+        if motion.conditions is not None:
+            conditions.append(motion.conditions.sampled(motion.time, times[-1]))
+        after = float(times[-1][-1]) + step
+    return Instants(
+        np.concatenate(times),
+        np.concatenate([motion.position for motion in motions]),
+        np.concatenate([motion.velocity for motion in motions]),
+        np.concatenate([motion.acceleration for motion in motions]),
+        Conditions.joined(conditions) if len(conditions) == len(motions) else None,
+    )
+
+
+class _Commands:
+    """The commands around all instants, so much earlier [s]: of each its mean, then both sides of every jump."""
+
+    def __init__(self, along: MotionInWindows, timing: float) -> None:
+        self._along, self.around = along, along.commands(timing)
+        around, count = self.around, len(self.around.mean)
+        self.command = np.concatenate([around.mean, around.before, around.after])
+        self.instants = np.concatenate([np.arange(count), around.jumps, around.jumps])
+        self.time = np.arange(len(self.instants), dtype=float)
+        self.velocity = along.whole.velocity[self.instants, 0]
+        kept = np.flatnonzero(along.place[around.jumps] >= 0)
+        self.jumps, self.late, sides = along.place[around.jumps[kept]], around.late[kept], count + kept
+        self.near = np.concatenate([along.near, sides, sides + len(around.jumps)])
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return 6 * self.command.nbytes
+
+    def both(self, force: Array) -> tuple[Array, Array]:
+        """A force at the same in every window, and near rest."""
+        around = self.around
+        return self._along.weak(_mean_of_sides(force, len(around.mean), around.jumps, around.late)), force[self.near]
+
+
+def _numbers(active: ActiveEffect, values: Values) -> tuple[float, ...]:
+    return tuple(values_of(active, values).values())
+
+
+def _identity(effect: Effect) -> tuple[str, str, int]:
+    """What tells an effect from others of any catalogue."""
+    return effect.name, effect.site, id(effect)
+
+
+class BalanceTerms:
+    """What a model leaves unexplained of a measured motion, term by term.
+
+    Parameters
+    ----------
+    model : Model
+        All of its bodies are measured.
+    along : MotionInWindows
+    """
+
+    def __init__(self, model: Model, along: MotionInWindows) -> None:
+        self.model, self.along = model, along
+        effects = [one for one in model.effects if not one.effect.splits]
+        self.inputs = [one for one in effects if one.effect.site == INPUT]
+        self._forces = [one for one in effects if one.effect.site == BODY and one.effect.force is not None]
+        self._place = {body: index for index, body in enumerate(model.bodies)}
+        dry = [one for one in effects if one.effect.friction is not None]
+        self._dry = {
+            index: several for body, index in self._place.items() if (several := [one for one in dry if one.at == body])
+        }
+        self._coupled = {
+            joint: several
+            for joint, coupling in enumerate(model.couplings)
+            if (several := [one for one in effects if one.effect.site == COUPLING and one.at == coupling])
+        }
+        # What a lag passes on depends on how quickly the command changes.
+        self._lags = any(one.effect.settle is not None for one in self.inputs)
+
+    def residual(self, values: Values, timing: float, rest: float) -> Array:
+        """Unexplained force of every window, shape (rows, bodies): inertial force minus all modelled forces.
+
+        Parameters
+        ----------
+        values : mapping
+            Of all parameters.
+        timing : float
+            From the stamp of a command to its action [s].
+        rest : float
+            Speed below which a body counts as standing [m/s or rad/s].
+        """
+        weak, near, drive = self._left(values, timing)
+        for body in self._dry:
+            friction = self._friction(body, values)
+            change = self._change(body, friction, near[:, body], drive if body == 0 else None, rest)
+            weak[:, body] += friction.weak + self.along.spread @ change
+        return weak
+
+    def slope(self, values: Values, timing: float, rest: float) -> Array:
+        """How far the driven body's balance in every window depends on the command, shape (rows,) [force per input]."""
+        drive = self._drive(values, timing)
+        if 0 not in self._dry:
+            return drive.response(lambda weak, near: weak)
+        friction, left = self._friction(0, values), self._left(values, timing)[1][:, 0]
+        base = self._change(0, friction, left, drive, rest)
+
+        def changed(weak: Array, near: Array) -> Array:
+            other = self._change(0, friction, left, drive, rest, near)
+            return np.asarray(self.along.spread @ (other - base) - weak)
+
+        return drive.response(changed)
+
+    def drives(self, values: Values, timing: float) -> tuple[Array, Array]:
+        """Force of the drive in every window, and how far that depends on the command, each of shape (rows,)."""
+        drive = self._drive(values, timing)
+        return drive.weak, drive.response(lambda weak, near: weak)
+
+    def _left(self, values: Values, timing: float) -> tuple[Array, Array, DriveTerm]:
+        """Unexplained force without dry friction in every window and near rest, and the drive."""
+        along, bodies = self.along, self.model.bodies
+        inertia = np.array([values[f"{body}.inertia"] for body in bodies])
+        viscous = np.array([values[f"{body}.viscous_friction"] for body in bodies])
+        weak = inertia * along.inertial + viscous * along.weak_velocity
+        near = inertia * along.near_rest.acceleration + viscous * along.near_rest.velocity
+        drive = self._drive(values, timing)
+        weak[:, 0] -= drive.weak
+        near[:, 0] -= drive.mean
+        for active in self._forces:
+            force, body = self._force(active, values), self._place[active.at]
+            weak[:, body] -= force.weak
+            near[:, body] -= force.near
+        for joint, coupling in enumerate(self.model.couplings):
+            torque = self._torque(joint, coupling, values)
+            for body, sign in ((joint, 1.0), (joint + 1, -1.0)):
+                weak[:, body] += sign * torque.weak
+                near[:, body] += sign * torque.near
+        return weak, near, drive
+
+    def _change(
+        self, body: int, friction: _Friction, left: Array, drive: DriveTerm | None, rest: float,
+        changed: Array | None = None,
+    ) -> Array:  # fmt: skip
+        """What a dry friction changes of the unexplained force of a body near rest, shape (k,)."""
+        left, speed = np.ascontiguousarray(left), np.ascontiguousarray(self.along.speed[:, body])
+        if changed is not None and drive is not None:
+            left = left - _mean_of_sides(changed, len(left), drive.jumps, drive.late)
+        found: Array = _with_friction(left, speed, rest, friction.near, friction.ahead, friction.back)
+        if drive is None or not len(drive.jumps):
+            return found
+        # A command that jumps may leave a body at rest before it and not after it.
+        count, jumps = len(left), drive.jumps
+        sides = drive.near[count:] + (0.0 if changed is None else changed[count:])
+        both = np.tile(jumps, 2)
+        mean = drive.mean + (0.0 if changed is None else _mean_of_sides(changed, count, drive.jumps, drive.late))
+        aside = _with_friction(
+            left[both] + mean[both] - sides, speed[both], rest, friction.near[both], friction.ahead[both],
+            friction.back[both],
+        )  # fmt: skip
+        return _mean_of_sides(np.concatenate([found, aside]), count, jumps, drive.late)
+
+    def _alone(self, kept: Sequence[ActiveEffect], values: Values, chain: int | None = None) -> Any:
+        """The compiled model with some effects only, without a drive, and of the chain one coupling at most."""
+        others = [one.name for one in self.model.effects if one not in kept]
+        model = self.along.kept(
+            ("model", self.model.bodies, self.model.couplings, tuple(one.name for one in kept)),
+            lambda: self.model.without_effects(others),
+        )
+        layout = lay_out(model, values, final=False)
+        axis, constants = layout.axis, layout.axis.constants.copy()
+        constants[kernel.GAIN] = constants[kernel.DELAY] = 0.0
+        only = np.zeros(len(axis.stiffness))
+        if chain is not None:
+            only[chain] = 1.0
+        axis = axis._replace(
+            constants=constants, viscous=np.zeros_like(axis.viscous), stiffness=only * axis.stiffness,
+            damping=only * axis.damping,
+        )  # fmt: skip
+        return layout, axis
+
+    def _balance(
+        self, layout: Any, axis: Any, commands: Sequence[Array] | None = None, *, memory: bool = True
+    ) -> Array:
+        """Minus all forces of a compiled model at all instants, shape (m, bodies)."""
+        along, found = self.along, []
+        motions = along.motions if memory else (along.whole,)
+        for index, motion in enumerate(motions):
+            own, count = axis, len(motion.time)
+            if motion.conditions is not None and layout.wanted:
+                one = layout.under(motion.conditions).axis
+                own = axis._replace(condition_time=one.condition_time, condition=one.condition)
+            left, required = np.empty((count, layout.bodies)), np.empty(count)
+            command = np.zeros(count) if commands is None else np.ascontiguousarray(commands[index])
+            kernel.balance(
+                own, motion.time, motion.position, motion.velocity, np.zeros_like(motion.velocity), motion.time,
+                command, -1.0, layout.new_state(), left, required,
+            )  # fmt: skip
+            found.append(left)
+        return np.concatenate(found)
+
+    def _force(self, active: ActiveEffect, values: Values) -> Term:
+        """An effect at a body."""
+        numbers, size = _numbers(active, values), 1.0
+        if active.effect.proportional:
+            size, numbers = numbers[0], (1.0, *numbers[1:])
+            if size == 0.0:
+                return Term(np.zeros(len(self.along.rows)), np.zeros(len(self.along.near)))
+
+        def made() -> Term:
+            strength = {f"{active.name}.{active.effect.parameters[0].name}": numbers[0]} if numbers else {}
+            layout, axis = self._alone([active], {**values, **strength})
+            left = self._balance(layout, axis, memory=active.effect.settle is not None)
+            return self.along.term(-left[:, self._place[active.at]])
+
+        hooks = (active.effect.force, active.effect.settle)
+        inertia = (
+            values[f"{active.at}.inertia"] if any(one is not None and one.arguments[_INERTIA] for one in hooks) else 0.0
+        )
+        found: Term = self.along.kept((_identity(active.effect), self._place[active.at], numbers, inertia), made)
+        return found * size if size != 1.0 else found
+
+    def _torque(self, joint: int, coupling: str, values: Values) -> Term:
+        """What a coupling carries from a body to the next one."""
+        along, several = self.along, self._coupled.get(joint, [])
+        stiffness, damping = values[f"{coupling}.stiffness"], values[f"{coupling}.damping"]
+        if not several:
+            weak = [q[:, joint] - q[:, joint + 1] for q in (along.weak_position, along.weak_velocity)]
+            near = [q[:, joint] - q[:, joint + 1] for q in (along.near_rest.position, along.near_rest.velocity)]
+            return Term(stiffness * weak[0] + damping * weak[1], stiffness * near[0] + damping * near[1])
+
+        def made() -> Term:
+            layout, axis = self._alone(several, values, joint)
+            memory = any(one.effect.settle is not None for one in several)
+            return along.term(self._balance(layout, axis, memory=memory)[:, joint])
+
+        numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in several)
+        found: Term = along.kept((joint, stiffness, damping, numbers), made)
+        return found
+
+    def _friction(self, body: int, values: Values) -> _Friction:
+        """Dry friction of a body that moves faster than those near rest, and near rest."""
+        several, size = self._dry[body], 1.0
+        numbers = [_numbers(one, values) for one in several]
+        if len(several) == 1 and several[0].effect.proportional and numbers[0][0] >= 0.0:
+            size, numbers[0] = numbers[0][0], (1.0, *numbers[0][1:])
+
+        def made() -> _Friction:
+            strength = {f"{several[0].name}.{several[0].effect.parameters[0].name}": numbers[0][0]}
+            layout, axis = self._alone(several, {**values, **strength})
+            # An effect may act through a force as well, which is a term of its own.
+            none = np.zeros((0, axis.body_hooks.shape[1]), dtype=np.int64)
+            left = self._balance(layout, axis._replace(body_hooks=none), memory=False)
+            moving, near = left[:, body], self.along.near_rest
+            slow = moving[self.along.near]
+            moving[self.along.near] = 0.0
+            if near.conditions is not None and layout.wanted:
+                one = layout.under(near.conditions).axis
+                axis = axis._replace(condition_time=one.condition_time, condition=one.condition)
+            levels = np.empty((len(near.time), 2))
+            kernel.breakaway_levels(axis, near.time, near.position, body, layout.new_state(), levels)
+            return _Friction(self.along.weak(moving), slow, levels[:, 0], levels[:, 1])
+
+        keys = tuple((_identity(one.effect), *own) for one, own in zip(several, numbers, strict=True))
+        found: _Friction = self.along.kept(("friction", body, keys), made)
+        return found * size if size != 1.0 else found
+
+    def _drive(self, values: Values, timing: float) -> DriveTerm:
+        """The drive and the effects at its input, with its gain."""
+        along, gain = self.along, values["drive.gain"]
+        numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in self.inputs)
+        found = along.kept(("drive", timing, numbers), lambda: self._drive_per_gain(values, timing))
+
+        def probe() -> list[tuple[Array, Array]]:
+            return [(gain * weak, gain * near) for weak, near in found.changes]
+
+        return DriveTerm(gain * found.weak, gain * found.near, found.jumps, found.late, probe, found.sent)
+
+    def _drive_per_gain(self, values: Values, timing: float) -> DriveTerm:
+        along = self.along
+        commands: _Commands = along.kept(("commands", timing), lambda: _Commands(along, timing))
+        waves, sent = along.waves(slow_and_quick=self._lags)
+        if self._lags:
+            # What has a memory is asked for one command between two samples, not for both sides of a jump.
+            given, jumps, late = commands.around.mean, commands.jumps[:0], commands.late[:0]
+        else:
+            given, jumps, late = commands.command, commands.jumps, commands.late
+            waves = [wave[commands.instants] for wave in waves]
+        force = self._drive_force(values, commands)
+        base = force(given)
+
+        def seen(force: Array) -> tuple[Array, Array]:
+            return (along.weak(force), force[along.near]) if self._lags else commands.both(force)
+
+        return DriveTerm(*seen(base), jumps, late, lambda: [seen(force(given + wave) - base) for wave in waves], sent)
+
+    def _drive_force(self, values: Values, commands: _Commands) -> Callable[[Array], Array]:
+        """From commands to the force of the drive, per gain."""
+        along, values = self.along, {**values, "drive.gain": 1.0}
+        if self._lags:
+            starts = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
+            alone, axis = self._alone(self.inputs, values)
+            constants = axis.constants.copy()
+            constants[kernel.GAIN] = 1.0
+            axis = axis._replace(constants=constants)
+            return lambda command: -self._balance(alone, axis, np.split(command, starts))[:, 0]
+        if not any(one.effect.command is not None for one in self.inputs):
+            return lambda command: command
+        layout = lay_out(self.model, values, final=False)
+        drive = layout.under(along.whole.at(commands.instants).conditions if layout.wanted else None).axis
+
+        def force(command: Array) -> Array:
+            given = np.empty(len(command))
+            kernel.drive_along(drive, commands.time, command, commands.velocity, layout.new_state(), given)
+            return given
+
+        return force
+
+
+class WholeBalance(BalanceTerms):
+    """The same of a model whose terms depend on each other, such as one with a friction that the load raises."""
+
+    @property
+    def _remembers(self) -> bool:
+        return any(one.effect.settle is not None for one in self.model.effects)
+
+    def residual(self, values: Values, timing: float, rest: float) -> Array:
+        """As of `BalanceTerms`."""
+        return self._whole(values, timing, rest, None)
+
+    def slope(self, values: Values, timing: float, rest: float) -> Array:
+        """As of `BalanceTerms`."""
+        base = self._whole(values, timing, rest, None)[:, 0]
+        waves, sent = self.along.waves(slow_and_quick=self._lags)
+        squares = sum((self._whole(values, timing, rest, wave)[:, 0] - base) ** 2 for wave in waves)
+        return np.asarray(np.sqrt(squares / np.maximum(sent**2, 1e-300)))
+
+    def _whole(self, values: Values, timing: float, rest: float, wave: Array | None) -> Array:
+        along = self.along
+        around = along.kept(("commands", timing), lambda: _Commands(along, timing)).around
+        added = np.zeros(len(around.mean)) if wave is None else wave
+        layout = lay_out(self.model, values, final=False)
+        constants = layout.axis.constants.copy()
+        constants[kernel.DELAY] = 0.0
+        if self._remembers:
+            starts = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
+            parts = zip(along.motions, np.split(around.mean + added, starts), strict=True)
+            left = np.concatenate([_equation_error(layout, constants, *part, rest) for part in parts])
+        else:
+            command = np.concatenate([around.mean, around.before, around.after])
+            instants = np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
+            error = _equation_error(layout, constants, along.whole.at(instants), command + added[instants], rest)
+            left = _mean_of_sides(error, len(around.mean), around.jumps, around.late)
+        inertia = np.array([values[f"{body}.inertia"] for body in self.model.bodies])
+        # The acceleration is there for a body that stands, whose friction takes what the motion needs.
+        left = left - inertia * along.whole.acceleration
+        return np.asarray(windowed(left, along.rows, along.weights) + inertia * along.inertial)
+
+
+def _equation_error(layout: Any, constants: Array, motion: Instants, command: Array, rest: float) -> Array:
+    axis = layout.under(motion.conditions).axis._replace(constants=constants)
+    left, required = np.empty((len(command), layout.bodies)), np.empty(len(command))
+    kernel.balance(
+        axis, motion.time, motion.position, motion.velocity, motion.acceleration, motion.time, command, rest,
+        layout.new_state(), left, required,
+    )  # fmt: skip
+    return left
+
+
+def balance_of(model: Model, along: MotionInWindows) -> BalanceTerms:
+    """The balance of a model along a motion: by terms where no dry friction depends on the others."""
+    dry = [(one.effect.friction, one.effect.settle) for one in model.effects if one.effect.friction is not None]
+    raised = any(friction.arguments[_ARRIVING] or settle is not None for friction, settle in dry)
+    return (WholeBalance if raised else BalanceTerms)(model, along)

@@ -1,0 +1,447 @@
+"""Grey-box fit of any model file to any number of records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError, InputError
+from idloop.estimation.criterion import Criterion
+from idloop.estimation.criterion_choice import between
+from idloop.estimation.dataset import Data, openings, output_noise, prepare
+from idloop.estimation.direction import turned
+from idloop.estimation.force_balance.weak_fit import WeakFit, fit_by_force
+from idloop.estimation.likelihood.disturbance import LONG_MEMORY
+from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.first_fit import first_fit
+from idloop.estimation.likelihood.intervals import parameter_covariance
+from idloop.estimation.likelihood.refit import Refit
+from idloop.estimation.observer.innovations import InnovationCriterion
+from idloop.estimation.optimisation.jacobian_check import is_rough
+from idloop.estimation.optimisation.levenberg import difference_jacobian
+from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.solve import Solution, slopes_agree, solve, typical_size
+from idloop.estimation.result import FitResult, RecordResidual
+from idloop.estimation.simulation import SimulationCriterion
+from idloop.estimation.statistics.parameter_covariance import problem_covariance
+from idloop.estimation.statistics.uncertainty import bounded, findings, ties
+from idloop.estimation.statistics.undetermined import common_scale, exactly_tied
+from idloop.records.inspection.checks import excites
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine, Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+# A loss that is larger by less than this is no other fit.
+_NO_WORSE = 1.01
+
+CRITERIA = ("auto", "prediction", "simulation", "force")
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def fit(
+    model: Model,
+    records: Sequence[Record],
+    criterion: str = "auto",
+    progress: Progress | None = None,
+) -> FitResult:
+    """Estimate the free parameters of a model.
+
+    Parameters
+    ----------
+    model : Model
+        Structure, starting values, bounds and known parameters.
+    records : sequence of Record
+        One experiment or several; all weigh by their samples.
+    criterion : {"auto", "prediction", "simulation", "force"}
+        What is made small: one-step prediction errors of an observer with a
+        disturbance force, free-run errors, or the unexplained force along the
+        measured motion. ``auto`` follows the rule in `idloop.estimation.criterion_choice`
+        and says in the result why.
+    progress : callable, optional
+        Called with the share done in [0, 1] and a short text.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    InputError
+        If a record does not suit the model, the command never changes, nothing
+        is free to estimate, or the criterion is unknown or impossible.
+    IdloopError
+        If the model cannot be simulated at its starting values.
+    """
+    from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+
+    if criterion not in CRITERIA:
+        raise InputError(f"criterion {criterion!r} is unknown; choose one of {', '.join(CRITERIA)}")
+    if len(model.free) == 0:
+        raise InputError(f"model {model.name!r} has nothing to estimate; write a parameter as {{value: ...}}")
+    data = prepare(model, records)
+    if not excites(records):
+        raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
+    tell = progress or (lambda share, text: None)
+    engine = RememberingEngine(model)
+    scale = common_scale(engine, data)
+    if scale is not None:
+        return scale.of_all(model, fit(scale.fixed(model), records, criterion, progress))
+    noise = output_noise(model, data)
+    tell(0.0, "looking at the data")
+    start = model.theta
+    # The balance is nearly linear in the parameters: a cheap start for every criterion, and often more than that.
+    near = _balance(engine, data, start)
+    balance = near if near is not None and (criterion == "force" or near.resolved) else None
+    if criterion == "force" and balance is None:
+        raise InputError(
+            "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "
+            "use prediction"
+        )
+
+    def by_force(balance: WeakFit, why: str) -> FitResult:
+        result = _conclude_force(model, data, balance, why, noise)
+        return _without_ties(model, records, criterion, tell, result, balance.slopes) or result
+
+    if balance is not None and criterion == "force":
+        return by_force(balance, "as asked")
+    if balance is not None and criterion == "auto" and balance.model_error_rules:
+        return by_force(balance, _why_force(balance))
+    chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as asked")
+    # Where noise rules it, too, a balance is nearer to the machine than starting values may be.
+    starts = [start] if near is None else [start, near.theta]
+    tell(0.1, f"{chosen} criterion")
+
+    def searched(name: str, reason: str) -> tuple[Array, FitResult]:
+        if name == "prediction":
+            setting = prepare_setting(model, records, name)
+            ended = _of_refit(first_fit(setting, model))
+        else:
+            found = _search(engine, model, data, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
+            ended = _of_solution(found)
+        tell(0.75, "standard errors")
+        return ended.jacobian, _conclude(model, data, ended, reason, noise)
+
+    try:
+        jacobian, result = searched(chosen, why)
+    except (IdloopError, np.linalg.LinAlgError) as error:
+        if criterion != "auto" or isinstance(error, InputError):
+            raise
+        # What cannot be predicted may still be simulated.
+        tell(0.1, "simulation criterion")
+        chosen, reason = "simulation", str(error).partition(";")[0]
+        jacobian, result = searched(chosen, f"the prediction criterion cannot serve: {reason}")
+    if balance is not None and criterion == "auto" and balance.hides_from(result.model):
+        return by_force(balance, f"{chosen} errors take for a disturbance what the force balance shows to be a force")
+    alone = _without_ties(model, records, criterion, tell, result, jacobian)
+    if alone is not None:
+        return alone
+    if criterion != "auto" or chosen == "simulation":
+        return result
+    tell(0.8, "free run, to compare with")
+    try:
+        rival = _search(engine, model, data, [result.values, *starts], lambda share, text: None)
+        free = _conclude(model, data, _of_solution(rival), "", noise)
+    except (IdloopError, np.linalg.LinAlgError):
+        return result
+    tell(0.95, "comparing the criteria")
+    final = between(result, free, data)
+    return replace(free if final.criterion == "simulation" else result, why=final.why)
+
+
+def _without_ties(
+    model: Model,
+    records: Sequence[Record],
+    criterion: str,
+    tell: Progress,
+    result: FitResult,
+    jacobian: Array,
+) -> FitResult | None:
+    """The fit again with one of the parameters held that nothing tells apart; None without any, or where it is worse.
+
+    Along what changes nothing a search may have run far, to where rounding and bounds do.
+    """
+    together = exactly_tied(model, jacobian)
+    if together is None:
+        return None
+    settled = fit(together.fixed(model), records, criterion, lambda share, text: tell(0.8 + 0.2 * share, text))
+    if settled.criterion == result.criterion and settled.loss > _NO_WORSE * result.loss:
+        return None
+    return together.of_all(model, settled)
+
+
+def _search(engine: Engine, model: Model, data: list[Data], starts: list[Array], tell: Progress) -> Solution:
+    """Best free run from several starting points; the others are only tried when the first does not settle."""
+    best: Solution | None = None
+    ranked, exact_slopes = _nearer(engine, model, data, _ranked(SimulationCriterion(engine, data), starts))
+    for trial in ranked:
+        rule = SimulationCriterion(engine, data)
+        found = solve(rule, trial, *model.bounds, report=tell, typical=model.theta, exact_slopes=exact_slopes)
+        if best is None or found.problem.objective < best.problem.objective:
+            best = found
+        if best.converged:
+            break
+    if best is None:
+        raise IdloopError("no starting point could be fitted")
+    return best
+
+
+def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array]) -> tuple[list[Array], bool]:
+    """Starting points, and what a search over the openings of long records makes of the first of them.
+
+    And whether exact slopes serve from there.
+    """
+    short = openings(data)
+    if short is None:
+        return ranked, False
+    rule = SimulationCriterion(engine, short)
+    try:
+        near = solve(rule, ranked[0], *model.bounds, draft=True, typical=model.theta)
+    except IdloopError:
+        return ranked, False
+    return [near.theta, *ranked], slopes_agree(near)
+
+
+def _balance(engine: Engine, data: list[Data], start: Array) -> WeakFit | None:
+    """The fit by force balance, in whatever noise; None where there is none."""
+    try:
+        return fit_by_force(engine, data, start, insist=True)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+
+
+def _why_force(balance: WeakFit) -> str:
+    return (
+        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force, which sensor noise does not "
+        "account for: model error limits the fit"
+    )
+
+
+def _why_prediction(balance: WeakFit | None) -> str:
+    if balance is None:
+        return "not every body's motion is measured so well that a force balance shows more than measurement noise"
+    return (
+        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force, and measurement noise has too "
+        "large a part in that to say that model error limits the fit"
+    )
+
+
+def _conclude_force(model: Model, data: list[Data], fit: WeakFit, why: str, noise: Array) -> FitResult:
+    """What a fit by force balance returns."""
+    k, lower, upper = len(model.free), *model.bounds
+    tied, seen = ties(fit.slopes.T @ fit.slopes, k)
+    covariance = fit.covariance[:k, :k].copy()
+    covariance[~seen, :] = covariance[:, ~seen] = np.nan
+    for tie in tied:
+        if tie.exact:
+            covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
+    stderr = np.sqrt(np.diag(covariance))
+    warnings = findings(model.free, fit.theta, stderr, tied, seen)
+    limits = bounded(fit.theta, lower, upper, typical_size(fit.theta, lower, upper))
+    at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
+    warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
+    if not fit.converged:
+        warnings.append("the search stopped before it settled; try other starting values")
+    count = fit.form.starts[-1]
+    loss = float(np.prod(np.mean(fit.residual**2, axis=0)))
+    fitted = model.with_values(
+        dict(zip(model.free, (float(v) for v in fit.theta), strict=True)),
+        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
+    )
+    if other_way := turned(model, fitted):
+        warnings.append(other_way)
+    names = tuple(f"force[{body}]" for body in model.bodies)
+    times, edges = fit.form.along("time"), fit.form.starts
+    residuals = tuple(
+        RecordResidual(d.name, times[first:last], fit.residual[first:last], names)
+        for d, first, last in zip(data, edges[:-1], edges[1:], strict=True)
+    )
+    return FitResult(
+        model=fitted,
+        names=tuple(model.free),
+        values=fit.theta,
+        stderr=stderr,
+        covariance=covariance,
+        loss=loss,
+        fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12),
+        criterion="force",
+        why=why,
+        disturbance_intensity=None,
+        output_noise=noise,
+        command_shift=fit.shift if fit.form.free_timing else None,
+        residuals=residuals,
+        at_bound=at_bound,
+        warnings=tuple(warnings),
+        samples=int(count),
+        iterations=fit.iterations,
+        converged=fit.converged,
+        orders=(),
+    )
+
+
+def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
+    """Starting points, the one with the smaller criterion first."""
+    if len(starts) == 1:
+        return starts
+    values = []
+    for theta in starts:
+        try:
+            problem = Problem(rule, len(theta))
+            problem.reweigh(np.concatenate([theta, rule.nuisance()[0]]), whiten=False)
+            values.append(problem.objective if np.isfinite(problem.objective) else np.inf)
+        except (IdloopError, np.linalg.LinAlgError):
+            values.append(np.inf)
+    return [starts[i] for i in np.argsort(values, kind="stable")]
+
+
+@dataclass(frozen=True)
+class _Ended:
+    """Where a search by prediction or simulation ended, of k free parameters and m nuisance parameters.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the weights of the solution.
+    residual : callable
+        From a point to the whitened errors in units of their standard deviation, shape (n,).
+    point, lower, upper, scale : array, shape (k + m,)
+        The parameters, their bounds and typical sizes.
+    jacobian : array, shape (n, k + m)
+    covariance : array, shape (k, k)
+    """
+
+    problem: Problem
+    residual: Callable[[Array], Array]
+    point: Array
+    lower: Array
+    upper: Array
+    scale: Array
+    jacobian: Array
+    covariance: Array
+    iterations: int
+    converged: bool
+
+
+def _of_refit(fit: Refit) -> _Ended:
+    lower, upper = fit.model.bounds
+    _, low, high, size = fit.criterion.nuisance()
+    scale = np.concatenate([typical_size(fit.model.theta, lower, upper), size])
+    jacobian = fit.jacobian * ((np.arange(len(scale)) < fit.parameters) | fit.felt)
+    return _Ended(
+        problem=fit.problem,
+        residual=fit.problem.frozen_residual,
+        point=fit.point,
+        lower=np.concatenate([lower, low]),
+        upper=np.concatenate([upper, high]),
+        scale=scale,
+        jacobian=jacobian,
+        covariance=parameter_covariance(fit),
+        iterations=fit.rounds,
+        converged=fit.settled,
+    )
+
+
+def _of_solution(solution: Solution) -> _Ended:
+    problem, k = solution.problem, len(solution.theta)
+    point = np.concatenate([solution.theta, solution.nuisance])
+    problem.reweigh(point, problem.criterion.whiten)
+    residual, jacobian = problem.residual(point), solution.jacobian
+    if len(jacobian) != len(residual):
+        jacobian, _ = difference_jacobian(
+            problem.residual, point, residual, solution.lower, solution.upper, solution.step, solution.scale
+        )
+    covariance = problem_covariance(problem, point, residual, jacobian)[:k, :k]
+    return _Ended(
+        problem=problem,
+        residual=problem.residual,
+        point=point,
+        lower=solution.lower,
+        upper=solution.upper,
+        scale=solution.scale,
+        jacobian=jacobian,
+        covariance=covariance,
+        iterations=solution.iterations,
+        converged=solution.converged,
+    )
+
+
+def _conclude(model: Model, data: list[Data], ended: _Ended, why: str, noise: Array) -> FitResult:
+    """Covariance, warnings and residuals of a fit that has ended."""
+    problem, rule, point = ended.problem, ended.problem.criterion, ended.point
+    lower, upper = model.bounds
+    k = len(model.free)
+    theta, nuisance = point[:k], point[k:]
+    tied, seen = ties(ended.jacobian.T @ ended.jacobian, k)
+    covariance = ended.covariance.copy()
+    covariance[~seen, :] = np.nan
+    covariance[:, ~seen] = np.nan
+    for tie in tied:
+        if tie.exact:
+            covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
+    stderr = np.sqrt(np.diag(covariance))
+    warnings = findings(model.free, theta, stderr, tied, seen)
+    limits = bounded(theta, lower, upper, typical_size(theta, lower, upper))
+    at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
+    warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
+    strikes = any(active.effect.edge is not None for active in model.effects)
+    if strikes and is_rough(ended.residual, point, ended.lower, ended.upper, ended.scale, k):
+        warnings.append(
+            "the two sides of a gap strike so often that a thousandth more or less of a parameter is another motion: "
+            "values depend on where the fit starts and the intervals are too small; record a slower motion"
+        )
+    if not ended.converged:
+        warnings.append("the search stopped before it settled; try other starting values")
+    count = problem.count(point)
+    loss = problem.loss
+    fitted = model.with_values(
+        dict(zip(model.free, (float(v) for v in theta), strict=True)),
+        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
+    )
+    intensity = None
+    if isinstance(rule, InnovationCriterion):
+        # What forgets quickly is no walk.
+        intensity = rule.intensity if rule.memory >= LONG_MEMORY else None
+        fitted = replace(fitted, disturbance=None if intensity is None else float(np.sqrt(intensity)))
+    other_way = turned(model, fitted)
+    if other_way:
+        warnings.append(other_way)
+    return FitResult(
+        model=fitted,
+        names=tuple(model.free),
+        values=theta,
+        stderr=stderr,
+        covariance=covariance,
+        loss=loss,
+        fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12),
+        criterion="prediction" if isinstance(rule, InnovationCriterion) else "simulation",
+        why=why,
+        disturbance_intensity=intensity,
+        output_noise=noise,
+        command_shift=None,
+        residuals=_residuals(model, data, rule, theta, nuisance),
+        at_bound=at_bound,
+        warnings=tuple(warnings),
+        samples=count,
+        iterations=ended.iterations,
+        converged=ended.converged,
+        orders=tuple(problem.orders),
+    )
+
+
+def _residuals(model: Model, data: list[Data], rule: Any, theta: Array, nuisance: Array) -> tuple[RecordResidual, ...]:
+    names = tuple(o.name for o in model.outputs)
+    found = []
+    for index, d in enumerate(data):
+        if isinstance(rule, InnovationCriterion):
+            value = rule.innovation(theta, nuisance, index)
+        else:
+            value = d.output - rule.simulated(theta, nuisance, index)
+        found.append(RecordResidual(d.name, d.time, value, names))
+    return tuple(found)

@@ -1,0 +1,288 @@
+"""A linear model in innovation form: x(k+1) = A x + B u + K e, y = C x + D u + e."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.black_box.control_names import control_names
+from idloop.estimation.black_box.sampled import SampledData, check_fits
+from idloop.estimation.linear.initial_state import initial_state
+from idloop.estimation.linear.propagate import ahead, respond
+from idloop.estimation.statistics.information_criteria import Information
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One estimated number.
+
+    Attributes
+    ----------
+    name : str
+        As in ``"a1"`` or ``"motor.inertia"``.
+    value, stderr : float
+        Estimate and its standard error; NaN where none is known.
+    """
+
+    name: str
+    value: float
+    stderr: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """A discrete-time linear model with its noise, as an estimator leaves it.
+
+    Attributes
+    ----------
+    method : str
+        Estimator, as ``"n4sid"`` or ``"oe"``.
+    a, b, c, d : ndarray, shapes (n, n), (n, m), (p, n), (p, m)
+        State-space matrices.
+    gain : ndarray, shape (n, p)
+        Kalman gain K; zero for an output-error model.
+    covariance : ndarray, shape (p, p)
+        Covariance of the innovations e [output units squared].
+    sample_time : float
+        Period [s].
+    input_names, input_units, output_names, output_units : tuple of str
+        Of the columns.
+    samples : int
+        Samples that the estimate rests on.
+    free : int
+        Numbers that were estimated, noise covariance not counted.
+    coefficients : tuple of Coefficient
+        The estimated numbers where they have a meaning of their own (polynomials, a chosen structure).
+    coefficient_covariance : ndarray, shape (k, k), or None
+        Covariance of `coefficients`.
+    singular_values : ndarray, or None
+        Of the weighted projection (subspace methods): a gap shows the order.
+    notes : tuple of str
+        What a user should know of this estimate.
+    start : str
+        Method of the model that a search began from (`prediction_error`); empty elsewhere.
+    """
+
+    method: str
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    gain: Array
+    covariance: Array
+    sample_time: float
+    input_names: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_names: tuple[str, ...]
+    output_units: tuple[str, ...]
+    samples: int
+    free: int
+    coefficients: tuple[Coefficient, ...] = ()
+    coefficient_covariance: Array | None = None
+    singular_values: Array | None = None
+    notes: tuple[str, ...] = ()
+    start: str = ""
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.a.shape[0])
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A."""
+        values: NDArray[np.complex128] = np.linalg.eigvals(self.a).astype(complex)
+        return values
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles lie inside the unit circle."""
+        return bool(np.all(np.abs(self.poles) < 1.0))
+
+    @property
+    def loss(self) -> float:
+        """Determinant of the covariance of the innovations, the loss function V of the toolbox's tables."""
+        return float(np.linalg.det(np.atleast_2d(self.covariance)))
+
+    @property
+    def information(self) -> Information:
+        """Loss, numbers estimated and samples: what the criteria are made of."""
+        return Information(self.loss, self.free, self.samples)
+
+    @property
+    def fpe(self) -> float:
+        """Akaike's final prediction error (`Information.fpe`)."""
+        return self.information.fpe
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion (`Information.aic`)."""
+        return self.information.aic
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion (`Information.bic`)."""
+        return self.information.bic
+
+    @cached_property
+    def system(self) -> control.StateSpace:
+        """From the commands to the outputs, as a python-control system: Bode, poles, margins, design."""
+        import control
+
+        return control.ss(
+            self.a,
+            self.b,
+            self.c,
+            self.d,
+            self.sample_time,
+            inputs=control_names(self.input_names),
+            outputs=control_names(self.output_names),
+            name=self.method,
+        )
+
+    @cached_property
+    def noise_system(self) -> control.StateSpace:
+        """From the innovations to the outputs: H = I + C (zI - A)^-1 K."""
+        import control
+
+        return control.ss(
+            self.a,
+            self.gain,
+            self.c,
+            np.eye(self.c.shape[0]),
+            self.sample_time,
+            inputs=[f"e[{name}]" for name in control_names(self.output_names)],
+            outputs=control_names(self.output_names),
+            name=f"{self.method} noise",
+        )
+
+    def response(self, frequency: Array) -> NDArray[np.complex128]:
+        """Frequency response at `frequency` [Hz], shape (f, p, m)."""
+        z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.sample_time)
+        eye = np.eye(self.order)
+        states = np.linalg.solve(z[:, None, None] * eye - self.a, np.broadcast_to(self.b, (z.size, *self.b.shape)))
+        return np.asarray(self.c @ states + self.d, dtype=complex)
+
+    def simulate(self, data: SampledData, initial: Array | Literal["estimate", "zero"] = "estimate") -> Array:
+        """Free run: the outputs from the commands alone.
+
+        Parameters
+        ----------
+        data : SampledData
+        initial : ndarray of shape (n,), "estimate" or "zero"
+            State at the first sample; the one that fits the measurements best by default.
+
+        Returns
+        -------
+        ndarray, shape (N, p)
+            [output units]
+
+        Raises
+        ------
+        InputError
+            Other signals or another sample time than the model's.
+        """
+        self._check(data)
+        state = np.zeros(self.order)
+        inputs = np.ascontiguousarray(data.input)
+        outputs: Array = respond(self.a, self.b, self.c, self.d, state, inputs)
+        if isinstance(initial, str) and initial == "zero":
+            return outputs
+        state = initial_state(self.a, self.c, data.output - outputs) if isinstance(initial, str) else initial
+        free: Array = respond(self.a, self.b, self.c, self.d, np.asarray(state, dtype=float), inputs)
+        return free
+
+    def predict(self, data: SampledData, steps: int = 1) -> Array:
+        """Prediction `steps` samples ahead from past commands and measurements, shape (N, p).
+
+        Raises
+        ------
+        InputError
+            Other signals or another sample time than the model's, or fewer than one step.
+        """
+        self._check(data)
+        if steps < 1:
+            raise InputError(f"prediction {steps} steps ahead; give at least 1, or simulate")
+        inputs, outputs = np.ascontiguousarray(data.input), np.ascontiguousarray(data.output)
+        # The one-step predictor is linear in its first state: its response from rest leaves what the state explains.
+        closed, driven = self.a - self.gain @ self.c, np.hstack([self.b - self.gain @ self.d, self.gain])
+        straight = np.hstack([self.d, np.zeros((self.d.shape[0], outputs.shape[1]))])
+        both = np.hstack([inputs, outputs])
+        rest = respond(closed, driven, self.c, straight, np.zeros(self.order), both)
+        state = initial_state(closed, self.c, outputs - rest)
+        predicted: Array = (
+            respond(closed, driven, self.c, straight, state, both)
+            if steps == 1
+            else ahead(*map(np.ascontiguousarray, self._matrices), state, inputs, outputs, steps)
+        )
+        return predicted
+
+    def innovations(self, data: SampledData) -> Array:
+        """One-step prediction errors, shape (N, p)."""
+        return data.output - self.predict(data)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "method": self.method,
+            "start": self.start or None,
+            "order": self.order,
+            "sample_time": self.sample_time,
+            "a": self.a,
+            "b": self.b,
+            "c": self.c,
+            "d": self.d,
+            "kalman_gain": self.gain,
+            "innovation_covariance": self.covariance,
+            "poles": [{"real": float(p.real), "imag": float(p.imag)} for p in self.poles],
+            "stable": self.stable,
+            "loss": self.loss,
+            "fpe": self.fpe,
+            "aic": self.aic,
+            "bic": self.bic,
+            "samples": self.samples,
+            "coefficients": {c.name: {"value": c.value, "stderr": c.stderr} for c in self.coefficients},
+            "singular_values": self.singular_values,
+            "notes": list(self.notes),
+        }
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the Bode diagram, magnitude over phase; returns the two matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+        from idloop.estimation.black_box.bode_labels import bode_labels, title_over_legend
+
+        unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
+        frequency = np.geomspace(1e-3, 0.5, 400) / self.sample_time
+        values = self.response(frequency)
+        with drawing.styled():
+            if axes is None:
+                _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
+            magnitude, phase = axes
+            for index, (row, column) in enumerate(np.ndindex(values.shape[1:])):
+                look = drawing.model_look(index)
+                magnitude.loglog(frequency, np.abs(values[:, row, column]), label=texts[row][column], **look)
+                phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(values[:, row, column]))), **look)
+            magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
+            title_over_legend(magnitude, f"{self.method}, order {self.order}")
+            phase.set_ylabel(drawing.label("phase", "deg"))
+            phase.set_xlabel(drawing.label("frequency", "Hz"))
+        return axes
+
+    @property
+    def _matrices(self) -> tuple[Array, ...]:
+        return self.a, self.b, self.c, self.d, self.gain
+
+    def _check(self, data: SampledData) -> None:
+        check_fits(data, self.method, self.b.shape[1], self.c.shape[0], self.sample_time)

@@ -1,0 +1,257 @@
+"""Search for the matrices that leave the smallest errors, in coordinates in which the errors change evenly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimation.linear.score_covariance import autoregressive_covariance
+from idloop.estimation.linear.sensitivity import Matrices, compressed_errors, error_moments, score_sums
+from idloop.estimation.observer.observer import riccati
+from idloop.estimation.optimisation.levenberg import minimise
+
+Array = NDArray[np.float64]
+
+_ROUND = 12  # iterations before weights and coordinates are renewed
+_TOLERANCE = 1e-4  # decrease of the log-likelihood that is not worth another step
+_HIDDEN = 1e-10  # part of the largest change of the errors below which a direction is not shown by the data
+_FLOOR = 1e-9  # deviation of an error that counts as none, in deviations of its output
+_SAME_WEIGHTS = 1e-2
+
+
+@dataclass(frozen=True)
+class Parametrisation:
+    """How numbers make a model.
+
+    Attributes
+    ----------
+    build : callable
+        Parameters, shape (k,), to the matrices.
+    slope : callable
+        Parameters to the derivatives of `Matrices.flat`, shape (entries, k).
+    free : callable
+        Parameters to a basis of the directions in which they are searched, shape (k, f).
+    settle : callable
+        Parameters to others that describe the same signals and whose predictor is stable, where there are such.
+    """
+
+    build: Callable[[Array], Matrices]
+    slope: Callable[[Array], Array]
+    free: Callable[[Array], Array]
+    settle: Callable[[Array], Array] = lambda point: point
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where the search ended.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (k,)
+    covariance : ndarray, shape (k, k)
+        Of the parameters; NaN where the data do not show one.
+    free : int
+        Directions that were searched.
+    iterations : int
+    converged : bool
+    """
+
+    parameters: Array
+    covariance: Array
+    free: int
+    iterations: int
+    converged: bool
+
+
+def search(
+    parametrisation: Parametrisation,
+    start: Array,
+    experiments: Sequence[tuple[Array, Array]],
+    *,
+    initial: bool,
+    white: bool,
+    stable: bool,
+    max_iterations: int,
+) -> Found | None:
+    """Minimise the determinant of the errors' covariance by Gauss-Newton steps with damping.
+
+    In each round the errors are weighed with the inverse of their covariance, the parameters are replaced by
+    coordinates in which the Jacobian is orthonormal, and Levenberg-Marquardt takes a few steps (data-driven local
+    coordinates: McKelvey, Helmersson and Ribarits, Automatica 40, 2004).
+
+    Parameters
+    ----------
+    parametrisation : Parametrisation
+    start : ndarray, shape (k,)
+    experiments : sequence of (inputs, outputs)
+    initial : bool
+        Whether the first states are estimated.
+    white : bool
+        Whether the errors are taken for white; else they are weighed one by one, and the parameters' covariance
+        allows for their colour.
+    stable : bool
+        Whether the predictor must not forget its first state slower than never: with that state estimated, errors
+        of an unstable predictor can be small on the data and are without bound beyond.
+    max_iterations : int
+    """
+    point, iterations, converged = start.copy(), 0, False
+    limit = stability_limit(experiments) if stable else np.inf
+    start_model = parametrisation.build(point)
+    whitener = _whitener(start_model, experiments, initial, white)
+    if whitener is None or predictor_radius(start_model) > limit:
+        return None
+    while True:
+        try:
+            chart = _Chart(parametrisation, point, experiments, whitener, initial, limit)
+        except FloatingPointError:
+            return None
+        if iterations >= max_iterations or converged:
+            break
+        origin = np.zeros(chart.basis.shape[1])
+        if origin.size == 0:
+            converged = True
+            break
+        wide = np.full(origin.size, np.inf)
+        found = minimise(
+            chart.residual,
+            origin,
+            -wide,
+            wide,
+            np.ones(origin.size),
+            max_iterations=min(_ROUND, max_iterations - iterations),
+            tolerance=_TOLERANCE,
+            derivative=chart.jacobian,
+        )
+        iterations += found.iterations
+        point = parametrisation.settle(chart.point + chart.basis @ found.point)
+        renewed = _whitener(parametrisation.build(point), experiments, initial, white)
+        assert renewed is not None  # noqa: S101  # a step into overflow is never accepted
+        # Weights that hardly change leave the minimum where it is.
+        same = np.linalg.norm(renewed @ np.linalg.inv(whitener) - np.eye(len(whitener))) < _SAME_WEIGHTS
+        converged = found.converged and bool(same)
+        # A search that cannot take a single step is at its end too.
+        converged = converged or (not np.any(found.point) and bool(same))
+        whitener = renewed
+    return Found(point, chart.covariance(white), chart.directions, iterations, converged)
+
+
+def predictor_radius(model: Matrices) -> float:
+    """Largest modulus of the eigenvalues of A - K C."""
+    closed = model.a - model.gain @ model.c
+    if not np.all(np.isfinite(closed)):
+        return float("inf")
+    return float(np.max(np.abs(np.linalg.eigvals(closed)), initial=0.0))
+
+
+def mirrored(model: Matrices, covariance: Array) -> Matrices:
+    """Same model with the gain of the stable predictor: its unstable eigenvalues are mirrored at the unit circle.
+
+    The spectrum of the outputs stays what it is (spectral factorisation; Anderson and Moore, Optimal Filtering,
+    section 9.4), and near the circle so does the gain: a search passes over without a jump.
+
+    Parameters
+    ----------
+    model : Matrices
+    covariance : ndarray, shape (p, p)
+        Of the innovations.
+    """
+    if not predictor_radius(model) > 1.0 or not np.all(np.isfinite(model.flat())):
+        return model
+    closed = model.a - model.gain @ model.c
+    # Any noise at all makes the Riccati equation choose the stable one of its solutions.
+    size = 1e-14 * float(np.trace(model.gain @ covariance @ model.gain.T)) + 1e-300
+    try:
+        spread = riccati(closed, model.c, size * np.eye(len(closed)), covariance)
+    except (IdloopError, np.linalg.LinAlgError):
+        return model
+    innovation = model.c @ spread @ model.c.T + covariance
+    return replace(model, gain=model.gain + np.linalg.solve(innovation, model.c @ spread @ closed.T).T)
+
+
+def stability_limit(experiments: Sequence[tuple[Array, Array]]) -> float:
+    """Radius by which nothing grows to more than e times its size over the longest experiment.
+
+    Integrators without process noise lie on the unit circle, and rounding puts them on either side.
+    """
+    return 1.0 + 1.0 / max(len(outputs) for _, outputs in experiments)
+
+
+class _Chart:
+    """Local coordinates around a point: those in which the errors move by one deviation for a unit step."""
+
+    def __init__(
+        self,
+        parametrisation: Parametrisation,
+        point: Array,
+        experiments: Sequence[tuple[Array, Array]],
+        whitener: Array,
+        initial: bool,
+        limit: float,
+    ) -> None:
+        self.parametrisation, self.point, self._limit = parametrisation, point, limit
+        self._data = (experiments, whitener, initial)
+        free = parametrisation.free(point)
+        self.directions = free.shape[1]
+        origin, jacobian = self._errors(point, free)
+        if not (np.all(np.isfinite(origin)) and np.all(np.isfinite(jacobian))):
+            raise FloatingPointError("the errors or their slopes overflow")
+        scale = np.linalg.norm(jacobian, axis=0)
+        shown = scale > 0.0
+        left, values, right = np.linalg.svd(jacobian[:, shown] / scale[shown], full_matrices=False)
+        kept = values > _HIDDEN * np.max(values, initial=0.0)
+        into = free[:, shown] / scale[shown]
+        self.basis = into @ (right[kept].T / values[kept])
+        self._last = (np.zeros(self.basis.shape[1]), (origin, left[:, kept]))
+        self._hidden = np.hstack([into @ right[~kept].T, free[:, ~shown]])
+
+    def residual(self, move: Array) -> Array:
+        """Errors a move away from the point, compressed."""
+        return self._linearised(move)[0]
+
+    def jacobian(self, move: Array) -> Array:
+        """Their derivatives by the coordinates, in the same rows."""
+        return self._linearised(move)[1]
+
+    def _linearised(self, move: Array) -> tuple[Array, Array]:
+        # Compression mixes the rows in a way of its own for each move: errors and derivatives come from one pass.
+        if not np.array_equal(move, self._last[0]):
+            self._last = (move.copy(), self._errors(self.point + self.basis @ move, self.basis))
+        return self._last[1]
+
+    def covariance(self, white: bool) -> Array:
+        """Covariance of the parameters at the point."""
+        if white:
+            inner = np.eye(self.basis.shape[1])
+        else:
+            model = self.parametrisation.build(self.point)
+            moves = model.like(self.parametrisation.slope(self.point) @ self.basis)
+            scores = score_sums(model, moves, *self._data)
+            inner = autoregressive_covariance(scores) * sum(len(part) for part in scores)
+        covariance = self.basis @ inner @ self.basis.T
+        lost = np.any(np.abs(self._hidden) > 1e-6 * np.max(np.abs(self._hidden), axis=0, initial=1e-300), axis=1)
+        covariance[lost] = covariance[:, lost] = np.nan
+        return np.asarray(covariance)
+
+    def _errors(self, point: Array, directions: Array) -> tuple[Array, Array]:
+        point = self.parametrisation.settle(point)
+        model = self.parametrisation.build(point)
+        flat = model.flat()
+        if not np.all(np.isfinite(flat)) or predictor_radius(model) > self._limit:
+            size = directions.shape[1] + 1
+            return np.full(size, np.inf), np.full((size, size - 1), np.inf)
+        return compressed_errors(model, model.like(self.parametrisation.slope(point) @ directions), *self._data)
+
+
+def _whitener(model: Matrices, experiments: Sequence[tuple[Array, Array]], initial: bool, white: bool) -> Array | None:
+    covariance = error_moments(model, experiments, initial)
+    if not np.all(np.isfinite(covariance)):
+        return None
+    size = np.max([np.std(outputs, axis=0) for _, outputs in experiments], axis=0)
+    covariance = covariance + np.diag((_FLOOR * size) ** 2)
+    if not white:
+        covariance = np.diag(np.diag(covariance))
+    return np.linalg.inv(np.linalg.cholesky(covariance))

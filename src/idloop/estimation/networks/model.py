@@ -1,0 +1,346 @@
+"""A nonlinear ARX model with a network: prediction, free run, training history and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.documents import NOT_WHOLE
+from idloop.errors import InputError
+from idloop.estimation.black_box.sampled import SampledData, check_fits
+from idloop.estimation.networks.division import Split
+from idloop.estimation.networks.network import Network, ahead, parameters
+from idloop.estimation.networks.tapped_delays import TappedDelays
+from idloop.estimation.networks.training import TrainingHistory
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NarxModel:
+    """A nonlinear ARX model y(k) = f(past outputs, past inputs), f a network.
+
+    Attributes
+    ----------
+    method : str
+        ``"narx-wavelet"`` or ``"narx-neural"``.
+    form : {"series-parallel", "parallel"}
+        Trained to predict one step ahead from measurements, or in free run from its own past outputs.
+    delays : TappedDelays
+    network : Network
+    low, high : ndarray, shape (p,)
+        A free run is held between these: fifty times the range of the training data about its middle [output units].
+    sample_time : float
+        [s].
+    input_names, input_units, output_names, output_units : tuple of str
+    samples : int
+        Training samples.
+    split : Split
+        Which rows of the regressors served training, validation and test.
+    history : TrainingHistory
+    notes : tuple of str
+    """
+
+    method: str
+    form: Literal["series-parallel", "parallel"]
+    delays: TappedDelays
+    network: Network
+    low: Array
+    high: Array
+    sample_time: float
+    input_names: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_names: tuple[str, ...]
+    output_units: tuple[str, ...]
+    samples: int
+    split: Split
+    history: TrainingHistory
+    notes: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> int:
+        """First sample of a record that is predicted: those before fill the delay lines."""
+        return int(np.max(self.network.lag))
+
+    @property
+    def units(self) -> int:
+        """Hidden units."""
+        return int(self.network.kind.size)
+
+    @property
+    def free(self) -> int:
+        """Numbers that were estimated."""
+        return int(parameters(self.network, with_linear=bool(np.any(self.network.linear))).size)
+
+    @property
+    def system(self) -> control.NonlinearIOSystem:
+        """The free run as a python-control system: `linearize`, `input_output_response` and `find_eqpt` work on it.
+
+        Its states are the last `first` outputs, oldest first, then the last `first` inputs.
+        """
+        import control
+        from idloop.estimation.black_box.control_names import control_names
+
+        first, p, m = self.first, len(self.output_names), len(self.input_names)
+
+        def lines(state: Array) -> tuple[Array, Array]:
+            return state[: first * p].reshape(first, p), state[first * p :].reshape(first, m)
+
+        def output(time: float, state: Array, command: Array, parameters: Mapping[str, Any]) -> Array:
+            past, sent = lines(np.asarray(state, dtype=float))
+            inputs, outputs = np.vstack([sent, np.reshape(command, (1, m))]), np.vstack([past, np.zeros((1, p))])
+            return np.asarray(ahead(self.network, inputs, outputs, first, 1, self.low, self.high)[-1])
+
+        def update(time: float, state: Array, command: Array, parameters: Mapping[str, Any]) -> Array:
+            past, sent = lines(np.asarray(state, dtype=float))
+            now = output(time, state, command, parameters)
+            return np.concatenate([*past[1:], now, *sent[1:], np.reshape(command, m)])
+
+        return control.nlsys(
+            update, output, inputs=control_names(self.input_names), outputs=control_names(self.output_names),
+            states=first * (p + m), dt=self.sample_time,
+        )  # fmt: skip
+
+    def predict(self, data: SampledData, steps: int = 1) -> Array:
+        """Prediction `steps` samples ahead (one: the series-parallel form).
+
+        Returns
+        -------
+        ndarray, shape (N, p)
+            The samples before `first` are the measured ones [output units].
+
+        Raises
+        ------
+        InputError
+            Other signals or another sample time than the model's, too short a record, or fewer than one step.
+        """
+        self._check(data)
+        if steps < 1:
+            raise InputError(f"prediction {steps} steps ahead; give at least 1, or simulate")
+        return self._ahead(data, data.output, steps)
+
+    def simulate(self, data: SampledData, initial: Array | Literal["measured", "zero"] = "measured") -> Array:
+        """Free run (parallel form): the outputs from the commands alone.
+
+        Parameters
+        ----------
+        data : SampledData
+        initial : ndarray of shape (first, p), "measured" or "zero"
+            The outputs before the first sample that is computed.
+
+        Returns
+        -------
+        ndarray, shape (N, p)
+            The samples before `first` are `initial`. A run that diverges stays at `low` or `high`; ``diverges``
+            tells where [output units].
+
+        Raises
+        ------
+        InputError
+            Other signals or another sample time than the model's, too short a record, or an `initial` of another
+            shape.
+        """
+        self._check(data)
+        past = data.output
+        if not (isinstance(initial, str) and initial == "measured"):
+            start = np.zeros((self.first, past.shape[1])) if isinstance(initial, str) else np.asarray(initial, float)
+            if start.shape != (self.first, past.shape[1]) or not np.all(np.isfinite(start)):
+                raise InputError(
+                    f"{data.name}: initial outputs of shape {start.shape}; give ({self.first}, {past.shape[1]}) finite"
+                    " values, 'measured' or 'zero'"
+                )
+            past = past.copy()
+            past[: self.first] = start
+        return self._ahead(data, past, len(data))
+
+    def diverges(self, data: SampledData) -> int | None:
+        """First sample at which the free run leaves `low` to `high`, None where it does not."""
+        run = self.simulate(data)[self.first :]
+        out = np.any((run <= self.low) | (run >= self.high), axis=1)
+        return int(np.argmax(out)) + self.first if np.any(out) else None
+
+    def innovations(self, data: SampledData) -> Array:
+        """One-step prediction errors, shape (N, p); zero before `first`."""
+        return data.output - self.predict(data)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "method": self.method,
+            "form": self.form,
+            "delays": self.delays.to_dict(),
+            "sample_time": self.sample_time,
+            "inputs": list(self.input_names),
+            "input_units": list(self.input_units),
+            "outputs": list(self.output_names),
+            "output_units": list(self.output_units),
+            "low": self.low,
+            "high": self.high,
+            "units": self.units,
+            "free": self.free,
+            "samples": self.samples,
+            "network": self.network._asdict(),
+            "split": {"train": self.split.train, "validation": self.split.validation, "test": self.split.test},
+            "history": self.history.to_dict(),
+            "notes": list(self.notes),
+        }
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> NarxModel:
+        """The model of `to_dict`, of arrays or of plain lists with None for NaN.
+
+        Raises
+        ------
+        InputError
+            Something is missing, or of another shape.
+        """
+        try:
+            names = {
+                key: tuple(map(str, document[key])) for key in ("inputs", "input_units", "outputs", "output_units")
+            }
+            network = _network(document["network"])
+            history = dict(document["history"])
+            curves: dict[str, Any] = {
+                key: _numbers(history.pop(key)) for key in ("train", "validation", "test", "gradient", "mu")
+            }
+            rows = {key: np.asarray(value, dtype=np.int64) for key, value in document["split"].items()}
+            model = cls(
+                method=str(document["method"]),
+                form=document["form"],
+                delays=TappedDelays(**document["delays"]),
+                network=network,
+                low=_numbers(document["low"]),
+                high=_numbers(document["high"]),
+                sample_time=float(document["sample_time"]),
+                input_names=names["inputs"],
+                input_units=names["input_units"],
+                output_names=names["outputs"],
+                output_units=names["output_units"],
+                samples=int(document["samples"]),
+                split=Split(**rows),
+                history=TrainingHistory(**curves, **history),
+                notes=tuple(map(str, document["notes"])),
+            )
+        except NOT_WHOLE as error:
+            raise InputError(f"damaged, or not a network ({' '.join(str(error).split())})") from None
+        _check_shapes(network, len(model.input_names), len(model.output_names))
+        return model
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the training curve; returns the matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+
+        with drawing.styled():
+            if axes is None:
+                _, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
+            step = np.arange(len(self.history.train))
+            curves = (self.history.train, self.history.validation, self.history.test)
+            for index, (text, curve) in enumerate(zip(("training", "validation", "test"), curves, strict=True)):
+                if np.any(np.isfinite(curve)):
+                    drawing.line(axes, step, curve, label=text, **drawing.model_look(index))
+            axes.axvline(self.history.best, color=drawing.COMMAND, linewidth=0.6, label="kept")
+            axes.set(yscale="log", xlabel=f"{self.history.step}s [-]")
+            axes.set_ylabel(drawing.label("mean square of the scaled error", "-"))
+            axes.set_title(f"{self.method}, {self.units} units; stopped by: {self.history.stop}")
+            axes.legend()
+        return axes
+
+    def plot_regression(self, data: SampledData, axes: Any = None) -> Any:
+        """Draw predicted over measured outputs with their correlation R; returns the matplotlib axes, one an output."""
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+
+        predicted, measured = self.predict(data)[self.first :], data.output[self.first :]
+        with drawing.styled():
+            count = len(self.output_names)
+            if axes is None:
+                _, axes = plt.subplots(1, count, figsize=(4 * count, 4), layout="constrained")
+            for index, each in enumerate(np.atleast_1d(axes)):
+                x, y = measured[:, index], predicted[:, index]
+                moves = np.ptp(x) > 0 and np.ptp(y) > 0
+                text = f"R = {np.corrcoef(x, y)[0, 1]:.5f}" if moves else "R: nothing moves"
+                look = {"marker": ".", "linestyle": "none", "markersize": 2, "color": drawing.MODELS[0]}
+                drawing.line(each, x, y, **look)
+                each.axline((float(x[0]), float(x[0])), slope=1.0, color=drawing.MEASURED, linewidth=0.8)
+                name, unit = self.output_names[index], self.output_units[index]
+                each.set(title=f"{data.name}: {text}", xlabel=drawing.label(f"measured {name}", unit))
+                each.set_ylabel(drawing.label(f"predicted {name}", unit))
+        return axes
+
+    def plot_response(self, data: SampledData, axes: Any = None) -> Any:
+        """Draw measurement, prediction and free run over time; returns the matplotlib axes, one an output."""
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+
+        curves = (("one step ahead", self.predict(data)), ("free run", self.simulate(data)))
+        with drawing.styled():
+            count = len(self.output_names)
+            if axes is None:
+                _, axes = plt.subplots(count, 1, sharex=True, figsize=(8, 2.5 * count), layout="constrained")
+            several = np.atleast_1d(axes)
+            for index, each in enumerate(several):
+                drawing.line(each, data.time, data.output[:, index], color=drawing.MEASURED, label="measured")
+                for number, (text, values) in enumerate(curves):
+                    drawing.line(each, data.time, values[:, index], label=text, **drawing.model_look(number))
+                each.set_ylabel(drawing.label(self.output_names[index], self.output_units[index]))
+                each.legend()
+            several[0].set_title(f"{data.name}: {self.method}")
+            several[-1].set_xlabel(drawing.label("time", "s"))
+        return axes
+
+    def _ahead(self, data: SampledData, past: Array, steps: int) -> Array:
+        inputs, outputs = np.ascontiguousarray(data.input), np.ascontiguousarray(past)
+        run: Array = ahead(self.network, inputs, outputs, self.first, steps, self.low, self.high)
+        return run
+
+    def _check(self, data: SampledData) -> None:
+        check_fits(data, self.method, len(self.input_names), len(self.output_names), self.sample_time)
+        if len(data) <= self.first:
+            raise InputError(
+                f"{data.name}: {len(data)} samples do not fill delays of {self.first}; give a longer record"
+            )
+
+
+def _numbers(values: Any) -> Array:
+    """Array of a nested list, None being NaN."""
+    return np.array(values, dtype=float)
+
+
+def _network(values: Mapping[str, Any]) -> Network:
+    found = {
+        name: np.ascontiguousarray(values[name], dtype=np.int64 if name in ("source", "lag", "kind") else float)
+        for name in Network._fields
+    }
+    units, regressors, outputs = len(found["kind"]), len(found["source"]), len(found["constant"])
+    # A network without units has rows without numbers, which have lost their shape.
+    found["direction"] = found["direction"].reshape(units, regressors)
+    found["weight"] = found["weight"].reshape(outputs, units)
+    return Network(**found)
+
+
+def _check_shapes(network: Network, inputs: int, outputs: int) -> None:
+    """The compiled functions do not look at shapes themselves."""
+    units, regressors = len(network.kind), len(network.source)
+    expected = {
+        "lag": (regressors,), "center": (regressors,), "width": (regressors,), "direction": (units, regressors),
+        "scale": (units,), "weight": (outputs, units), "constant": (outputs,), "linear": (outputs, regressors),
+        "output_center": (outputs,), "output_width": (outputs,),
+    }  # fmt: skip
+    for name, shape in expected.items():
+        value = getattr(network, name)
+        if value.shape != shape or not np.all(np.isfinite(value)):
+            raise InputError(f"damaged: {name} of shape {value.shape}; it must hold {shape} finite numbers")
+    known = (network.source >= 0) & (network.source < inputs + outputs) & (network.lag >= 0)
+    if not (np.all(known) and np.all(network.lag[network.source < outputs] >= 1)):
+        raise InputError("damaged: a regressor that is no past output and no input")

@@ -1,0 +1,223 @@
+"""Levenberg-Marquardt training of a network, stopped early by validation data.
+
+The rules of damping and stopping are those of paper and toolbox (Hagan and Menhaj, IEEE Trans. Neural Networks 5,
+1994): the damping mu is lowered after each step that helps and raised until one does. Unlike the bounded search
+for physical parameters, it has slopes in closed form, no box, and ends where the validation error turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.networks.in_order import InOrder
+from idloop.estimation.networks.network import SIGMOID, Network, parameters, with_parameters
+from idloop.estimation.networks.one_step import OneStep
+from idloop.estimation.networks.training_data import TrainingData
+from idloop.estimation.polynomial.regression import triangle
+
+Array = NDArray[np.float64]
+
+_SMALLEST_DAMPING = 1e-20
+
+
+@dataclass(frozen=True)
+class TrainingRules:
+    """When to step and when to stop.
+
+    Attributes
+    ----------
+    epochs : int
+        Most steps.
+    goal : float
+        Mean square of the scaled training errors that is good enough.
+    min_gradient : float
+        Norm of the gradient of that mean square at which nothing is left to gain.
+    max_fail : int
+        Epochs in a row without a better validation error; without validation data, without a gain in training.
+    min_gain : float
+        Share of the training error by which a step without validation data must lower it: what is left to gain
+        then is noise.
+    mu, mu_decrease, mu_increase, mu_max : float
+        Damping at the start, its factors after good and bad steps, and where to give up.
+
+    Raises
+    ------
+    InputError
+        Numbers out of range.
+    """
+
+    epochs: int = 1000
+    goal: float = 0.0
+    min_gradient: float = 1e-7
+    max_fail: int = 6
+    min_gain: float = 5e-4
+    mu: float = 1e-3
+    mu_decrease: float = 0.1
+    mu_increase: float = 10.0
+    mu_max: float = 1e10
+
+    def __post_init__(self) -> None:
+        if self.epochs < 0 or self.max_fail < 1:
+            raise InputError(f"{self.epochs} epochs, {self.max_fail} validation checks; give 0 or more and 1 or more")
+        if not 0 <= self.min_gain < 1:
+            raise InputError(f"gain of {self.min_gain:g} of the training error; give a share, 0 or more and below 1")
+        if not (0 < self.mu <= self.mu_max and 0 < self.mu_decrease < 1 < self.mu_increase):
+            raise InputError(
+                f"mu = {self.mu:g} with factors {self.mu_decrease:g} and {self.mu_increase:g}; take mu above 0,"
+                " a decrease below 1 and an increase above 1"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingHistory:
+    """Course of a training.
+
+    Attributes
+    ----------
+    train, validation, test : ndarray, shape (e + 1,)
+        Mean squares of the scaled errors after each step, the start first; NaN where there are no such samples.
+    gradient, mu : ndarray, shape (e + 1,)
+        Norm of the gradient and damping; NaN where none was needed.
+    best : int
+        Step whose network was kept.
+    stop : str
+        Why it ended.
+    step : {"epoch", "unit"}
+        What a step is: one of Levenberg-Marquardt, or one more unit selected.
+    """
+
+    train: Array
+    validation: Array
+    test: Array
+    gradient: Array
+    mu: Array
+    best: int
+    stop: str
+    step: str = "epoch"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "step": self.step,
+            "train": self.train,
+            "validation": self.validation,
+            "test": self.test,
+            "gradient": self.gradient,
+            "mu": self.mu,
+            "best": self.best,
+            "stop": self.stop,
+        }
+
+
+def mean_squares(network: Network, data: TrainingData, parallel: bool) -> Array:
+    """Mean squares of the scaled errors over training, validation and test, shape (3,); NaN where there is none."""
+    return _mean_squares(_errors_of(network, data, parallel).errors(network), data)
+
+
+def _errors_of(network: Network, data: TrainingData, parallel: bool) -> OneStep | InOrder:
+    """All samples at once where none of them waits for another."""
+    at_once = not parallel and bool(np.all(network.kind == SIGMOID))
+    return OneStep.of(network, data) if at_once else InOrder(data, parallel)
+
+
+def _mean_squares(errors: Array, data: TrainingData) -> Array:
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        square = np.sum(errors**2, axis=1)
+        count = np.bincount(data.purpose, minlength=3) * errors.shape[1]
+        total = np.array([np.sum(square[data.purpose == one]) for one in range(3)])
+        return np.asarray(np.where(count > 0, total / count, np.nan))
+
+
+def train(
+    network: Network, data: TrainingData, rules: TrainingRules, *, parallel: bool = False, with_linear: bool = False
+) -> tuple[Network, TrainingHistory]:
+    """Train all adjustable numbers of a network.
+
+    Parameters
+    ----------
+    network : Network
+        Start.
+    data : TrainingData
+    rules : TrainingRules
+    parallel : bool
+        Fit the free run (parallel form) instead of the prediction one step ahead (series-parallel form).
+    with_linear : bool
+        Whether the linear part is trained as well.
+
+    Returns
+    -------
+    network : Network
+        The one with the least validation error; without validation data, the last.
+    history : TrainingHistory
+    """
+    point, mu = parameters(network, with_linear), rules.mu
+    course = _errors_of(network, data, parallel)
+    now = _mean_squares(course.errors(network), data)
+    best, best_point, best_error, fails = 0, point, now[1], 0
+    rows = [[*now, np.nan, mu]]
+    stop = f"{rules.epochs} epochs"
+    if not np.isfinite(now[0]):
+        # A free run that overflows has no slope to follow.
+        return network, _history(rows, 0, "the free run diverges at the start")
+    for epoch in range(1, rules.epochs + 1):
+        if now[0] <= rules.goal:
+            stop = "goal"
+            break
+        factor = _factor(with_parameters(network, point, with_linear), course, data, with_linear)
+        if not np.all(np.isfinite(factor)):
+            stop = "the slopes overflow"
+            break
+        left, sizes, right = np.linalg.svd(factor[:, :-1], full_matrices=False)
+        along = left.T @ factor[:, -1]
+        gradient = 2.0 * float(np.linalg.norm(sizes * along))
+        rows[-1][3] = gradient
+        if gradient < rules.min_gradient:
+            stop = "gradient"
+            break
+        while mu <= rules.mu_max:
+            # The damped step (J'J + mu I)^-1 J'e without forming J'J.
+            trial = point + right.T @ (sizes / (sizes**2 + mu) * along)
+            then = _mean_squares(course.errors(with_parameters(network, trial, with_linear)), data)
+            if then[0] < now[0]:
+                break
+            mu *= rules.mu_increase
+        else:
+            stop = "damping"
+            break
+        gained = now[0] - then[0] >= rules.min_gain * now[0]
+        point, now = trial, then
+        mu = max(mu * rules.mu_decrease, _SMALLEST_DAMPING)
+        rows.append([*now, np.nan, mu])
+        if np.isnan(now[1]):
+            best, best_point = epoch, point
+            fails = 0 if gained else fails + 1
+            if fails >= rules.max_fail:
+                stop = "gain"
+                break
+        elif not np.isfinite(best_error) or now[1] < best_error:
+            best, best_point, best_error, fails = epoch, point, now[1], 0
+        else:
+            fails += 1
+            if fails >= rules.max_fail:
+                stop = "validation"
+                break
+    return with_parameters(network, best_point, with_linear), _history(rows, best, stop)
+
+
+def _history(rows: list[list[float]], best: int, stop: str) -> TrainingHistory:
+    table = np.array(rows, dtype=float)
+    return TrainingHistory(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], best, stop)
+
+
+def _factor(network: Network, course: OneStep | InOrder, data: TrainingData, with_linear: bool) -> Array:
+    """Triangular factor of slopes and scaled errors of the training samples, over the root of their number.
+
+    By QR of one block after another, so that neither the memory grows with the record nor the condition is squared.
+    """
+    rows = int(np.sum(data.purpose == 0)) * len(network.constant)
+    return np.asarray(triangle(course.rows(network, with_linear)) / np.sqrt(max(rows, 1)))

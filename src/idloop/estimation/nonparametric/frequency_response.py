@@ -1,0 +1,203 @@
+"""A measured frequency response with its uncertainty: what every estimator in the frequency domain returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.black_box.control_names import control_names
+
+if TYPE_CHECKING:
+    import control
+    from idloop.estimation.nonparametric.distortion import Distortion
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Frequency response at a set of frequencies, without a model between them.
+
+    Attributes
+    ----------
+    method : str
+        Estimator, as ``"spa"`` or ``"welch"``.
+    frequency : ndarray, shape (f,)
+        [Hz], increasing; lines that no input excites are left out.
+    response : ndarray of complex, shape (f, p, m)
+        From the inputs to the outputs [output unit / input unit].
+    stderr : ndarray, shape (f, p, m)
+        Root mean square of the complex error of `response`; NaN where nothing tells it.
+    degrees : ndarray, shape (f,)
+        Degrees of freedom of `stderr`.
+    sample_time : float
+        Period of the data [s].
+    input_names, input_units, output_names, output_units : tuple of str
+        Of the columns.
+    samples : int
+        Samples that the estimate rests on.
+    coherence : ndarray, shape (f, p), or None
+        Share of each output's power that the inputs explain, all of them together.
+    disturbance, disturbance_stderr : ndarray, shape (f, p), or None
+        One-sided power density of what the inputs do not explain, and its standard error [output unit² / Hz].
+    distortion : Distortion or None
+        Noise and nonlinear distortion told apart (best linear approximations).
+    resolution : float or None
+        Width of what is averaged over, at half its height [Hz]: a narrower peak comes out too low and too wide, which
+        `stderr` does not know. None where every line is its own.
+    notes : tuple of str
+        What a user should know of this estimate.
+    """
+
+    method: str
+    frequency: Array
+    response: Complex
+    stderr: Array
+    degrees: Array
+    sample_time: float
+    input_names: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_names: tuple[str, ...]
+    output_units: tuple[str, ...]
+    samples: int
+    coherence: Array | None = None
+    disturbance: Array | None = None
+    disturbance_stderr: Array | None = None
+    distortion: Distortion | None = None
+    resolution: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def resolved(self) -> Mask:
+        """Which lines lie at or above the resolution, shape (f,): below it an average reaches over 0 Hz.
+
+        All of them where none does.
+        """
+        # Lines are multiples of something, which rounding must not put below.
+        found = self.frequency >= (self.resolution or 0.0) * (1.0 - 1e-9)
+        return np.asarray(found if np.any(found) else ~found)
+
+    def radius(self, share: float = 0.95) -> Array:
+        """Radius of the circle about each estimate that holds the true response with probability `share`.
+
+        For errors that are circular complex normal, the squared distance over the estimated variance is
+        F-distributed with 2 and `degrees` degrees of freedom.
+
+        Returns
+        -------
+        ndarray, shape (f, p, m)
+
+        Raises
+        ------
+        InputError
+            A share that is no probability.
+        """
+        from scipy.stats import f
+
+        if not 0 < share < 1:
+            raise InputError(f"band with probability {share:g}; give a share between 0 and 1")
+        known = np.isfinite(self.degrees) & (self.degrees > 0)
+        factor = np.full(self.degrees.shape, np.nan)
+        factor[known] = np.sqrt(f.ppf(share, 2.0, self.degrees[known]))
+        return np.asarray(factor[:, None, None] * self.stderr)
+
+    @property
+    def system(self) -> control.FrequencyResponseData:
+        """As python-control's frequency response data: plots, margins, series and feedback connections."""
+        import control
+
+        return control.FrequencyResponseData(
+            np.moveaxis(self.response, 0, -1),
+            2 * np.pi * self.frequency,
+            dt=self.sample_time,
+            inputs=control_names(self.input_names),
+            outputs=control_names(self.output_names),
+            name=self.method,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "method": self.method,
+            "frequency": self.frequency,
+            "response": {"real": self.response.real, "imag": self.response.imag},
+            "stderr": self.stderr,
+            "degrees": self.degrees,
+            "sample_time": self.sample_time,
+            "inputs": list(self.input_names),
+            "outputs": list(self.output_names),
+            "samples": self.samples,
+            "resolution": self.resolution,
+            "coherence": self.coherence,
+            "disturbance": self.disturbance,
+            "disturbance_stderr": self.disturbance_stderr,
+            "distortion": None
+            if self.distortion is None
+            else self.distortion.to_dict() | {"shares": self.distortion.shares(self.response[:, :, 0])},
+            "notes": list(self.notes),
+        }
+
+    def plot(self, axes: Any = None, share: float = 0.95) -> Any:
+        """Draw the Bode diagram with its bands, and the coherence where it is known, from the resolution upwards.
+
+        Parameters
+        ----------
+        axes : sequence of two or three matplotlib axes, optional
+            For magnitude, phase and, where given, coherence.
+        share : float
+            Probability of the bands.
+        """
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+        from idloop.estimation.black_box.bode_labels import bode_labels, title_over_legend
+
+        unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
+        radius = self.radius(share)
+        with drawing.styled():
+            if axes is None:
+                rows = 2 if self.coherence is None else 3
+                _, axes = plt.subplots(rows, 1, sharex=True, figsize=(8, 2.5 * rows), layout="constrained")
+            magnitude, phase = axes[0], axes[1]
+            for index, (row, column) in enumerate(np.ndindex(self.response.shape[1:])):
+                look = drawing.model_look(index)
+                kept = self.resolved
+                frequency = self.frequency[kept]
+                value, width = self.response[kept, row, column], radius[kept, row, column]
+                size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
+                drawing.line(magnitude, frequency, size, label=texts[row][column], **look)
+                drawing.line(phase, frequency, angle, **look)
+                if np.any(np.isfinite(width)):
+                    # A circle that holds the origin says nothing of the phase.
+                    turn = np.degrees(np.arcsin(np.minimum(width / np.maximum(size, 1e-300), 1.0)))
+                    turn = np.where(width < size, turn, 180.0)
+                    shade = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
+                    # A band that reaches zero has no lower edge on a logarithmic axis: it ends below the curve.
+                    lower = np.maximum(size - width, 0.3 * np.min(size))
+                    magnitude.fill_between(frequency, lower, size + width, **shade)
+                    phase.fill_between(frequency, angle - turn, angle + turn, **shade)
+            if self.distortion is not None:
+                self.distortion.draw_levels(magnitude)
+            magnitude.set(
+                xscale="log",
+                yscale="log",
+            )
+            fine = "" if self.resolution is None else f", resolution {self.resolution:.3g} Hz"
+            magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
+            bands = f", bands of {100 * share:g} %" if np.any(np.isfinite(radius)) else ""
+            title_over_legend(magnitude, f"{self.method}{bands}{fine}")
+            phase.set_ylabel(drawing.label("phase", "deg"))
+            if self.coherence is not None and len(axes) > 2:
+                for index, name in enumerate(self.output_names):
+                    look = drawing.model_look(index)
+                    heard = self.coherence[self.resolved, index]
+                    drawing.line(axes[2], self.frequency[self.resolved], heard, label=name, **look)
+                axes[2].set(ylim=(0.0, 1.05), ylabel=drawing.label("coherence", "-"))
+            axes[-1].set_xlabel(drawing.label("frequency", "Hz"))
+        return axes

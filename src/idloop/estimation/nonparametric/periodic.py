@@ -1,0 +1,188 @@
+"""Records of a periodic excitation, period by period, as complex amplitudes of their lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.nonparametric.repetition import misfit
+from idloop.signals.base import LineGrid
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
+
+_NEIGHBOURS = 21  # lines over which the noise of the driver is averaged
+_ABOVE_NOISE = 15.0  # of it, the power of a line that is meant: noise alone comes so far once in a million lines
+_EXCITED = 1e-4  # a line with this share of the greatest line's power is meant, less is noise or rounding
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicSpectra:
+    """Complex peak amplitudes of the lines of all experiments.
+
+    Attributes
+    ----------
+    data : tuple of SampledData
+    frequency : ndarray, shape (k,)
+        Lines above zero and below half the sample rate [Hz].
+    output : tuple of ndarray of complex, shapes (periods, k, p)
+        For each experiment and period.
+    input : tuple of ndarray of complex, shapes (periods, k)
+    driver : ndarray of complex, shape (experiments, k)
+        What is free of the plant's noise: the reference, or the input of an open loop.
+    excited : ndarray of bool, shape (experiments, k)
+        Where the driver carries power.
+    """
+
+    data: tuple[SampledData, ...]
+    frequency: Array
+    output: tuple[Complex, ...]
+    input: tuple[Complex, ...]
+    driver: Complex
+    excited: Mask
+
+    @property
+    def periods(self) -> int:
+        """Of the experiment that has fewest."""
+        return min(len(one) for one in self.output)
+
+    @property
+    def samples(self) -> int:
+        """Samples of all the periods."""
+        return sum(len(one) for one in self.data)
+
+
+def by_period(
+    data: SampledData | Sequence[SampledData],
+    period: int,
+    *,
+    lines: LineGrid | Sequence[LineGrid] | None,
+    skip: int,
+    by_reference: bool,
+    drift: bool,
+) -> PeriodicSpectra:
+    """Cut records into periods and transform each of them.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        One input; each experiment is a realisation of the excitation.
+    period : int
+        [samples].
+    lines : LineGrid, or one for each experiment, optional
+        What was excited; read off the driver's spectrum by default.
+    skip : int
+        Periods at the start that are left to the transient.
+    by_reference : bool
+        Whether the reference drives the experiment (closed loop) or the input (open loop).
+    drift : bool
+        Take off the straight line by which each signal moves from period to period, as the position of an axis
+        without a stop does; it would leak into every line.
+
+    Raises
+    ------
+    InputError
+        Fewer than two periods, more than one input, no reference where one is needed, or a driver that does not
+        repeat with the period.
+    """
+    several = together(data)
+    first = several[0]
+    if first.input.shape[1] != 1:
+        raise InputError(f"{first.name}: {first.input.shape[1]} inputs; one multisine tells the response to one input")
+    period = int(period)
+    if period < 4 or skip < 0:
+        raise InputError(f"{first.name}: period of {period} samples, {skip} skipped; take at least 4 and skip none")
+    outputs, inputs, drivers, noises = [], [], [], []
+    for one in several:
+        count = len(one) // period - skip
+        if count < 2:
+            raise InputError(
+                f"{one.name}: {len(one)} samples hold {max(count, 0)} periods of {period} after {skip} for the"
+                " transient; noise and distortion are told apart by two or more"
+            )
+        if by_reference and one.reference is None:
+            raise InputError(f"{one.name}: no reference recorded; without it only an open loop can be measured")
+        signals = [one.output, one.input]
+        if by_reference and one.reference is not None:
+            signals.append(one.reference[:, None])
+        values = np.hstack(signals)[len(one) - count * period :].reshape(count, period, -1)
+        if lines is None:
+            _check_repetition(one, values[:, :, -1], period)
+        if drift:
+            values = _without_drift(values)
+        amplitude = 2.0 / period * np.fft.rfft(values, axis=1)[:, 1 : (period + 1) // 2]
+        p = one.output.shape[1]
+        outputs.append(amplitude[:, :, :p])
+        inputs.append(amplitude[:, :, p])
+        drivers.append(np.mean(amplitude[:, :, -1], axis=0))
+        noises.append(_noise_floor(amplitude[:, :, -1]))
+    driver = np.array(drivers)
+    frequency = np.arange(1, driver.shape[1] + 1) / (period * first.sample_time)
+    excited = _excited(driver, np.array(noises), lines, first, period)
+    return PeriodicSpectra(tuple(several), frequency, tuple(outputs), tuple(inputs), driver, excited)
+
+
+def _check_repetition(one: SampledData, driver: Array, period: int) -> None:
+    """Refuse a period with which what drives the experiment, shape (periods, period), does not repeat."""
+    found = misfit(driver.ravel(), period)
+    if found is None:
+        return
+    mismatch, own = found
+    mend = (
+        "it does not repeat with any: record a periodic excitation, as a multisine"
+        if own is None
+        else f"it repeats after {own} samples: give a period of {own * one.sample_time:.6g} s"
+    )
+    raise InputError(
+        f"{one.name}: the excitation does not repeat after {period} samples ({period * one.sample_time:.6g} s),"
+        f" {100.0 * min(mismatch, 1.0):.0f} % of its power is another then; {mend}"
+    )
+
+
+def _without_drift(values: Array) -> Array:
+    """Periods without the ramp that leads from the mean of the first to that of the last, shape (P, period, c)."""
+    count, period, _ = values.shape
+    means = np.mean(values, axis=1)
+    slope = (means[-1] - means[0]) / ((count - 1) * period)
+    instant = np.arange(count * period, dtype=float).reshape(count, period, 1)
+    return np.asarray(values - slope * instant)
+
+
+def _noise_floor(periods: Complex) -> Array:
+    """Power that noise leaves of the mean over the periods, shape (P, k), over each line and its neighbours, (k,)."""
+    count = len(periods)
+    scatter = np.sum(np.abs(periods - np.mean(periods, axis=0)) ** 2, axis=0) / (count - 1) / count
+    width = min(_NEIGHBOURS, scatter.size)
+    kernel = np.ones(width)
+    return np.asarray(np.convolve(scatter, kernel, "same") / np.convolve(np.ones(scatter.size), kernel, "same"))
+
+
+def _excited(
+    driver: Complex, noise: Array, lines: LineGrid | Sequence[LineGrid] | None, first: SampledData, period: int
+) -> Mask:
+    """Lines that were meant to be excited in each experiment, shape (experiments, k)."""
+    if lines is None:
+        power = np.abs(driver) ** 2
+        greatest = np.max(power, axis=1, keepdims=True)
+        if not np.all(greatest > 0):
+            raise InputError(f"{first.name}: what should excite the plant stands still; record a multisine")
+        return np.asarray((power > _EXCITED * greatest) & (power > _ABOVE_NOISE * noise))
+    grids = [lines] * len(driver) if isinstance(lines, LineGrid) else list(lines)
+    if len(grids) != len(driver):
+        raise InputError(f"{len(grids)} line grids for {len(driver)} experiments; give one, or one for each")
+    excited = np.zeros(driver.shape, dtype=bool)
+    for row, grid in zip(excited, grids, strict=True):
+        spacing = grid.fundamental * period * first.sample_time
+        if abs(spacing - 1.0) > 1e-3 or np.max(grid.excited) > row.size:
+            raise InputError(
+                f"{first.name}: lines {grid.fundamental:g} Hz apart do not belong to a period of {period} samples at"
+                f" {first.sample_time:g} s; give the excitation's own period"
+            )
+        row[grid.excited - 1] = True
+    return excited

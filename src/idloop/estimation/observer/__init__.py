@@ -1,0 +1,1 @@
+"""Innovations of a steady-state observer that carries a disturbance force."""

@@ -1,0 +1,244 @@
+"""Innovations with the disturbance's intensity and memory as two more parameters of the search.
+
+The same question as the prediction criterion asks, arranged for many refits of
+neighbouring models: the disturbance may be anything from white to a random walk, and
+the observer learns the initial state by itself, so that no initial state is searched
+and every sample counts for every model.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.estimation.criterion import Errors, InitialStates
+from idloop.estimation.dataset import Data, output_groups
+from idloop.estimation.observer.settling import SettlingObserver, scale_start, scalings_to_last, settling_observer
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine
+    from idloop.physics.engine import Linear
+
+Array = NDArray[np.float64]
+
+# Decades of the intensity about a walk that reaches the drive force within the record.
+LEAST_EXPONENT, MOST_EXPONENT = -10.0, 10.0
+# Decades of the time, in samples, over which the disturbance remembers: white, and for ever.
+WHITE, WALK = -1.0, 5.0
+# Fewest samples of a record that a glimpse takes.
+_LEAST_GLIMPSE = 500
+# First guesses of the initial motion may be wrong by this many times their typical size.
+_START_SPREAD = 3.0
+
+
+class InnovationCriterion:
+    """Innovations of an observer that learns the start; nuisance are log10 of intensity and memory.
+
+    Parameters
+    ----------
+    engine : Engine
+        Compiled model.
+    data : list of Data
+        Records.
+    output_noise : array, shape (p,)
+        Standard deviation of each output's measurement noise.
+    force_scale : float
+        Typical drive force; the unit of the intensity.
+    exponent : float
+        Intensity to start from, in decades.
+    memory : float
+        Correlation time of the disturbance to start from, in decades of a sample.
+
+    Attributes
+    ----------
+    longest, strongest : float
+        Longest correlation time and largest intensity that the disturbance may take, in decades.
+    translates : bool
+        Whether innovations may be translated from one disturbance to another, as far as is known.
+    """
+
+    name = "prediction"
+    whiten = True
+
+    def __init__(
+        self,
+        engine: Engine,
+        data: list[Data],
+        output_noise: Array,
+        force_scale: float,
+        exponent: float = -4.0,
+        memory: float = WALK,
+    ) -> None:
+        self.longest, self.strongest = WALK, MOST_EXPONENT
+        self.translates = True
+        self.engine, self.data, self.output_noise = engine, data, output_noise
+        self.groups = output_groups(data)
+        self.measured = sorted(column for group in self.groups for column in group)
+        self._longest = max(float(d.time[-1] - d.time[0]) for d in data)
+        self.unit = force_scale**2 / self._longest
+        self.exponent, self.memory = exponent, memory
+        self._shortest = min(d.sample_time for d in data)
+        self.initial = InitialStates(engine, data, force_scale)
+        self.linear: Linear = engine.linearise(None)
+        self._chain: tuple[int, ...] = engine.layout(None).body_of
+        self._observers: dict[tuple[float, float, float], tuple[SettlingObserver, list[Array]]] = {}
+        self._last: dict[int, tuple[bytes, Array]] = {}
+        self._rows = [[_usable(d, group) for d in data] for group in self.groups]
+
+    @property
+    def intensity(self) -> float:
+        """Intensity of the disturbance force [force²/s]."""
+        return float(self.unit * 10.0**self.exponent)
+
+    def retune(self, theta: Array) -> None:
+        """Design the observers anew for the linear part at these parameters."""
+        self.linear = self.engine.linearise(theta)
+        self._chain = self.engine.layout(theta).body_of
+        self._observers.clear()
+        self._last.clear()
+
+    def adopt(self, other: InnovationCriterion) -> None:
+        """Use the observers of a neighbouring model with the same linear part."""
+        self.linear, self._chain, self._observers = other.linear, other._chain, other._observers
+        self._last.clear()
+
+    def glimpse(self, samples: int) -> InnovationCriterion | None:
+        """The same on a stretch from the middle of every record; None where it would not be much shorter.
+
+        Parameters
+        ----------
+        samples : int
+            About so many of all records together.
+        """
+        total = sum(len(d.time) for d in self.data)
+        if total < 2 * samples:
+            return None
+        stretches = [_middle(d, samples / total) for d in self.data]
+        if not all(np.any(np.isfinite(d.output)) for d in stretches) or output_groups(stretches) != self.groups:
+            return None
+        short = copy(self)
+        short.look_at(stretches)
+        return short
+
+    def look_at(self, data: list[Data]) -> None:
+        """Read other records of the same outputs; the unit of the intensity stays."""
+        self.data = data
+        self.initial = InitialStates(self.engine, data, float(np.sqrt(self.unit * self._longest)))
+        self._observers, self._last = {}, {}
+        self._rows = [[_usable(d, group) for d in data] for group in self.groups]
+
+    def nuisance(self) -> tuple[Array, Array, Array, Array]:
+        """Exponent and memory, their range and size."""
+        here, low = np.array([self.exponent, self.memory]), np.array([LEAST_EXPONENT, WHITE])
+        return here, low, np.array([self.strongest, self.longest]), np.ones(2)
+
+    def keep(self, nuisance: Array) -> None:
+        """Go on from this disturbance."""
+        self.exponent = min(float(nuisance[0]), self.strongest)
+        self.memory = min(float(nuisance[1]), self.longest)
+
+    def decay(self, memory: float, record: int) -> float:
+        """Part of the disturbance that one sample of a record leaves for the next."""
+        if memory >= WALK:
+            return 1.0
+        return float(np.exp(-self.data[record].sample_time / (self._shortest * 10.0**memory)))
+
+    def innovation(self, theta: Array, nuisance: Array, record: int) -> Array:
+        """One-step prediction errors of one record, shape (n, p), NaN where not measured."""
+        key = theta.tobytes() + nuisance.tobytes()
+        if record not in self._last or self._last[record][0] != key:
+            d, observer = self.data[record], self.observer(nuisance, record)
+            gain = observer.gains.reshape(-1, d.output.shape[1])
+            state = self.initial.state(self.initial.values, record, theta)
+            decay = self.decay(float(nuisance[1]), record)
+            found = self.engine.predict(
+                theta, d.input_time, d.input, d.time, d.output, gain, state, decay, observer.place, d.conditions
+            )
+            self._last[record] = key, found
+        return self._last[record][1]
+
+    def errors(self, theta: Array, nuisance: Array) -> Errors:
+        """Innovations by group and record, those of the start scaled to the settled ones' covariance."""
+        return self.arranged([self.innovation(theta, nuisance, r) for r in range(len(self.data))], nuisance)
+
+    def arranged(self, innovations: list[Array], nuisance: Array) -> Errors:
+        """Innovations (n, p) of each record by group, those of the start scaled to the settled ones' covariance."""
+        found: Errors = [[] for _ in self.groups]
+        for r, full in enumerate(innovations):
+            observer, scalings = self._observer(nuisance, r)
+            for place, (group, rows) in enumerate(zip(self.groups, self._rows, strict=True)):
+                part = full.copy() if len(group) == full.shape[1] else np.ascontiguousarray(full[:, group])
+                scale_start(part, scalings[place], observer.place)
+                found[place].append(part if rows[r] is None else part[rows[r]])
+        return found
+
+    def start_scaling(self, nuisance: Array, record: int, place: int, instant: int) -> float:
+        """Log determinant of what scales an innovation of the start to the settled ones' covariance.
+
+        Parameters
+        ----------
+        nuisance : array
+        record, place : int
+            Of the record, and of the group of outputs.
+        instant : int
+            Sample of the record.
+        """
+        observer, scalings = self._observer(nuisance, record)
+        first = observer.place[min(instant, len(observer.place) - 1)]
+        return float(np.linalg.slogdet(scalings[place][first])[1])
+
+    def observer(self, nuisance: Array, record: int) -> SettlingObserver:
+        """Observer of one record."""
+        return self._observer(nuisance, record)[0]
+
+    def _observer(self, nuisance: Array, record: int) -> tuple[SettlingObserver, list[Array]]:
+        """Observer of one record and the scaling of its first innovations, by group."""
+        step = self.data[record].sample_time
+        exponent, memory = float(nuisance[0]), float(nuisance[1])
+        key = (exponent, memory, step)
+        if key not in self._observers:
+            if len(self._observers) > 16:
+                self._observers.clear()
+            samples = max(len(d.time) for d in self.data if d.sample_time == step)
+            n = self.initial.bodies
+            scale = _START_SPREAD * self.initial.part(self.initial.scale, record)
+            # No more of a constant force than the disturbance makes by itself: an offset is not noise.
+            gained, decay = self.unit * 10.0**exponent, self.decay(memory, record)
+            scale[-1] = np.sqrt(gained * min(self._longest, step / max(1.0 - decay**2, 1e-12)))
+            starts = [*self._chain, len(self.linear.A) // 2]
+            halves = np.diff(starts)
+            spread = np.concatenate([np.repeat(scale[:n], halves), np.repeat(scale[n : 2 * n], halves), scale[2 * n :]])
+            observer = settling_observer(
+                self.linear, self.measured, step, gained, self.output_noise, spread, samples, decay
+            )
+            if not np.all(np.isfinite(observer.gains)):
+                raise IdloopError("no observer could be designed for this model and data")
+            self._observers[key] = (observer, [_scalings(observer.covariances, group) for group in self.groups])
+        return self._observers[key]
+
+
+def _scalings(covariance: Array, group: list[int]) -> Array:
+    """Matrices that bring innovations of a group to the settled covariance, one for each gain, shape (m, g, g)."""
+    own = np.ascontiguousarray(covariance[:, group][:, :, group])
+    return np.asarray(scalings_to_last(own))
+
+
+def _middle(data: Data, share: float) -> Data:
+    """A share of a record, from its middle."""
+    count = max(round(share * len(data.time)), min(len(data.time), _LEAST_GLIMPSE))
+    first = (len(data.time) - count) // 2
+    part = slice(first, first + count)
+    gaps = data.gaps[(data.gaps > first) & (data.gaps < first + count)] - first
+    return replace(data, time=data.time[part], output=data.output[part], gaps=gaps)
+
+
+def _usable(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
+    """Rows at which a group is measured, without the first one after a gap; None for all rows."""
+    keep = np.all(np.isfinite(data.output[:, group]), axis=1)
+    keep[data.gaps] = False
+    return None if np.all(keep) else np.asarray(keep)

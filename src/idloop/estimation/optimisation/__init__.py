@@ -1,0 +1,1 @@
+"""Weighted nonlinear least squares: the problem, its Jacobian and the search."""

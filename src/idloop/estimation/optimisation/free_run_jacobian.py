@@ -1,0 +1,64 @@
+"""Jacobian of free-run errors by exact slopes, once differences have agreed with them nearby."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimation.optimisation.levenberg import difference_jacobian
+from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.simulation import SimulationCriterion
+
+Array = NDArray[np.float64]
+
+# Part of a parameter's size by which it is changed for the slopes of the forces.
+_CHANGE = 1e-6
+# Part by which an exact slope may differ from a difference: a step decides when a body breaks away, and the exact slope
+# does not see that decision change.
+_AGREED = 0.03
+
+
+class FreeRunSlopes:
+    """Jacobian of a problem of free runs by exact slopes; by differences at points that have none.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a `SimulationCriterion`.
+    lower, upper, scale : array, shape (k + q,)
+        Bounds and typical sizes of parameters and nuisance.
+    step : array, shape (k + q,)
+        Steps of the differences.
+    """
+
+    def __init__(self, problem: Problem, lower: Array, upper: Array, scale: Array, step: Array) -> None:
+        self.problem, self.lower, self.upper, self.scale, self.step = problem, lower, upper, scale, step
+
+    def __call__(self, point: Array) -> Array:
+        """Jacobian at a point, shape (n, k + q)."""
+        exact = self._exact(point)
+        return self._differences(point) if exact is None or np.any(np.isnan(exact[0])) else exact
+
+    def agree(self, point: Array) -> bool:
+        """Whether there are exact slopes at a point, and differences are the same."""
+        exact = self._exact(point)
+        if exact is None:
+            return False
+        differences = self._differences(point)
+        apart = np.linalg.norm(exact - differences, axis=0)
+        return bool(np.all(apart <= _AGREED * np.linalg.norm(differences, axis=0)))
+
+    def _differences(self, point: Array) -> Array:
+        return difference_jacobian(
+            self.problem.residual, point, self.problem.residual(point), self.lower, self.upper, self.step, self.scale
+        )[0]
+
+    def _exact(self, point: Array) -> Array | None:
+        """Exact slopes in units of the residual, NaN for what has none."""
+        criterion, k = self.problem.criterion, self.problem.parameters
+        if not isinstance(criterion, SimulationCriterion):
+            return None
+        change = _CHANGE * self.scale[:k]
+        change = np.where(point[:k] + change > self.upper[:k], -change, change)
+        slopes = criterion.slopes(point[:k], point[k:], change)
+        return None if slopes is None else self.problem.weighed(slopes)

@@ -1,0 +1,361 @@
+"""Prediction-error estimates of ARMAX, output-error, Box-Jenkins and general polynomial models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.black_box.prefilter import Filter, prefiltered
+from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.polynomial.channels import Channel, Errors, Focus, Initial, channels, check_inputs, open_note
+from idloop.estimation.polynomial.instruments import refined
+from idloop.estimation.polynomial.model import PolynomialModel, assemble
+from idloop.estimation.polynomial.objective import Objective
+from idloop.estimation.polynomial.orders import Orders, per_input
+from idloop.estimation.polynomial.polynomials import Polynomials
+from idloop.estimation.polynomial.search import Found, best, information
+from idloop.estimation.polynomial.stability import radius, reflect
+from idloop.estimation.polynomial.start import noise_start, shared_denominator, starts
+from idloop.estimation.polynomial.uncertainty import coloured_errors, white_errors
+
+Array = NDArray[np.float64]
+
+_EDGE = 1e-3  # roots of C this close to the unit circle are on it
+_START_ROWS = 100_000  # a start needs no more samples than this
+
+
+def armax(
+    data: SampledData | Sequence[SampledData],
+    na: int,
+    nb: int | Sequence[int],
+    nc: int,
+    nk: int | Sequence[int] = 1,
+    *,
+    focus: Focus = "prediction",
+    prefilter: Filter | None = None,
+    initial: Initial = "estimate",
+    errors: Errors | None = None,
+) -> PolynomialModel:
+    """Estimate A(q) y = sum_i B_i(q) u_i + C(q) e: disturbances that enter where the command does.
+
+    See `polynomial_model` for what the methods share.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+    na, nc : int
+        Degrees of A and C.
+    nb, nk : int or one per input
+        Number of coefficients of B and lag of the first [samples].
+    focus, prefilter, initial, errors
+        As for `polynomial_model`.
+
+    Returns
+    -------
+    PolynomialModel
+
+    Raises
+    ------
+    InputError
+        Orders that do not suit the signals, or too few samples.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., eq. 4.14 to 4.21.
+    """
+    experiments = together(data)
+    m = experiments[0].input.shape[1]
+    orders = Orders(na, per_input(nb, m, "nb"), nc, 0, (0,) * m, per_input(nk, m, "nk"))
+    return search("armax", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+
+
+def output_error(
+    data: SampledData | Sequence[SampledData],
+    nb: int | Sequence[int],
+    nf: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    prefilter: Filter | None = None,
+    initial: Initial = "estimate",
+    errors: Errors | None = None,
+) -> PolynomialModel:
+    """Estimate y = sum_i B_i(q) / F_i(q) u_i + e: the model of the best free run.
+
+    Consistent in noise of any colour in open loop; in closed loop only in white noise.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+    nb, nf, nk : int or one per input
+        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples].
+    prefilter, initial, errors
+        As for `polynomial_model`; errors are "coloured" by default.
+
+    Returns
+    -------
+    PolynomialModel
+
+    Raises
+    ------
+    InputError
+        Orders that do not suit the signals, or too few samples.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., eq. 4.25, section 8.4.
+    """
+    experiments = together(data)
+    m = experiments[0].input.shape[1]
+    orders = Orders(0, per_input(nb, m, "nb"), 0, 0, per_input(nf, m, "nf"), per_input(nk, m, "nk"))
+    return search(
+        "oe", experiments, orders, focus="prediction", prefilter=prefilter, initial=initial,
+        errors="coloured" if errors is None else errors,
+    )  # fmt: skip
+
+
+def box_jenkins(
+    data: SampledData | Sequence[SampledData],
+    nb: int | Sequence[int],
+    nc: int,
+    nd: int,
+    nf: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    focus: Focus = "prediction",
+    prefilter: Filter | None = None,
+    initial: Initial = "estimate",
+    errors: Errors | None = None,
+) -> PolynomialModel:
+    """Estimate y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e: plant and noise share nothing.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+    nb, nf, nk : int or one per input
+        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples].
+    nc, nd : int
+        Degrees of C and D.
+    focus, prefilter, initial, errors
+        As for `polynomial_model`.
+
+    Returns
+    -------
+    PolynomialModel
+
+    Raises
+    ------
+    InputError
+        Orders that do not suit the signals, or too few samples.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., eq. 4.31.
+    """
+    experiments = together(data)
+    m = experiments[0].input.shape[1]
+    orders = Orders(0, per_input(nb, m, "nb"), nc, nd, per_input(nf, m, "nf"), per_input(nk, m, "nk"))
+    return search("bj", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+
+
+def polynomial_model(
+    data: SampledData | Sequence[SampledData],
+    *,
+    na: int = 0,
+    nb: int | Sequence[int] = 0,
+    nc: int = 0,
+    nd: int = 0,
+    nf: int | Sequence[int] = 0,
+    nk: int | Sequence[int] = 1,
+    focus: Focus = "prediction",
+    prefilter: Filter | None = None,
+    initial: Initial = "estimate",
+    errors: Errors | None = None,
+) -> PolynomialModel:
+    """Estimate A(q) y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e by the prediction-error method.
+
+    Each output gets a model of its own. The search starts from several linear estimates and keeps the lowest
+    minimum; predictors that run away are left out. Signals count as deviations from rest: remove offsets first.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        Experiments, each with initial conditions of its own.
+    na, nc, nd : int
+        Degrees of A, C and D.
+    nb, nf, nk : int or one per input
+        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples].
+    focus : "prediction" or "simulation"
+        What the plant is fitted to: the error one sample ahead, or that of the free run; in the latter case the
+        noise model is fitted to what the plant leaves.
+    prefilter : (numerator, denominator) or discrete python-control system, optional
+        Filter that weighs frequencies; the noise model is then one of the filtered signals.
+    initial : "estimate" or "zero"
+        Whether the past of each experiment is fitted, or was zero.
+    errors : "white" or "coloured", optional
+        Standard errors by Ljung's asymptotics for white innovations, or by a sandwich that holds for a noise
+        model that is too poor as well; by default white where prediction is what was fitted.
+
+    Returns
+    -------
+    PolynomialModel
+
+    Raises
+    ------
+    InputError
+        Orders that do not suit the signals, or too few samples.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., sections 4.2, 7.2, 9.3, 10.2 and 10.5.
+    """
+    experiments = together(data)
+    m = experiments[0].input.shape[1]
+    orders = Orders(na, per_input(nb, m, "nb"), nc, nd, per_input(nf, m, "nf"), per_input(nk, m, "nk"))
+    return search("pem", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+
+
+def search(
+    method: str,
+    experiments: Sequence[SampledData],
+    orders: Orders,
+    *,
+    focus: Focus,
+    prefilter: Filter | None,
+    initial: Initial,
+    errors: Errors | None,
+) -> PolynomialModel:
+    """Fit each output and put the outputs together; see `polynomial_model`."""
+    check_inputs(experiments, orders)
+    weighted = prefiltered(experiments, prefilter)
+    kind: Errors = errors or ("white" if focus == "prediction" and prefilter is None else "coloured")
+    found, left, notes = [], [], []
+    for column, name in enumerate(experiments[0].output_names):
+        signals = channels(weighted, column)
+        fitted = _predicting if focus == "prediction" else _simulating
+        vector, covariance, undetermined, converged = fitted(signals, orders, initial, kind)
+        own = signals if prefilter is None else channels(experiments, column)
+        residuals = Objective(own, orders, initial).errors(vector)
+        if not all(np.all(np.isfinite(r)) for r in residuals):
+            residuals = Objective(own, orders, initial, integrating=True).errors(vector)
+        squares = sum(float(r @ r) for r in residuals)
+        polynomials = Polynomials.from_vector(
+            orders, vector, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
+            output_name=name, variance=squares / max(sum(map(len, residuals)), 1), covariance=covariance,
+        )  # fmt: skip
+        found.append(polynomials)
+        left.append(residuals)
+        notes += open_note(polynomials, undetermined)
+        outermost = max(map(radius, polynomials.f), default=0.0)
+        if outermost > 1.0 + 0.9 * (Objective(own, orders, initial).plant_limit - 1.0):
+            notes.append(
+                f"{name}: F is held at {outermost:.4g}, the farthest out that errors of its free run stay small;"
+                " an unstable plant needs armax, arx or a state-space method"
+            )
+        if radius(polynomials.c) > 1.0 - _EDGE:
+            notes.append(
+                f"{name}: C has a root on the unit circle, where standard errors do not hold;"
+                " the noise needs fewer coefficients, or the data have a trend or were differenced"
+            )
+        elif not converged:
+            notes.append(f"{name}: the search stopped before it converged; try lower orders or more data")
+    return assemble(method, experiments, found, left, notes=notes)
+
+
+_Fitted = tuple[Array, Array, NDArray[np.bool_], bool]
+
+
+def _predicting(data: Sequence[Channel], orders: Orders, initial: Initial, errors: Errors) -> _Fitted:
+    objective = Objective(data, orders, initial)
+    _enough(objective)
+    found = best(objective, starts(_beginning(data), orders))
+    covariance, undetermined = _covariance(objective, found, errors)
+    return found.free, covariance, undetermined, found.converged
+
+
+def _simulating(data: Sequence[Channel], orders: Orders, initial: Initial, errors: Errors) -> _Fitted:
+    """Plant from the free run, then the noise model from what it leaves."""
+    if orders.na and any(orders.nf):
+        raise InputError("focus 'simulation' needs the dynamics in A or in F, not in both; set na or nf to 0")
+    if orders.na and orders.nd:
+        raise InputError("focus 'simulation' with A and D is not supported; put the dynamics in F (na = 0)")
+    if orders.na:
+        # With C tied to A the error one step ahead is that of the free run.
+        plant = Orders(orders.na, orders.nb, orders.na, 0, orders.nf, orders.nk)
+        spread = np.zeros((plant.size, orders.na + sum(orders.nb)))
+        spread[: spread.shape[1]] = np.eye(spread.shape[1])
+        spread[plant.c, plant.a] = np.eye(orders.na)
+        single = Orders(orders.na, orders.nb, 0, 0, orders.nf, orders.nk)
+        beginning = _beginning(data)
+        points = shared_denominator(beginning, single)
+        points.append(refined(beginning, single, points[-1]))
+        objective = Objective(data, plant, initial, spread, integrating=True)
+    else:
+        plant = Orders(0, orders.nb, 0, 0, orders.nf, orders.nk)
+        points = starts(_beginning(data), plant)
+        objective = Objective(data, plant, initial)
+    _enough(objective)
+    found = best(objective, points)
+    vector, covariance = np.zeros(orders.size), np.zeros((orders.size, orders.size))
+    open_ = np.zeros(orders.size, dtype=bool)
+    own = [*range(orders.na + sum(orders.nb)), *range(orders.d.stop, orders.size)]
+    noise = [*range(orders.c.start, orders.d.stop)]
+    vector[own] = found.free
+    block, open_[own] = _covariance(objective, found, errors)
+    covariance[np.ix_(own, own)] = block
+    converged = found.converged
+    if noise:
+        series = Objective(data, _without_noise(orders), initial, integrating=True).errors(vector[own])
+        begin = noise_start(series, orders.nc, orders.nd)
+        vector[noise] = begin
+        rest = Objective(data, orders, initial, np.eye(orders.size)[:, noise], np.where(_mask(orders), 0.0, vector))
+        safe = _inside(begin, orders)
+        second = best(rest, [safe, np.zeros(len(noise))])
+        vector[noise] = second.free
+        block, open_[noise] = _covariance(rest, second, errors)
+        covariance[np.ix_(noise, noise)] = block
+        converged = converged and second.converged
+    return vector, covariance, open_, converged
+
+
+def _inside(start: Array, orders: Orders) -> Array:
+    """C and D to start from, with the roots of C well inside the unit circle."""
+    moving = reflect(np.concatenate([[1.0], start[: orders.nc]]), 0.98)
+    return np.concatenate([moving[1:], start[orders.nc :]])
+
+
+def _without_noise(orders: Orders) -> Orders:
+    return Orders(orders.na, orders.nb, 0, 0, orders.nf, orders.nk)
+
+
+def _mask(orders: Orders) -> NDArray[np.bool_]:
+    mask = np.zeros(orders.size, dtype=bool)
+    mask[orders.c] = mask[orders.d] = True
+    return mask
+
+
+def _covariance(objective: Objective, found: Found, errors: Errors) -> tuple[Array, NDArray[np.bool_]]:
+    known = information(objective, found.free)
+    parameters = len(found.free) + objective.past
+    if errors == "white":
+        variance = found.squares / max(objective.rows - parameters, 1)
+        return white_errors(known.factor, variance, known.undetermined), known.undetermined
+    return coloured_errors(known.factor, known.scores, parameters, known.undetermined), known.undetermined
+
+
+def _enough(objective: Objective) -> None:
+    needed = objective.spread.shape[1] + objective.past
+    if objective.rows <= needed:
+        raise InputError(
+            f"{objective.rows} usable samples for {needed} coefficients and initial conditions;"
+            " record longer or lower the orders"
+        )
+
+
+def _beginning(data: Sequence[Channel]) -> list[Channel]:
+    """At most so much of each experiment as a start needs."""
+    share = _START_ROWS / max(sum(len(c.output) for c in data), _START_ROWS)
+    cut = [int(np.ceil(share * len(c.output))) for c in data]
+    return [Channel(c.output[:n], c.inputs[:n]) for c, n in zip(data, cut, strict=True)]

@@ -1,0 +1,247 @@
+"""What a fit returns: the fitted model, how sure it is, and what it leaves over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimation.statistics.interval_text import interval_text
+
+if TYPE_CHECKING:
+    import control
+    from idloop.physics import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RecordResidual:
+    """What the fitted model leaves over of one record.
+
+    Attributes
+    ----------
+    name : str
+        Record.
+    time : array, shape (n,)
+        Instants [s].
+    value : array, shape (n, p)
+        Innovations, simulation errors or unexplained forces; NaN where not measured.
+    names : tuple of str
+        Columns.
+    """
+
+    name: str
+    time: Array
+    value: Array
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Quotient of two parameters that the data tell although they tell neither of the two.
+
+    Attributes
+    ----------
+    name : str
+        ``first / second``.
+    value, stderr : float
+    unit : str
+    """
+
+    name: str
+    value: float
+    stderr: float
+    unit: str
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % confidence interval."""
+        return _interval(self.value, self.stderr)
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted model with its uncertainty.
+
+    Attributes
+    ----------
+    model : Model
+        The model with fitted values and standard errors.
+    names : tuple of str
+        Free parameters.
+    values, stderr : array, shape (k,)
+        Estimates and standard errors; NaN where the data say nothing.
+    covariance : array, shape (k, k)
+        Covariance that holds under coloured residuals: HAC sandwich, widened where the
+        inverse Hessian or a block jackknife is wider.
+    loss, fpe : float
+        Determinant of the residual covariance and Akaike's final prediction error.
+    criterion, why : str
+        Which criterion was minimised and the reason.
+    disturbance_intensity : float or None
+        Intensity of the disturbance force's random walk [force²/s] (prediction only).
+    output_noise : array, shape (p,)
+        Standard deviation of each output's measurement noise.
+    command_shift : float or None
+        Time from stamp to action of the command beyond its hold [s] (force only).
+    residuals : tuple of RecordResidual
+        One per record.
+    at_bound : tuple of str
+        Parameters that ended on a bound.
+    warnings : tuple of str
+        One line each.
+    samples, iterations : int
+    converged : bool
+    orders : tuple of int
+        Of the autoregressions that whiten the errors.
+    ratios : tuple of Ratio
+        What is known of parameters that the data tell only together.
+    """
+
+    model: Model
+    names: tuple[str, ...]
+    values: Array
+    stderr: Array
+    covariance: Array
+    loss: float
+    fpe: float
+    criterion: str
+    why: str
+    disturbance_intensity: float | None
+    output_noise: Array
+    command_shift: float | None
+    residuals: tuple[RecordResidual, ...]
+    at_bound: tuple[str, ...]
+    warnings: tuple[str, ...]
+    samples: int
+    iterations: int
+    converged: bool
+    orders: tuple[int, ...] = field(default=())
+    ratios: tuple[Ratio, ...] = ()
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation matrix of the estimates, shape (k, k)."""
+        size = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        return np.asarray(self.covariance / np.outer(size, size))
+
+    @property
+    def system(self) -> control.StateSpace:
+        """Linear part of the fitted model as a python-control system, from the command to the outputs."""
+        import control
+        from idloop.estimation.black_box.control_names import control_names
+        from idloop.physics import Engine
+
+        linear = Engine(self.model).linearise()
+        names = control_names(self.model.output_names)
+        return control.ss(
+            linear.A, linear.B.reshape(-1, 1), linear.C, np.zeros((len(names), 1)),
+            inputs=control_names([self.model.input.name]), outputs=names, remove_useless_states=False,
+        )  # fmt: skip
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % confidence interval of one parameter.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+        """
+        index = self.names.index(name)
+        return _interval(float(self.values[index]), float(self.stderr[index]))
+
+    def summary(self) -> str:
+        """Return the result as a text table."""
+        units = {p.name: p.unit for p in self.model.parameters}
+        width = max(len(n) for n in ("parameter", *self.names, *(ratio.name for ratio in self.ratios)))
+        lines = [
+            f"{self.model.name}: {self.criterion} criterion ({self.why})",
+            f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>25}  unit",
+        ]
+        for name, value, stderr in zip(self.names, self.values, self.stderr, strict=True):
+            low, high = self.interval(name)
+            span = interval_text(low, high)
+            mark = "  at bound" if name in self.at_bound else ""
+            error = f"{stderr:.2g}" if np.isfinite(stderr) else "-"
+            lines.append(f"{name:<{width}}  {value:>12.6g}  {error:>10}  {span:>25}  {units[name]}{mark}")
+        for ratio in self.ratios:
+            span = interval_text(*ratio.interval)
+            lines.append(
+                f"{ratio.name:<{width}}  {ratio.value:>12.6g}  {ratio.stderr:>10.2g}  {span:>25}  {ratio.unit}"
+            )
+        lines.append(f"loss {self.loss:.6g}, FPE {self.fpe:.6g}, {self.samples} samples")
+        lines += [f"warning: {text}" for text in self.warnings]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain numbers for JSON; ``None`` where not determined."""
+        units = {p.name: p.unit for p in self.model.parameters}
+
+        def number(value: float) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
+        parameters = {}
+        for name, value, stderr in zip(self.names, self.values, self.stderr, strict=True):
+            low, high = self.interval(name)
+            parameters[name] = {
+                "value": number(value),
+                "stderr": number(stderr),
+                "interval": [number(low), number(high)],
+                "unit": units[name],
+                "at_bound": name in self.at_bound,
+            }
+        return {
+            "model": self.model.name,
+            "criterion": self.criterion,
+            "why": self.why,
+            "parameters": parameters,
+            "ratios": {
+                ratio.name: {
+                    "value": number(ratio.value),
+                    "stderr": number(ratio.stderr),
+                    "interval": [number(end) for end in ratio.interval],
+                    "unit": ratio.unit,
+                }
+                for ratio in self.ratios
+            },
+            "correlation": [[number(v) for v in row] for row in self.correlation],
+            "loss": number(self.loss),
+            "fpe": number(self.fpe),
+            "disturbance_intensity": self.disturbance_intensity,
+            "output_noise": [number(v) for v in self.output_noise],
+            "command_shift": self.command_shift,
+            "samples": self.samples,
+            "iterations": self.iterations,
+            "converged": self.converged,
+            "warnings": list(self.warnings),
+        }
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the residuals of every record over time; returns the matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        columns = self.residuals[0].names
+        if axes is None:
+            _, axes = plt.subplots(
+                len(columns), 1, squeeze=False, sharex=True, layout="constrained",
+                figsize=(9, 2.2 * len(columns) + 0.8),
+            )  # fmt: skip
+            axes = axes[:, 0]
+        for index, (axis, column) in enumerate(zip(axes, columns, strict=True)):
+            for record in self.residuals:
+                axis.plot(record.time, record.value[:, index], linewidth=0.7, label=record.name)
+            axis.set_ylabel(column)
+            axis.axhline(0.0, color="0.5", linewidth=0.6)
+        axes[0].legend(loc="upper right", frameon=False)
+        axes[0].set_title(f"{self.model.name}: what the {self.criterion} criterion leaves over")
+        axes[-1].set_xlabel("time [s]")
+        return axes
+
+
+def _interval(value: float, stderr: float) -> tuple[float, float]:
+    """95 % confidence interval of a normal estimate."""
+    reach = 1.959963984540054 * stderr
+    return float(value - reach), float(value + reach)

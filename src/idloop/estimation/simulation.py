@@ -1,0 +1,109 @@
+"""Free-run criterion: the output error of a simulation from the record's start."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.estimation.criterion import Errors, InitialStates
+from idloop.estimation.dataset import Data, output_groups
+
+if TYPE_CHECKING:
+    from idloop.physics import Engine
+
+Array = NDArray[np.float64]
+
+
+class SimulationCriterion:
+    """Measured minus freely simulated output; initial states are nuisance parameters.
+
+    Parameters
+    ----------
+    engine : Engine
+        Compiled model.
+    data : list of Data
+        Records.
+    """
+
+    name = "simulation"
+    whiten = False
+
+    def __init__(self, engine: Engine, data: list[Data]) -> None:
+        self.engine, self.data = engine, data
+        self.groups = output_groups(data)
+        self.initial = InitialStates(engine, data)
+        self._known = [[_known(d, group) for d in data] for group in self.groups]
+        self._memory: dict[tuple[int, bytes], Array] = {}
+
+    def retune(self, theta: Array) -> None:
+        """Nothing depends on the parameters here."""
+
+    def nuisance(self) -> tuple[Array, Array, Array, Array]:
+        """Initial states, unbounded."""
+        values = self.initial.values
+        unbounded = np.full(len(values), np.inf)
+        return values, -unbounded, unbounded, self.initial.scale
+
+    def keep(self, nuisance: Array) -> None:
+        """Start the next search from these initial states."""
+        self.initial.values = nuisance.copy()
+
+    def simulated(self, theta: Array, nuisance: Array, record: int) -> Array:
+        """Free-run output of one record, shape (n, p)."""
+        # A difference step in one record's initial state leaves the other records as they were.
+        key = (record, theta.tobytes() + self.initial.part(nuisance, record).tobytes())
+        if key not in self._memory:
+            if len(self._memory) > 4 * len(self.data):
+                self._memory.clear()
+            d = self.data[record]
+            state = self.initial.state(nuisance, record, theta)
+            self._memory[key] = self.engine.simulate(
+                theta, d.input_time, d.input, d.time, initial_state=state, conditions=d.conditions
+            )
+        return self._memory[key]
+
+    def slopes(self, theta: Array, nuisance: Array, change: Array) -> Errors | None:
+        """Slopes of the errors by parameters and nuisance, exact ones.
+
+        Parameters
+        ----------
+        theta : array, shape (k,)
+        nuisance : array, shape (q,)
+        change : array, shape (k,)
+            Small changes of the parameters, to the side that is open.
+
+        Returns
+        -------
+        list of list of array, shape (k + q, samples, outputs), or None
+            By group and record; NaN for what has no exact slopes. None where nothing has.
+        """
+        k, width = len(theta), self.initial.width
+        found: Errors = [[] for _ in self.groups]
+        for r, d in enumerate(self.data):
+            state = self.initial.state(nuisance, r, theta)
+            run = self.engine.slopes(theta, change, d.input_time, d.input, d.time, state, d.conditions)
+            if run is None:
+                return None
+            for place, (group, known) in enumerate(zip(self.groups, self._known, strict=True)):
+                part = run if known[r] is None else run[:, known[r]][:, :, group]
+                slopes = np.zeros((k + len(nuisance), *part.shape[1:]))
+                slopes[:k] = -part[:k]
+                slopes[k + r * width : k + (r + 1) * width] = -part[k:]
+                found[place].append(slopes)
+        return found
+
+    def errors(self, theta: Array, nuisance: Array) -> Errors:
+        """Output errors by group and record."""
+        full = [d.output - self.simulated(theta, nuisance, r) for r, d in enumerate(self.data)]
+        return [
+            [e if k is None else np.ascontiguousarray(e[k][:, group]) for e, k in zip(full, known, strict=True)]
+            for group, known in zip(self.groups, self._known, strict=True)
+        ]
+
+
+def _known(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
+    """Rows in which these outputs are measured; None where the errors are taken as they are."""
+    known = np.all(np.isfinite(data.output[:, group]), axis=1)
+    return None if np.all(known) and group == list(range(data.output.shape[1])) else known

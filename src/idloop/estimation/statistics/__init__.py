@@ -1,0 +1,1 @@
+"""Noise models, standard errors and what the data do not determine."""

@@ -1,0 +1,117 @@
+"""Signals that are combinations of each other, and what is said of such commands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from idloop.estimation.black_box.sampled import SampledData
+
+if TYPE_CHECKING:
+    from idloop.estimation.linear.model import LinearModel
+
+Array = NDArray[np.float64]
+
+_TOGETHER = 1e-8  # a direction of the signals of less than this part of their size is rounding
+_PART = 1e-6  # of such a direction, what a signal in it must have
+_INFLATED = 100.0  # times the variance of commands on their own, as at a correlation of 0.995: less is ordinary
+_UNCERTAIN = 0.15  # of the common effect, what one command's is uncertain by: its response errs by some half of itself
+_MOST = 1000.0  # told of it [%]
+_MOST_LAGS = 8
+_SOME = 20_000  # windows that tell how alike commands are
+_EMPTY = 1e-6  # a direction of the windows of less than this part of the largest is none
+
+
+def move_together(signals: Array) -> bool:
+    """Whether some of several signals, shape (n, k), are a combination of the others at every sample."""
+    return bool(np.any(moving_together(signals)))
+
+
+def moving_together(signals: Array) -> NDArray[np.bool_]:
+    """Which of several signals, shape (n, k), are a combination of others at every sample, shape (k,)."""
+    size = np.linalg.norm(signals, axis=0)
+    if signals.shape[1] < 2 or not np.all(size > 0.0):
+        return np.zeros(signals.shape[1], dtype=bool)
+    _, values, directions = np.linalg.svd(np.linalg.qr(signals / size, mode="r"))
+    values = np.concatenate([values, np.zeros(len(directions) - len(values))])
+    return np.asarray(np.any(np.abs(directions[values <= _TOGETHER]) > _PART, axis=0))
+
+
+def together_notes(data: Sequence[SampledData], model: LinearModel) -> tuple[str, ...]:
+    """One note where the effects of some inputs cannot be told apart, none otherwise.
+
+    They are combinations of each other, or so nearly that the noise hides what each of them does. What an input does is
+    known with the variance that it would have alone times the mean of 1 / (1 - rho^2) over the canonical correlations
+    rho of its past with that of the others. That is held against the power of what all inputs make of the prediction
+    one sample ahead, beside which the noise is white.
+
+    Parameters
+    ----------
+    data : sequence of SampledData
+    model : LinearModel
+        Identified from them.
+    """
+    names = data[0].input_names
+    if len(names) < 2:
+        return ()
+    together = moving_together(np.vstack([one.input for one in data]))
+    if np.any(together):
+        those = [name for name, one in zip(names, together, strict=True) if one]
+        return (f"{', '.join(those)} move together: only their common effect is known; excite them apart",)
+    inflation, directions = _inflation(data, min(max(model.order, 1), _MOST_LAGS))
+    if not np.any(inflation > _INFLATED):
+        return ()
+    power = _power_over_noise(data, model)
+    uncertain = np.sqrt(inflation * directions / power) if power > 0.0 else np.zeros(len(names))
+    alike = (inflation > _INFLATED) & (uncertain > _UNCERTAIN)
+    if not np.any(alike):
+        return ()
+    alone = ", ".join(name for name, one in zip(names, alike, strict=True) if one)
+    share = min(100.0 * float(np.max(uncertain[alike])), _MOST)
+    return (
+        (
+            f"{alone} move nearly together: in this noise the effect of each alone is uncertain by {share:.0f} % of"
+            " their common effect or more; excite them apart or record longer"
+        ),
+    )
+
+
+def _inflation(data: Sequence[SampledData], lags: int) -> tuple[Array, Array]:
+    """How much the other inputs add to the variance of an input's coefficients, shape (m,), and how many there are."""
+    long = [one.input for one in data if len(one) > lags]
+    inputs = data[0].input.shape[1]
+    if not long:
+        return np.ones(inputs), np.ones(inputs)
+    step = max(sum(map(len, long)) // _SOME, 1)
+    windows = np.concatenate([sliding_window_view(one - np.mean(one, axis=0), lags, axis=0)[::step] for one in long])
+    bases = []
+    for index in range(inputs):
+        left, sizes, _ = np.linalg.svd(windows[:, index], full_matrices=False)
+        # Directions that are rounding tell nothing, and one input's are like no other's.
+        bases.append(left[:, sizes > _EMPTY * sizes[0]])
+    _, sizes, right = np.linalg.svd(np.hstack(bases), full_matrices=False)
+    variance = np.sum((right / np.maximum(sizes, _TOGETHER)[:, None]) ** 2, axis=0)
+    counts = np.array([base.shape[1] for base in bases])
+    means = [float(np.mean(part)) if part.size else 1.0 for part in np.split(variance, np.cumsum(counts)[:-1])]
+    return np.array(means), counts.astype(float)
+
+
+def _power_over_noise(data: Sequence[SampledData], model: LinearModel) -> float:
+    """Power of what the inputs make of the outputs' prediction one sample ahead, over that of the innovations."""
+    from idloop.estimation.linear.propagate import respond
+
+    noise = np.diag(model.covariance)
+    used = noise > 0.0
+    if not np.any(used):
+        return np.inf
+    closed, driven = model.a - model.gain @ model.c, model.b - model.gain @ model.d
+    power = 0.0
+    with np.errstate(all="ignore"):
+        for one in data:
+            part = respond(closed, driven, model.c, model.d, np.zeros(model.order), np.ascontiguousarray(one.input))
+            power += float(np.sum(part[:, used] ** 2 / noise[used]))
+    return power

@@ -1,0 +1,172 @@
+"""Closed-loop subspace identification with a known controller (VODMA), and its direct variant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.linear.model import LinearModel
+from idloop.estimation.linear.sensitivity import Matrices
+from idloop.estimation.subspace import realisation
+from idloop.estimation.subspace.assemble import assembled
+from idloop.estimation.subspace.future import project_future
+from idloop.estimation.subspace.horizon import halved_windows
+from idloop.estimation.subspace.open_loop import selection
+from idloop.estimation.subspace.order import check_order
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+Data = SampledData | Sequence[SampledData]
+
+
+def vodma(
+    data: Data,
+    controller: control.LTI | Mapping[str, control.LTI],
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    stable: bool = False,
+    integrates: bool = False,
+    weighting: realisation.Weighting = "cva",
+) -> LinearModel:
+    """State-space model of a plant in a loop u = r - controller(y) whose controller is known.
+
+    The first algorithm of Van Overschee and De Moor (Automatica 33, 1997) in its LQ form, section 3.4 of the thesis
+    on the torsion system. What the controller makes of the measurements is put back into the command, so that noise
+    of the future does not reach the instrument; r need not be recorded, but must not depend on the noise.
+    Only a linear controller fits: a command at its limit spoils the relation, `pbsid` does not mind.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        Experiments in closed loop; offsets removed.
+    controller : python-control system, or mapping of output name to system
+        Discrete, at the data's sample time, from all measured outputs in their order to what is subtracted from
+        the commands [input unit per output unit]. The mapping names the outputs that are fed back to one command.
+    order : int or "auto"
+    horizon : int, optional
+    feedthrough : bool
+    stable, integrates : bool
+        As for `n4sid`; B is fitted before poles are moved.
+    weighting : "cva", "moesp" or "n4sid"
+        Of the projection that shows the states. The thesis takes the oblique projection as it is ("n4sid"), which
+        breaks down when the reference leaves frequencies empty, as band-limited references do.
+
+    Returns
+    -------
+    LinearModel
+
+    Raises
+    ------
+    InputError
+        As for `n4sid`, or a controller of other signals or another sample time.
+    """
+    experiments = together(data)
+    return _identify("vodma", experiments, order, horizon, feedthrough, stable, integrates, weighting, controller)
+
+
+def vodma_direct(
+    data: Data,
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    stable: bool = False,
+    integrates: bool = False,
+    weighting: realisation.Weighting = "cva",
+) -> LinearModel:
+    """Algorithm of `vodma` with the controller set to zero: direct identification, the thesis's DI.
+
+    Parameters and errors as for `vodma`. Consistent in open loop only.
+    """
+    return _identify("vodma_direct", together(data), order, horizon, feedthrough, stable, integrates, weighting, None)
+
+
+def _identify(
+    method: str,
+    experiments: list[SampledData],
+    order: int | Literal["auto"],
+    horizon: int | None,
+    feedthrough: bool,
+    stable: bool,
+    integrates: bool,
+    weighting: realisation.Weighting,
+    controller: control.LTI | Mapping[str, control.LTI] | None,
+) -> LinearModel:
+    first = experiments[0]
+    known = None if isinstance(order, str) else order
+    feedback = None if controller is None else _checked(controller, first)
+    compression = halved_windows(experiments, horizon, known, feedthrough)
+    half = compression.length // 2
+    check_order(order, half, compression.outputs)
+    scale = compression.output_scale / compression.input_scale[:, None]
+    markov = None if feedback is None else [block * scale for block in _markov(*feedback, half)]
+    future = project_future(compression, markov)
+    subspace = realisation.weighted_subspace(future, weighting)
+    chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
+    now = np.zeros((compression.inputs, compression.outputs)) if markov is None else markov[0]
+    a, b, c, d, noise = realisation.with_known_feedback(future, subspace.observability(chosen), feedthrough, now)
+    a = realisation.held(a, stable=stable, integrates=integrates)
+    gain, notes = realisation.kalman_gain(noise, a, c)
+    return assembled(method, compression, Matrices(a, b, c, d, gain), subspace.values, feedthrough, notes)
+
+
+def _checked(
+    controller: control.LTI | Mapping[str, control.LTI], data: SampledData
+) -> tuple[Array, Array, Array, Array]:
+    """State-space matrices of the controller from all outputs to all commands."""
+    import control
+
+    systems: list[tuple[str | None, Any]] = [(None, controller)]
+    if isinstance(controller, Mapping):
+        systems = list(controller.items())
+    p, m = len(data.output_names), len(data.input_names)
+    parts = []
+    for name, system in systems:
+        if name is not None and (name not in data.output_names or m != 1):
+            raise InputError(
+                f'controller of "{name}": give one command and one of the outputs {", ".join(data.output_names)}'
+            )
+        found = control.ss(system)
+        columns = list(range(p)) if name is None else [data.output_names.index(name)]
+        if (found.noutputs, found.ninputs) != (m, len(columns)):
+            raise InputError(
+                f"controller with {found.ninputs} inputs and {found.noutputs} outputs; it must lead from"
+                f" {len(columns)} measured outputs to {m} commands"
+            )
+        if found.dt is None or found.dt == 0 or (found.dt is not True and not _same(found.dt, data.sample_time)):
+            raise InputError(
+                f"controller with sample time {found.dt}, but {data.name} has {data.sample_time:g} s;"
+                " convert it with idloop.estimation.linear.c2d or d2d"
+            )
+        spread = np.eye(p)[columns]
+        parts.append((found.A, found.B @ spread, found.C, found.D @ spread))
+    from scipy.linalg import block_diag
+
+    return (
+        block_diag(*(part[0] for part in parts)),
+        np.vstack([part[1] for part in parts]),
+        np.hstack([part[2] for part in parts]),
+        np.sum([part[3] for part in parts], axis=0),
+    )
+
+
+def _same(sample_time: float, other: float) -> bool:
+    return abs(sample_time - other) <= 1e-3 * other
+
+
+def _markov(a: Array, b: Array, c: Array, d: Array, count: int) -> list[Array]:
+    """First impulse responses D, C B, C A B, ... of a system."""
+    response, state = [d], b
+    for _ in range(count - 1):
+        response.append(c @ state)
+        state = a @ state
+    return response

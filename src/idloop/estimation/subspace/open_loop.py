@@ -1,0 +1,214 @@
+"""N4SID, MOESP and CVA: subspace identification of data whose input does not depend on the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from idloop.estimation.black_box.sampled import SampledData
+from idloop.estimation.linear.model import LinearModel
+from idloop.estimation.linear.sensitivity import Matrices
+from idloop.estimation.subspace import realisation
+from idloop.estimation.subspace.assemble import assembled
+from idloop.estimation.subspace.commands import command_matrices
+from idloop.estimation.subspace.compression import Compression
+from idloop.estimation.subspace.future import Future, project_future
+from idloop.estimation.subspace.horizon import halved_windows
+from idloop.estimation.subspace.order import OrderSelection, check_order, significant
+
+Data = SampledData | Sequence[SampledData]
+
+# Horizons and samples of each experiment, whichever is longer, that the free runs of rivals are compared on.
+_JUDGED, _LEAST_JUDGED = 150, 4000
+
+
+def n4sid(
+    data: Data,
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    focus: Literal["prediction", "simulation"] = "prediction",
+    stable: bool = False,
+    integrates: bool | None = None,
+    exact: bool = False,
+) -> LinearModel:
+    """State-space model from the oblique projection of the future on the past.
+
+    A and C by regression of states (Van Overschee and De Moor, Subspace Identification for Linear Systems, 1996,
+    figure 4.8), Kalman gain by the Riccati equation of what the regression leaves, B and D by least squares on the
+    outputs. Consistent where the input does not depend on the noise; under feedback use `pbsid` or `vodma`.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        Experiments of one system; offsets removed.
+    order : int or "auto"
+        Number of states; "auto" counts canonical correlations above those of noise (`select_order`).
+    horizon : int, optional
+        Samples of past and of future; `default_horizon` by default.
+    feedthrough : bool
+        Estimate D. A measurement that is taken before the command of its stamp has none.
+    focus : "prediction" or "simulation"
+        Which outputs B and D are fitted on: those predicted with the Kalman gain, or the free run.
+    stable : bool
+        Reflect poles outside the unit circle into it before B and D are fitted.
+    integrates : bool, optional
+        Whether the plant is known to integrate: the pole nearest 1 is put there before B and D are fitted. A window
+        shows hardly anything of a pole that forgets over many windows; where one is as slow as that and nothing is
+        said, the free run of the data decides.
+    exact : bool
+        Factor the windows themselves (QR), whatever the data. By default the correlations of the signals stand for
+        them wherever the data have the noise to allow it: many times faster, and equal well within the chance error.
+
+    Returns
+    -------
+    LinearModel
+
+    Raises
+    ------
+    InputError
+        Too few samples, an input that excites too little, an order that the horizon cannot show, or no pole near 1
+        where the plant is to integrate.
+    """
+    return _identify("n4sid", data, order, horizon, feedthrough, focus, stable, integrates, exact)
+
+
+def moesp(
+    data: Data,
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    focus: Literal["prediction", "simulation"] = "prediction",
+    stable: bool = False,
+    integrates: bool | None = None,
+    exact: bool = False,
+) -> LinearModel:
+    """State-space model from the shift of the observability matrix, past signals as instruments (PO-MOESP).
+
+    Verhaegen, Automatica 30, 1994. Parameters and errors as for `n4sid`.
+    """
+    return _identify("moesp", data, order, horizon, feedthrough, focus, stable, integrates, exact)
+
+
+def cva(
+    data: Data,
+    order: int | Literal["auto"] = "auto",
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    focus: Literal["prediction", "simulation"] = "prediction",
+    stable: bool = False,
+    integrates: bool | None = None,
+    exact: bool = False,
+) -> LinearModel:
+    """State-space model from the canonical variates of past and future.
+
+    Larimore, Proc. IEEE Conf. Decision and Control 1990, in the weights of Van Overschee and De Moor, Automatica 31,
+    1995: outputs of any unit and noise level count alike. Parameters and errors as for `n4sid`.
+    """
+    return _identify("cva", data, order, horizon, feedthrough, focus, stable, integrates, exact)
+
+
+def select_order(
+    data: Data, method: realisation.Weighting = "n4sid", *, horizon: int | None = None, feedthrough: bool = False
+) -> OrderSelection:
+    """Singular values and canonical correlations of the data, and the order that they show.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+    method : "n4sid", "moesp" or "cva"
+        Whose singular values are wanted; the order rests on the canonical correlations, which no scaling changes.
+    horizon : int, optional
+    feedthrough : bool
+        As for `n4sid`.
+
+    Returns
+    -------
+    OrderSelection
+
+    Raises
+    ------
+    InputError
+        As for `n4sid`.
+    """
+    compression, future = _projected(data, "auto", horizon, feedthrough)
+    return selection(method, compression, future, realisation.weighted_subspace(future, method))
+
+
+def selection(method: str, compression: Compression, future: Future, subspace: realisation.Subspace) -> OrderSelection:
+    """Evidence for the order in projections that are there already."""
+    half = future.horizon
+    correlations = future.correlations()
+    past = half * (compression.inputs + compression.outputs)
+    order, threshold = significant(correlations, past, half * compression.outputs, compression.windows)
+    largest = min((half - 1) * compression.outputs, int(np.sum(subspace.values > 1e-10 * subspace.values[0])))
+    return OrderSelection(method, half, subspace.values, correlations, threshold, min(order, largest))
+
+
+def _projected(
+    data: Data, order: int | Literal["auto"], horizon: int | None, feedthrough: bool, exact: bool = False
+) -> tuple[Compression, Future]:
+    known = None if isinstance(order, str) else order
+    compression = halved_windows(data, horizon, known, feedthrough, exact)
+    check_order(order, compression.length // 2, compression.outputs)
+    return compression, project_future(compression)
+
+
+def _identify(
+    method: realisation.Weighting,
+    data: Data,
+    order: int | Literal["auto"],
+    horizon: int | None,
+    feedthrough: bool,
+    focus: Literal["prediction", "simulation"],
+    stable: bool,
+    integrates: bool | None,
+    exact: bool,
+) -> LinearModel:
+    compression, future = _projected(data, order, horizon, feedthrough, exact)
+    subspace = realisation.weighted_subspace(future, method)
+    chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
+    observability = subspace.observability(chosen)
+    transition = realisation.transition(future, observability)
+    beside = transition.beside(future.command)
+    if method == "moesp":
+        a, c = realisation.shift_invariant(observability, compression.outputs)
+    else:
+        a, c = realisation.regressed(future, transition)
+
+    def model(known: bool) -> LinearModel:
+        poles = realisation.held(a, stable=stable, integrates=known)
+        gain, notes = realisation.kalman_gain(realisation.residual_noise(beside, poles, c), poles, c)
+        fitted = gain if focus == "prediction" else np.zeros_like(gain)
+        b, d, covariance = command_matrices(compression, poles, c, fitted, feedthrough)
+        found = Matrices(poles, b, c, d, gain)
+        left = covariance if focus == "prediction" else None
+        return assembled(method, compression, found, subspace.values, feedthrough, notes, left)
+
+    if integrates is not None or not realisation.beyond_windows(a, future.horizon):
+        return model(bool(integrates))
+    opening = max(_JUDGED * future.horizon, _LEAST_JUDGED)
+    return _nearer(model(False), model(True), [one.part(0, opening) for one in compression.experiments])
+
+
+def _nearer(free: LinearModel, integrating: LinearModel, experiments: Sequence[SampledData]) -> LinearModel:
+    """Of a model with a very slow pole and one with an integrator in its place, that whose free run fits better."""
+    errors = []
+    spread = np.std(np.concatenate([one.output for one in experiments]), axis=0)
+    for model in (free, integrating):
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = [one.output - model.simulate(one) for one in experiments]
+            errors.append(float(np.sum((np.concatenate(left) / spread) ** 2)))
+    if not errors[1] < errors[0]:
+        return free
+    note = (
+        "the slowest pole is an integrator: with it the free run of the data is nearer"
+        " (--no-integrates, in Python integrates=False, leaves it as found)"
+    )
+    return replace(integrating, notes=(*integrating.notes, note))

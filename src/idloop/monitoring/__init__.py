@@ -1,0 +1,23 @@
+"""Watching wear: does an effect of a fitted model grow? Alarms at a stated rate of false ones."""
+
+from __future__ import annotations
+
+from idloop.monitoring.baseline import Baseline, learn
+from idloop.monitoring.false_alarms import parse_false_alarms
+from idloop.monitoring.watch import Watch, choose_watches, parse_watch
+from idloop.monitoring.watching import ALARM, CANNOT_TELL, QUIET, Monitor, Trace, WatchState
+
+__all__ = [
+    "ALARM",
+    "CANNOT_TELL",
+    "QUIET",
+    "Baseline",
+    "Monitor",
+    "Trace",
+    "Watch",
+    "WatchState",
+    "choose_watches",
+    "learn",
+    "parse_false_alarms",
+    "parse_watch",
+]

@@ -1,0 +1,1 @@
+"""Bags of any distribution as arrays, and arrays as bags."""

@@ -1,0 +1,344 @@
+"""Opening a bag, whatever its storage, and saying in one line why it cannot be opened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.bags.bag_limits import limit_bag_readers
+from idloop.spelling import did_you_mean, listed
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from types import TracebackType
+
+    from rosbags.typesys.store import Typestore
+
+DISTROS = ("humble", "iron", "jazzy", "kilted", "lyrical")
+_STORAGE = (".mcap", ".db3")
+_MAGIC = b"\x89MCAP0\r\n"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag: name, message type, number of messages."""
+
+    name: str
+    type: str
+    count: int
+
+
+class Bag:
+    """A bag open for reading: a rosbag2 directory, a directory without its metadata, or one mcap or db3 file.
+
+    Parameters
+    ----------
+    path : Path or str
+        Directory or file.
+    distro : str, optional
+        ROS distribution that message types come from where the bag does not define them itself.
+    definitions : mapping of str to str, optional
+        Further message definitions, type name to text of the ``.msg`` file.
+
+    Raises
+    ------
+    InputError
+        Missing, empty, truncated or foreign file; unknown `distro`.
+    """
+
+    def __init__(
+        self, path: Path | str, distro: str | None = None, definitions: Mapping[str, str] | None = None
+    ) -> None:
+        self.path = Path(path)
+        self._distro = distro
+        self._definitions = dict(definitions or {})
+        self._readers: list[Any] = []
+        self._typestore: Typestore | None = None
+        self.unknown_types: set[str] = set()
+        self.custom: dict[str, str] = {}
+        if distro is not None and distro not in DISTROS:
+            raise InputError(
+                f"unknown ROS distribution {distro!r}; known are {listed(DISTROS)}{did_you_mean(distro, DISTROS)}"
+            )
+        for file in _files(self.path):
+            self._open(file)
+        if sum(topic.count for topic in self.topics.values()) == 0:
+            self.close()
+            raise InputError(
+                f"{self.path}: the bag is empty (no messages); check that the recorder had subscribed, then"
+                " record again"
+            )
+
+    def _open(self, file: Path) -> None:
+        from rosbags.rosbag2 import Reader, ReaderError
+
+        limit_bag_readers()
+        reader = Reader(file)
+        try:
+            reader.open()
+        except Exception as error:  # noqa: BLE001 - rosbags lets struct, YAML and SQLite errors of damaged files through
+            self.close()
+            cut = next(
+                (part for part in _storage_files(self.path) if part.suffix == ".mcap" and not _ends_well(part)), None
+            )
+            if cut is not None and not _begins_well(cut):
+                raise InputError(
+                    f"{cut}: this is no mcap file (the magic bytes at its beginning are others); name the recording,"
+                    " or give the file the suffix of what it is"
+                ) from None
+            if cut is not None:
+                raise InputError(truncation_message(self.path, cut)) from None
+            reason = (
+                error.args[0] if isinstance(error, ReaderError) and error.args else f"{type(error).__name__}: {error}"
+            )
+            raise InputError(
+                f"{file}: cannot be read as a bag ({_one_line(str(reason))}); check the copy of the file"
+            ) from None
+        self._readers.append(reader)
+        custom = getattr(reader.storage.metadata, "custom", None) or {}
+        whole = isinstance(custom, dict) and all(isinstance(one.msgcount, int) for one in reader.connections)
+        if not whole:
+            self.close()
+            raise InputError(
+                f"{file}: cannot be read as a bag (its metadata are damaged); copy it again, or save the messages with"
+                f" `idloop recover {file}`"
+            )
+        self.custom.update({str(key): str(value) for key, value in custom.items()})
+
+    def __enter__(self) -> Bag:  # noqa: PYI034 - Self needs Python 3.11
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all files."""
+        for reader in self._readers:
+            reader.close()
+        self._readers.clear()
+
+    @property
+    def topics(self) -> dict[str, Topic]:
+        """Topics by name, as recorded."""
+        found: dict[str, Topic] = {}
+        for reader in self._readers:
+            for connection in reader.connections:
+                before = found.get(connection.topic)
+                count = connection.msgcount + (before.count if before else 0)
+                found[connection.topic] = Topic(connection.topic, connection.msgtype, count)
+        return dict(sorted(found.items()))
+
+    def raw(self, topics: Collection[str]) -> dict[str, tuple[list[int], list[bytes]]]:
+        """Return receive stamps in ns and serialised messages per topic, in the order of reception."""
+        result: dict[str, tuple[list[int], list[bytes]]] = {topic: ([], []) for topic in topics}
+        for connection, receive, data in self._messages(topics):
+            stamps, payloads = result[connection.topic]
+            stamps.append(receive)
+            payloads.append(data)
+        return result
+
+    def receive_stamps(self, topics: Collection[str]) -> dict[str, NDArray[np.int64]]:
+        """Return receive stamps in ns per topic without keeping the messages."""
+        found: dict[str, list[int]] = {topic: [] for topic in topics}
+        for connection, receive, _ in self._messages(topics):
+            found[connection.topic].append(receive)
+        return {topic: np.array(stamps, dtype=np.int64) for topic, stamps in found.items()}
+
+    def _messages(self, topics: Collection[str]) -> Iterator[tuple[Any, int, bytes]]:
+        try:
+            for reader in self._readers:
+                if wanted := [connection for connection in reader.connections if connection.topic in topics]:
+                    yield from reader.messages(wanted)
+        except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
+            raise InputError(
+                f"{self.path}: damaged inside ({_one_line(str(error))}); copy it again, or save the rest with"
+                f" `idloop recover {self.path}`"
+            ) from None
+
+    @property
+    def typestore(self) -> Typestore:
+        """Message types: those the bag defines, over those of the distribution."""
+        if self._typestore is None:
+            self._typestore = self._build_typestore()
+        return self._typestore
+
+    def _build_typestore(self) -> Typestore:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        said = next((str(reader.ros_distro) for reader in self._readers if reader.ros_distro in DISTROS), None)
+        base = get_typestore(Stores(f"ros2_{self._distro or said or 'jazzy'}"))
+        types: dict[str, Any] = dict(base.fielddefs)
+        for name, text in self._definitions.items():
+            try:
+                types.update(get_types_from_msg(text, name))
+            except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
+                raise InputError(f"definition of {name}: not a valid .msg text ({_one_line(str(error))})") from None
+        for reader in self._readers:
+            for connection in reader.connections:
+                types.update(_own_types(connection))
+        # A type that refers to an unknown one would make the whole store fail: leave such types out.
+        while incomplete := [name for name, (_, fields) in types.items() if not _references(fields) <= types.keys()]:
+            for name in incomplete:
+                del types[name]
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
+        self.unknown_types = {topic.type for topic in self.topics.values() if topic.type not in types}
+        return store
+
+
+def _own_types(connection: Any) -> dict[str, Any]:
+    """Return the types that the bag itself defines for a connection; none when the text cannot be parsed."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    definition = connection.msgdef
+    try:
+        if definition.format == MessageDefinitionFormat.MSG:
+            return dict(get_types_from_msg(definition.data, connection.msgtype))
+        if definition.format == MessageDefinitionFormat.IDL:
+            found: dict[str, Any] = {}
+            separator = "=" * 80 + "\n"
+            for part in definition.data.split(separator):
+                found.update(
+                    get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part)
+                    if part.strip()
+                    else {}
+                )
+            return found
+    except Exception:  # noqa: BLE001 - one unreadable definition must not stop the reading of the other topics
+        return {}
+    return {}
+
+
+def _references(fields: Iterable[tuple[str, Any]]) -> set[str]:
+    from rosbags.interfaces import Nodetype
+
+    def names(node: Any) -> set[str]:
+        kind, args = node
+        if kind == Nodetype.NAME:
+            return {args}
+        return names(args[0]) if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else set()
+
+    return {name for _, node in fields for name in names(node)}
+
+
+def _files(path: Path) -> list[Path]:
+    """Return what rosbags is to open: the directory with its metadata, or the storage files themselves."""
+    if not path.exists():
+        near = sorted(entry.name for entry in path.parent.iterdir()) if path.parent.is_dir() else []
+        raise InputError(f"{path}: no such bag{did_you_mean(path.name, near) or '; check the path'}")
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return [path]
+        if storage := _storage_files(path):
+            return storage
+        raise InputError(
+            f"{path}: a directory without a bag in it (no metadata.yaml, .mcap or .db3); name the bag's own directory"
+        )
+    if path.suffix == ".bag":
+        raise InputError(
+            f"{path}: a ROS 1 bag; convert it first: rosbags-convert --src {path} --dst {path.with_suffix('')}"
+        )
+    if path.suffix not in _STORAGE:
+        raise InputError(
+            f"{path}: not a bag (.mcap, .db3 or a rosbag2 directory); tables come in through `idloop import`"
+        )
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty (0 bytes); record again")
+    return [path]
+
+
+def _storage_files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    return sorted(file for file in path.iterdir() if file.suffix in _STORAGE)
+
+
+def _begins_well(path: Path) -> bool:
+    """Whether a file begins as an mcap file does, as far as it goes."""
+    with path.open("rb") as stream:
+        return _MAGIC.startswith(stream.read(len(_MAGIC)))
+
+
+def _ends_well(path: Path) -> bool:
+    with path.open("rb") as stream:
+        stream.seek(0, 2)
+        if stream.tell() < 45:
+            return False
+        stream.seek(-8, 2)
+        return stream.read() == _MAGIC
+
+
+def truncation_message(bag: Path, file: Path) -> str:
+    """Say how much of a cut mcap file can still be read, and how to save it."""
+    count, first, last = readable_part(file)
+    if count == 0:
+        return f"{file}: the file is cut off and no message in it is readable; record again"
+    return (
+        f"{file}: the file is cut off (recorder killed or disk full?); {count} messages over"
+        f" {(last - first) * 1e-9:.1f} s "
+        f"are readable: save them with `idloop recover {bag}`"
+    )
+
+
+def readable_part(file: Path) -> tuple[int, int, int]:
+    """Return the number of messages before the cut of an mcap file and the first and last receive stamp in ns."""
+    from mcap.records import Message
+    from mcap.stream_reader import StreamReader
+
+    limit_bag_readers()
+    count = 0
+    first = last = 0
+    with file.open("rb") as stream:
+        try:
+            for record in StreamReader(stream).records:
+                if isinstance(record, Message):
+                    first = record.log_time if count == 0 else min(first, record.log_time)
+                    last = max(last, record.log_time)
+                    count += 1
+        except Exception:  # noqa: BLE001 - the cut may fall anywhere, so any parsing error marks the end
+            return count, first, last
+    return count, first, last
+
+
+def topics_named(name: str, topics: Iterable[str]) -> list[str]:
+    """Return what a relative name may mean: the exact topic, that in the root namespace, or all that end with it."""
+    known = list(topics)
+    for candidate in (name, "/" + name.lstrip("/")):
+        if candidate in known:
+            return [candidate]
+    return [topic for topic in known if topic.endswith("/" + name.lstrip("/"))]
+
+
+def resolve_topic(name: str, topics: Iterable[str], where: Path | str) -> str:
+    """Return the topic of a bag that a model's relative topic name means.
+
+    An exact name wins, then the name in the root namespace, then a single topic that ends with it.
+
+    Raises
+    ------
+    InputError
+        Unknown topic, or several namespaces that hold it.
+    """
+    known = list(topics)
+    inside = topics_named(name, known)
+    if len(inside) == 1:
+        return inside[0]
+    if inside:
+        raise InputError(
+            f"{where}: topic {name!r} exists in several namespaces ({listed(inside)}); write the full name in the"
+            " model file"
+        )
+    bare = {topic.lstrip("/"): topic for topic in known}
+    raise InputError(f"{where}: no topic {name!r}; the bag has {listed(known)}{did_you_mean(name.lstrip('/'), bare)}")
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split()).rstrip(".")

@@ -1,0 +1,190 @@
+"""What no fit can use is refused here, each with one line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.finding import Finding
+from idloop.records.inspection.differenced import differenced
+from idloop.records.inspection.from_rest import beginnings
+from idloop.records.inspection.magnitude import unusable_magnitude
+from idloop.records.inspection.measured_input import measured_input
+from idloop.records.inspection.motion import Motion, analyse_motion
+from idloop.records.record import Record
+
+FEWEST_SAMPLES = 10
+_FEW_SAMPLES = 100  # below, noise and effects look alike: a fit runs, and its numbers hardly hold
+
+
+def dead_positions(motions: Mapping[str, Motion]) -> list[str]:
+    """Say which position stands still beside a velocity of its own joint that moves.
+
+    Parameters
+    ----------
+    motions : mapping of str to Motion
+        By ``joint.field``.
+
+    Returns
+    -------
+    list of str
+        A sentence for each: what, and how to mend it.
+    """
+    said = []
+    for name, motion in motions.items():
+        joint, _, field = name.rpartition(".")
+        velocity = motions.get(f"{joint}.velocity")
+        if field == "position" and motion.minimum == motion.maximum and velocity is not None and velocity.moves:
+            said.append(
+                f"{name} stays at {motion.minimum:g} while {joint}.velocity runs from {velocity.minimum:.4g} to"
+                f" {velocity.maximum:.4g}: its sensor is dead or the column another's; mend the mapping, or take {name}"
+                " out of the model file"
+            )
+    return said
+
+
+def few_samples(count: int, duration: float) -> str:
+    """Say that a record of `count` samples over `duration` [s] is short; nothing where it is not."""
+    if count >= _FEW_SAMPLES:
+        return ""
+    return (
+        f"only {count} samples in {duration:.3g} s: too few to tell effects from noise, and numbers fitted to them"
+        " hardly hold; record some seconds of motion to and fro"
+    )
+
+
+def check_record(record: Record, *, held: bool = True) -> Record:
+    """Return the record with findings: outputs that never move or are another's difference, and few samples.
+
+    Raises
+    ------
+    InputError
+        Infinite samples, an output never measured, fewer than ten samples.
+    """
+    name = record.name
+    if not np.isfinite(record.input).all():
+        k = int(np.flatnonzero(~np.isfinite(record.input))[0])
+        kind = "NaN" if np.isnan(record.input[k]) else "infinite"
+        raise InputError(
+            f"{name}: {record.input_name} is {kind} at {record.input_time[k]:.6g} s (sample {k}); cut this part out"
+            " or mend the source"
+        )
+    for column, output in enumerate(record.output_names):
+        values = record.output[:, column]
+        if np.isinf(values).any():
+            k = int(np.flatnonzero(np.isinf(values))[0])
+            raise InputError(
+                f"{name}: {output} is infinite at {record.time[k]:.6g} s (sample {k}); cut this part out"
+                " or mark it NaN (not measured)"
+            )
+        count = int(np.isfinite(values).sum())
+        if count == 0:
+            raise InputError(
+                f"{name}: {output} is NaN (not measured) in the whole record; take this output out of the model file"
+            )
+        if count < FEWEST_SAMPLES:
+            raise InputError(
+                f"{name}: {output} has only {count} samples, at least {FEWEST_SAMPLES} are needed; record longer"
+            )
+    signals = [(record.input_name, record.input), *zip(record.output_names, record.output.T, strict=True)]
+    for signal, values in signals:
+        known = values[np.isfinite(values)]
+        unusable = unusable_magnitude(signal, float(known.min()), float(known.max()))
+        if unusable:
+            raise InputError(f"{name}: {unusable}")
+    still = [
+        output
+        for column, output in enumerate(record.output_names)
+        if np.nanmax(record.output[:, column]) == np.nanmin(record.output[:, column])
+    ]
+    found = [Finding("no_motion", f"{output} never changes", where=output, level="warning") for output in still]
+    found += [one for one in differenced(record) if one not in record.findings]
+    if held:
+        motions = dict(zip(record.output_names, record.output.T, strict=True))
+        found += measured_input(record.input_name, record.input_time, record.input, record.time, motions)
+    short = few_samples(record.time.size, record.duration)
+    if short:
+        found.append(Finding("few_samples", short, record.time.size, name, "warning"))
+    return replace(record, findings=(*record.findings, *found))
+
+
+def check_commands(records: Sequence[Record]) -> list[Record]:
+    """Refuse records that all have one and the same constant command, and no step from rest that begins one of them.
+
+    Beside others one with a constant command tells something: a step that began with the record, a coast-down. So do
+    steps from rest at several levels, of which no record shows another command than its own.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        All that a fit is to see.
+
+    Returns
+    -------
+    list of Record
+        The same; where a step of one level is all there is, the first with a finding on what that does not show.
+
+    Raises
+    ------
+    InputError
+        There is one command only.
+    """
+    records = list(records)
+    if not records or not one_level([record.input for record in records]):
+        return records
+    first, same = records[0], "" if len(records) == 1 else ", and the same in the others"
+    what = f"the command {first.input_name} is constant ({first.input[0]:g} {first.input_unit}){same}"
+    if not excites(records):
+        late = [record for record in records if first.input[0] != 0.0 and "late" in beginnings(record)]
+        if late:
+            off = beginnings(late[0])["late"]
+            raise InputError(
+                f"{first.name}: {what}, and yet the axis sets off only at {off:.4g} s in {late[0].name}: when the"
+                " command was given is not recorded; record it, or cut what is before with `rows:` of the mapping"
+            )
+        raise InputError(
+            f"{first.name}: {what}, nothing can be identified from it; excite the axis, e.g. with a multisine or steps"
+            " to several levels, or begin the record with the step, from rest"
+        )
+    text = (
+        f"{what}: a step from rest with which the record begins shows a gain and a time constant at this level only; a"
+        " dead zone, friction and a saturation look like a smaller gain; record steps to several levels"
+    )
+    found = Finding("one_level", text, where=first.input_name, level="warning")
+    return [replace(first, findings=(*first.findings, found)), *records[1:]]
+
+
+def one_level(inputs: Sequence[NDArray[np.float64]]) -> bool:
+    """Whether all commands together have one value only."""
+    return bool(np.ptp(np.concatenate(inputs)) == 0.0)
+
+
+def excites(records: Sequence[Record]) -> bool:
+    """Whether something can be identified: the command changes, or begins with a record of an axis at rest."""
+    if not one_level([record.input for record in records]):
+        return True
+    return records[0].input[0] != 0.0 and any("from rest" in beginnings(record) for record in records)
+
+
+def check_identifiable(record: Record) -> Record:
+    """Return the record where its motion can be fitted; a comparison or a monitor also takes one that stands still.
+
+    Raises
+    ------
+    InputError
+        No output changes, or a position stands still beside its moving velocity.
+    """
+    found = {name: analyse_motion(record.output[:, record.column(name)]) for name in record.output_names}
+    motions = {name: motion for name, motion in found.items() if motion is not None}
+    for dead in dead_positions(motions):
+        raise InputError(f"{record.name}: {dead}")
+    if all(motion.minimum == motion.maximum for motion in motions.values()):
+        raise InputError(
+            f"{record.name}: nothing moves, {', '.join(motions)} never changes; command more, or check the sensors and"
+            " the columns"
+        )
+    return record

@@ -1,0 +1,1 @@
+"""CSV, MAT, NPZ and JSON files as records, by a mapping file."""

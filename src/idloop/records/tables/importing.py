@@ -1,0 +1,232 @@
+"""Foreign files and bags into a bag of our topics, as a mapping says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.bags.from_bag import signals_from_bag
+from idloop.records.bags.stream import JointStream
+from idloop.records.bags.write import make_stream, write_bag
+from idloop.records.finding import Finding
+from idloop.records.inspection.clocks import stamp_findings, stamp_statistics
+from idloop.records.measured_conditions import TOPIC as CONDITIONS
+from idloop.records.tables.from_table import signals_from_table
+from idloop.records.tables.mapped_signal import Signal
+from idloop.records.tables.mapping import Mapping, load_mapping
+from idloop.records.tables.missing import missing_values
+from idloop.records.tables.table_files import read_table
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import made.
+
+    Attributes
+    ----------
+    bag, source : Path
+        The bag written and the file read.
+    mapping, part : str
+        Name of the mapping and of the part ("" where the file is one record).
+    samples : int
+        Measurements written.
+    duration, period : float
+        Span and median interval of the measurements [s].
+    channels : dict of str to str
+        What was written: ``joint_command motor.effort`` to its unit.
+    attributes : dict of str to float or str
+        Single values found beside the data (gains, masses).
+    findings : tuple of Finding
+        What was noticed.
+    notes : tuple of str
+        What the mapping says one must know about this data.
+    """
+
+    bag: Path
+    source: Path
+    mapping: str
+    part: str
+    samples: int
+    duration: float
+    period: float
+    channels: dict[str, str]
+    attributes: dict[str, float | str]
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values, schema ``idloop/import/1``."""
+        return {
+            "schema": "idloop/import/1",
+            "bag": str(self.bag),
+            "source": str(self.source),
+            "mapping": self.mapping,
+            "part": self.part,
+            "samples": self.samples,
+            "duration": self.duration,
+            "period": self.period,
+            "channels": self.channels,
+            "attributes": self.attributes,
+            "findings": [finding.to_dict() for finding in self.findings],
+            "notes": list(self.notes),
+        }
+
+
+def import_bag(
+    source: Path | str, bag: Path | str, mapping: Mapping | str | Path, *, part: str | None = None
+) -> Imported:
+    """Turn a file into a bag of our topics.
+
+    Parameters
+    ----------
+    source : Path or str
+        CSV, MAT, NPZ, JSON or a foreign bag.
+    bag : Path or str
+        Bag to write; must not exist.
+    mapping : Mapping, str or Path
+        A mapping, the name of a ready one, or a mapping file.
+    part : str, optional
+        Which record of a file that holds several.
+
+    Raises
+    ------
+    InputError
+        Whatever is wrong with source, mapping or target, in one line.
+    """
+    mapping = mapping if isinstance(mapping, Mapping) else load_mapping(mapping)
+    source, bag = Path(source), Path(bag)
+    signals = mapping.for_part(part)
+    if bag.exists():
+        raise InputError(f"{bag}: exists already and is not overwritten; choose another name or remove it")
+    attributes: dict[str, float | str] = {}
+    findings: list[Finding] = []
+    if mapping.format == "bag" or (mapping.format is None and (source.is_dir() or source.suffix in (".mcap", ".db3"))):
+        read = signals_from_bag(source, mapping, signals)
+    else:
+        options = {**mapping.csv.model_dump(), "entries": mapping.entries}
+        table = read_table(source, mapping.format, options)
+        findings += [Finding("how_it_is_written", f"{source.name}: {note}") for note in table.notes]
+        attributes = {name: table.attributes[name] for name in mapping.attributes if name in table.attributes}
+        read = signals_from_table(table, mapping, signals)
+    _check(source, read)
+    streams = _streams(read)
+    channels = {f"{signal.topic} {signal.joint}.{signal.field}": signal.unit for signal in read}
+    findings += [
+        finding
+        for stream in streams
+        if stream.topic != CONDITIONS  # as seldom as they please: between two values they are taken as linear
+        for finding in stamp_findings(
+            stream.topic, stamp_statistics(stream.stamp_ns), held=stream.topic == "joint_command"
+        )
+    ]
+    findings += _value_findings(read)
+    custom = {
+        "idloop.import": json.dumps(
+            {
+                "mapping": mapping.name,
+                "part": part or "",
+                "source": source.name,
+                "units": channels,
+                "attributes": attributes,
+                "notes": mapping.notes,
+                "cite": mapping.cite,
+            }
+        )
+    }
+    write_bag(bag, streams, custom=custom)
+    measured = next((stream for stream in streams if stream.topic == "joint_states"), streams[0])
+    statistics = stamp_statistics(measured.stamp_ns)
+    return Imported(
+        bag=bag,
+        source=source,
+        mapping=mapping.name,
+        part=part or "",
+        samples=len(measured),
+        duration=statistics.duration,
+        period=statistics.period,
+        channels=channels,
+        attributes=attributes,
+        findings=tuple(findings),
+        notes=tuple(mapping.notes),
+    )
+
+
+def _check(source: Path, signals: list[Signal]) -> None:
+    for signal in signals:
+        name = f"{signal.topic} {signal.joint}.{signal.field}"
+        if signal.value.size == 0:
+            raise InputError(f"{source}: {name} has no samples; check `rows:` and the file")
+        if np.isinf(signal.value).any():
+            k = int(np.flatnonzero(np.isinf(signal.value))[0])
+            raise InputError(f"{source}: {name} is infinite in row {k}; mend the file or cut the row out with `rows:`")
+        if np.isnan(signal.value).all():
+            raise InputError(f"{source}: {name} is empty (NaN) in every row; choose another column")
+    twice = [(signal.topic, signal.joint, signal.field) for signal in signals]
+    for key in twice:
+        if twice.count(key) > 1:
+            raise InputError(
+                f"{source}: two columns become {key[0]} {key[1]}.{key[2]}; give one of them another `joint:`"
+            )
+
+
+def _streams(signals: list[Signal]) -> list[JointStream]:
+    streams = []
+    for topic in dict.fromkeys(signal.topic for signal in signals):
+        own = [signal for signal in signals if signal.topic == topic]
+        # Signals of one source message share their stamps; others are merged, NaN where not measured.
+        if all(np.array_equal(signal.stamp_ns, own[0].stamp_ns) for signal in own):
+            stamp, receive = own[0].stamp_ns, own[0].receive_ns
+            columns = [signal.value for signal in own]
+        else:
+            every = np.concatenate([signal.stamp_ns for signal in own])
+            stamp, first = np.unique(every, return_index=True)
+            receive = np.concatenate([signal.receive_ns for signal in own])[first]
+            columns = []
+            for signal in own:
+                column = np.full(stamp.size, np.nan)
+                column[np.searchsorted(stamp, signal.stamp_ns)] = signal.value
+                columns.append(column)
+        known = ~np.isnan(np.column_stack(columns)).all(axis=1)
+        joints: dict[str, dict[str, Floats]] = {}
+        for signal, column in zip(own, columns, strict=True):
+            joints.setdefault(signal.joint, {})[signal.field] = column[known]
+        streams.append(make_stream(topic, stamp[known], joints, receive[known]))
+    return streams
+
+
+def _value_findings(signals: list[Signal]) -> list[Finding]:
+    found = []
+    for signal in (one for one in signals if one.topic != CONDITIONS):
+        name = f"{signal.topic} {signal.joint}.{signal.field}"
+        command = signal.topic == "joint_command"
+        found += missing_values(name, signal.stamp_ns, signal.value, name, command=command)
+        if signal.doubtful:
+            start, length = signal.doubtful[0]
+            text = (
+                f"{name}: in {len(signal.doubtful)} holes of the log (the first at {start:.6g} s, {length:.4g} s long)"
+                " the number of turns is a guess; cut the record there with `rows:`"
+            )
+            found.append(Finding("turns_unknown", text, len(signal.doubtful), name, "warning"))
+        if command and np.nanmax(signal.value) == np.nanmin(signal.value):
+            text = (
+                f"{name} is constant ({np.nanmax(signal.value):g} {signal.unit}): nothing can be identified"
+                " from this record by itself, unless it begins with the step, from rest"
+            )
+            found.append(Finding("constant_input", text, where=name, level="warning"))
+    if not any(signal.topic == "joint_command" for signal in signals):
+        text = "no column or field is the command, so nothing can be fitted to this record; name one as `command:`"
+        found.append(Finding("no_command", text, level="warning"))
+    if not any(signal.topic == "joint_states" and signal.field in {"position", "velocity"} for signal in signals):
+        text = (
+            "neither a position nor a velocity is assigned: no model can be fitted to this record or compared with it;"
+            " add `position:` or `velocity:` to the mapping"
+        )
+        found.append(Finding("no_measurement", text, level="warning"))
+    return found

@@ -1,0 +1,190 @@
+"""What is missing: the effects that were added, those that tie with them, what was weighed and what cannot be shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from bokeh.models import HoverTool, Range1d
+from bokeh.plotting import figure
+
+from idloop.reporting.effect_names import words
+from idloop.reporting.figures.ladder import ROW, name_rows
+from idloop.reporting.figures.theme import LIGHT, Theme, new_figure, source
+from idloop.reporting.plots.ladder import p_text
+from idloop.reporting.unshown import unshown
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Candidate, Diagnosis, Ladder
+
+ADDED, TIED, MISSING, WEIGHED, UNTESTABLE = "added", "tied", "missing", "weighed", "untestable"
+SAID = {
+    ADDED: "added",
+    TIED: "as likely",
+    MISSING: "missing",
+    WEIGHED: "not added",
+    UNTESTABLE: "this data cannot show it",
+}
+
+
+@dataclass(frozen=True)
+class EffectRow:
+    """One effect and its standing.
+
+    Attributes
+    ----------
+    name : str
+        ``effect@site``.
+    standing : {"added", "tied", "missing", "weighed", "untestable"}
+        ``tied``: this data cannot tell it from `tied_with`.
+    explains : float
+        Share of the error's power that it takes away, 0 to 1; NaN where it was not fitted.
+    p_value : float
+        NaN where there is none.
+    gain : float
+        Log-likelihood gained; NaN where it was not fitted.
+    text : str
+        The effect in one sentence of physics, or why it cannot be shown.
+    tied_with : str
+        Empty but for tied effects.
+    """
+
+    name: str
+    standing: str
+    explains: float
+    p_value: float
+    gain: float
+    text: str
+    tied_with: str = ""
+
+    @property
+    def evidence(self) -> str:
+        """Its standing in a few words."""
+        if self.standing == TIED:
+            return f"as likely as {words(self.tied_with)}"
+        if self.standing == UNTESTABLE or not np.isfinite(self.p_value):
+            return SAID[self.standing]
+        return f"{SAID[self.standing]}, {p_text(self.p_value)}"
+
+
+def ladder_rows(ladder: Ladder) -> list[EffectRow]:
+    """Effects of a ladder: what was added with its ties, what was weighed last, what this data cannot show.
+
+    Returns
+    -------
+    list of EffectRow
+        Each effect once.
+    """
+    known = {c.name: c for c in ladder.candidates}
+    rows: list[EffectRow] = []
+    for step in ladder.steps:
+        if step.added is None:
+            continue
+        p_value = np.nan if step.p_value is None else step.p_value
+        # What the step gained is not in its document: a ladder that is read looks like the one that was written.
+        rows.append(replace(_row(step.added, ADDED, p_value), gain=np.nan))
+        rows += [
+            EffectRow(name, TIED, np.nan, np.nan, np.nan, _text(known.get(name)), step.added.name)
+            for name in ladder.rivals(step)
+        ]
+    return _with_rest(rows, ladder.candidates, tuple(unshown(ladder)), WEIGHED)
+
+
+def diagnosis_rows(diagnosis: Diagnosis) -> list[EffectRow]:
+    """Effects of one diagnosis: what is missing and what ties with it first."""
+    rows = []
+    for candidate in diagnosis.candidates:
+        if candidate.name in diagnosis.set or candidate.name in (diagnosis.pair or ()):
+            tied = candidate.name in diagnosis.set[1:]
+            row = _row(candidate, TIED if tied else MISSING, candidate.p_value)
+            rows.append(replace(row, tied_with=diagnosis.set[0]) if tied else row)
+    return _with_rest(rows, diagnosis.candidates, diagnosis.untestable, WEIGHED)
+
+
+def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: int = 12) -> figure | None:
+    """Draw the share of the error that each effect explains, ranked, with its standing in words.
+
+    Parameters
+    ----------
+    rows : sequence of EffectRow
+    theme : Theme
+    most : int
+        At most so many; effects that this data cannot show are left to a list.
+
+    Returns
+    -------
+    figure or None
+        None without any effect.
+    """
+    drawn = [row for row in rows if row.standing != UNTESTABLE][:most]
+    if not drawn:
+        return None
+    names = [words(row.name) for row in drawn]
+    share = np.array([100.0 * row.explains for row in drawn])
+    most_share = max(float(np.nanmax(share)) if np.any(np.isfinite(share)) else 0.0, 1.0)
+    plot = new_figure(
+        theme, ("error's power that it explains", "%"), ("", None),
+        x_range=Range1d(start=0.0, end=1.04 * most_share), height=60 + ROW * len(names), tools="reset,save",
+        active_drag=None,
+    )  # fmt: skip
+    said = [f"{name}: {_share_text(row)}{_standing(row)}" for name, row in zip(names, drawn, strict=True)]
+    places = name_rows(plot, said, theme)
+    colours = {ADDED: theme.found, MISSING: theme.found, TIED: theme.found, WEIGHED: theme.band}
+    told = source(
+        name=names, y=places, share=np.nan_to_num(share), colour=[colours[row.standing] for row in drawn],
+        said=[row.evidence for row in drawn], text=[row.text for row in drawn],
+        gain=[f"{row.gain:.4g}" if np.isfinite(row.gain) else "-" for row in drawn],
+    )  # fmt: skip
+    bars = plot.hbar(
+        y="y", right="share", height=0.3, source=told, fill_color="colour", line_color="colour", fill_alpha=0.9
+    )
+    plot.add_tools(
+        HoverTool(
+            renderers=[bars],
+            tooltips=[("", "@name: @text"), ("", "@said"), ("log-likelihood gained", "@gain")],
+        )
+    )
+    return plot
+
+
+def _standing(row: EffectRow) -> str:
+    """As few words as a phone has room for."""
+    if row.standing == TIED:
+        return f"ties with {words(row.tied_with).partition(' @ ')[0]}"
+    return p_text(row.p_value) if row.standing == WEIGHED else SAID[row.standing]
+
+
+def _share_text(row: EffectRow) -> str:
+    return f"{100.0 * row.explains:.0f} %, " if np.isfinite(row.explains) and row.explains >= 5e-3 else ""
+
+
+def _row(candidate: Candidate, standing: str, p_value: float) -> EffectRow:
+    fitted = bool(candidate.parameters) or np.isfinite(candidate.gain)
+    explains = candidate.explains if fitted else np.nan
+    return EffectRow(candidate.name, standing, explains, p_value, candidate.gain, candidate.text)
+
+
+def _text(candidate: Candidate | None) -> str:
+    return "" if candidate is None else candidate.text
+
+
+def _with_rest(
+    rows: list[EffectRow], candidates: Sequence[Candidate], untestable: Sequence[str], standing: str
+) -> list[EffectRow]:
+    """Add what was weighed and fitted, then what cannot be shown."""
+    known = {c.name: c for c in candidates}
+    named = {row.name for row in rows}
+    weighed = [c for c in candidates if c.name not in named and c.name not in untestable and np.isfinite(c.gain)]
+    weighed.sort(key=lambda c: c.p_value)
+    rest = [_row(c, standing, c.p_value) for c in weighed]
+    hidden = [name for name in untestable if name not in named]
+    return [
+        *rows,
+        *rest,
+        *(
+            EffectRow(name, UNTESTABLE, np.nan, np.nan, np.nan, known[name].why if name in known else "")
+            for name in hidden
+        ),
+    ]

@@ -1,0 +1,101 @@
+"""Evidence over the samples that have come in: one line for each effect, the threshold, a mark where one is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from bokeh.models import HoverTool
+from bokeh.models.annotations import Span
+from bokeh.plotting import figure
+
+from idloop.reporting.effect_names import words
+from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, padded, source
+
+# Lines that are drawn: those with most evidence; a phone shows the legend of no more.
+MOST = 6
+MARKS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex")
+
+
+@dataclass(frozen=True)
+class Decided:
+    """Where the evidence for an effect reached the threshold.
+
+    Attributes
+    ----------
+    seconds : float
+        New samples that had been scored [s].
+    samples : int
+    log_e : float
+    """
+
+    seconds: float
+    samples: int
+    log_e: float
+
+
+def evidence_figure(
+    seconds: Sequence[float],
+    lines: Mapping[str, Sequence[float]],
+    threshold: float,
+    decided: Mapping[str, Decided],
+    theme: Theme = LIGHT,
+) -> figure:
+    """Draw how the evidence grows.
+
+    Parameters
+    ----------
+    seconds : sequence of float, shape (looks,)
+        New samples that had been scored at each look [s].
+    lines : mapping of str to sequence of float, shape (looks,)
+        Log-evidence by effect; NaN before an effect was weighed.
+    threshold : float
+        Log-evidence that decides.
+    decided : mapping of str to Decided
+    theme : Theme
+    """
+    newest = {name: values[-1] for name, values in lines.items() if len(values)}
+    shown = sorted(newest, key=lambda name: (name not in decided, -newest[name]))[:MOST]
+    values = [value for name in shown for value in lines[name] if np.isfinite(value)]
+    marks = [decided[name] for name in shown if name in decided]
+    values += [threshold, 0.0, *(one.log_e for one in marks)]
+    plot = new_figure(
+        theme, ("new samples", "s"), ("log E", "-"),
+        y_range=padded(min(values), max(values)), x_range=padded(0.0, max([1.0, *seconds])),
+    )  # fmt: skip
+    entries: list[tuple[str, list[Any]]] = []
+    # In the order in which they appeared, so that a line keeps its colour.
+    for index, name in enumerate(one for one in lines if one in shown):
+        look, mark = theme.model(index), MARKS[index % len(MARKS)]
+        told = source(x=list(seconds), y=list(lines[name]), name=[words(name)] * len(seconds))
+        drawn = [
+            plot.line("x", "y", source=told, line_width=2, **look),
+            plot.scatter("x", "y", source=told, size=4, marker=mark, color=look["color"], name="looks"),
+        ]
+        if name in decided:
+            one = decided[name]
+            at = source(x=[one.seconds], y=[one.log_e], samples=[one.samples], name=[words(name)])
+            drawn.append(
+                plot.scatter(
+                    "x",
+                    "y",
+                    source=at,
+                    size=13,
+                    marker=mark,
+                    line_color=theme.found,
+                    line_width=3,
+                    fill_color=theme.surface,
+                    name="decided",
+                )
+            )
+        entries.append((words(name), drawn))
+    look = {"line_color": theme.limit, "line_dash": [6, 4], "line_width": 1.6}
+    plot.add_layout(Span(location=threshold, dimension="width", **look))
+    entries.append((f"decides: log(m/α) = {threshold:.1f}", [plot.line([np.nan], [np.nan], **look)]))
+    for kind, last in (("looks", ("log E", "@y{0.0}")), ("decided", ("decided after", "@samples samples"))):
+        found: Any = [one for one in plot.renderers if one.name == kind]
+        plot.add_tools(HoverTool(renderers=found, tooltips=[("", "@name"), ("new samples", "@x{0.0} s"), last]))
+    add_legend(plot, theme, entries)
+    return plot

@@ -1,0 +1,233 @@
+"""Everything that a report says, computed once: comparisons, characteristics, describing functions."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from idloop.diagnosis.evidence.characteristic import Characteristic, characteristic
+from idloop.errors import IdloopError
+from idloop.reporting.sensor_noise import believed_noise, refuted_noise
+from idloop.reporting.use import FITTED, UNSEEN
+from idloop.validation import Comparison, compare
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Ladder, Step
+    from idloop.diagnosis.design.suggest import Suggestion
+    from idloop.estimation.describing_functions import MeasuredDescribingFunction
+    from idloop.physics import Model
+    from idloop.records import Record
+
+# A stepped sine has at least so many steps, and its source is nearly a sine.
+_STEPS, _PURE = 3, 0.2
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One record beside the first and the last model of a ladder.
+
+    Attributes
+    ----------
+    use : {"fitted", "unseen"}
+    rows : tuple of (str, Comparison)
+        Label and comparison, one where nothing was added.
+    driven : tuple of (str, Comparison), optional
+        The last model whose drive force can be read off the motion, where that is not the last one.
+    """
+
+    use: str
+    rows: tuple[tuple[str, Comparison], ...]
+    driven: tuple[str, Comparison] | None = None
+
+    @property
+    def force_rows(self) -> tuple[tuple[str, Comparison], ...]:
+        """Those for the drive force: as `rows`, but the last one of which it is known."""
+        return self.rows if self.driven is None else (self.rows[0], self.driven)
+
+    @property
+    def record(self) -> Record:
+        """The record."""
+        return self.rows[0][1].record
+
+    @property
+    def title(self) -> str:
+        """Its use and its name."""
+        return f"{self.use} data: {self.record.name}"
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a report says.
+
+    Attributes
+    ----------
+    ladder : Ladder
+    judged : tuple of Judged
+        Unseen records first.
+    floor : mapping of str to float
+        NRMSE that the noise of each output alone leaves.
+    characteristics : mapping of str to Characteristic
+        By the name of the effect, of those that the data show: what the last model leaves without it.
+    describing : tuple of MeasuredDescribingFunction
+        Where sines were run.
+    suggestion : Suggestion or None
+        The next experiment with its rivals.
+    provenance : mapping
+    refuted_noise : mapping of str to float
+        Outputs that are quieter than the model file says, and the most that their noise can be.
+    drawn_at : mapping of str to int
+        Step whose model a characteristic was drawn with, where the last one does not show it.
+    """
+
+    ladder: Ladder
+    judged: tuple[Judged, ...]
+    floor: Mapping[str, float]
+    characteristics: Mapping[str, Characteristic]
+    describing: tuple[MeasuredDescribingFunction, ...]
+    suggestion: Suggestion | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    refuted_noise: Mapping[str, float] = field(default_factory=dict)
+    drawn_at: Mapping[str, int] = field(default_factory=dict)
+
+
+def driven_step(ladder: Ladder) -> int | None:
+    """Last step whose drive force can be read off the motion, where the last one's cannot.
+
+    Returns
+    -------
+    int or None
+        None where that of the last step can be, or of none but the first.
+    """
+    known = [n for n, step in enumerate(ladder.steps) if step_force(step) is not None]
+    if not known or known[-1] in (0, len(ladder.steps) - 1):
+        return None
+    return known[-1]
+
+
+def step_force(step: Step) -> float | None:
+    """Error of the drive force at a step, of unseen data where there are any.
+
+    Returns
+    -------
+    float or None
+        Relative to the applied force; None where it cannot be told.
+    """
+    force = (step.validation or step.train).get("force")
+    return None if force is None or not np.isfinite(force) else float(force)
+
+
+def labelled_models(ladder: Ladder) -> list[tuple[str, Model]]:
+    """First and last model of a ladder with their names in figures."""
+    found = [("start", ladder.steps[0].model)]
+    more = len(ladder.steps) - 1
+    if more:
+        found.append((_effects(more), ladder.model))
+    return found
+
+
+def _effects(count: int) -> str:
+    return f"{count} effects" if count > 1 else "1 effect"
+
+
+def gather(
+    ladder: Ladder,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    *,
+    suggestion: Suggestion | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Callable[[float, str], None] | None = None,
+) -> Contents:
+    """Compute everything that a report says.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    records, validation : sequence of Record
+        What the ladder was fitted to, and what it did not see.
+    suggestion : Suggestion, optional
+    provenance : mapping, optional
+    progress : callable, optional
+        Called with the share done and a text.
+    """
+    tell = progress or (lambda share, text: None)
+    models = labelled_models(ladder)
+    # What was not fitted first, and the longest of it: where the model fails is read off the first.
+    validation = sorted(validation, key=lambda record: -record.duration)
+    every = [(UNSEEN, record) for record in validation] + [(FITTED, record) for record in records]
+    # A characteristic wants much motion, fitted or not.
+    longest = sorted((record for _, record in every), key=lambda record: -record.duration)
+    driven = driven_step(ladder)
+    judged = []
+    for index, (use, record) in enumerate(every):
+        tell(0.8 * index / max(len(every), 1), f"comparing with {record.name}")
+        one_more = None if driven is None else (_effects(driven), compare(ladder.steps[driven].model, record))
+        judged.append(Judged(use, tuple((label, compare(model, record)) for label, model in models), one_more))
+    tell(0.8, "characteristics")
+    found: dict[str, Characteristic] = {}
+    drawn_at: dict[str, int] = {}
+    for number, step in enumerate(ladder.steps):
+        name = "" if step.added is None else step.added.name
+        # The last model has what was still missing at the step, and would lie in the dots beside the effect.
+        having = [n for n in (len(ladder.steps) - 1, driven, number) if n is not None and _has(ladder.steps[n], name)]
+        for place in dict.fromkeys(having[:2]):
+            shown = (characteristic(ladder.steps[place].model, name, record) for record in longest)
+            one = next((one for one in shown if one is not None), None)
+            if one is not None:
+                found[name] = one
+                if place != having[0]:
+                    drawn_at[name] = place
+                break
+    tell(0.95, "describing functions")
+    refuted = refuted_noise(comparison for one in judged for _, comparison in one.rows)
+    return Contents(
+        ladder, tuple(judged), noise_floor(ladder.model, validation or records, refuted), found,
+        tuple(_describing([record for _, record in every])), suggestion, provenance or {}, refuted, drawn_at,
+    )  # fmt: skip
+
+
+def _has(step: Step, name: str) -> bool:
+    return name in step.model.effect_names
+
+
+def noise_floor(model: Model, records: Sequence[Record], refuted: Iterable[str] = ()) -> dict[str, float]:
+    """NRMSE that the measurement noise alone leaves, by output; only where the model states the noise.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+    refuted : iterable of str
+        Outputs whose stated noise the data refute: they have no floor.
+    """
+    floor = {}
+    noise = believed_noise(model, refuted)
+    for column, output in enumerate(model.outputs):
+        spread = float(np.nanstd(np.concatenate([record.output[:, column] for record in records])))
+        if output.name in noise and spread > 0.0:
+            floor[output.name] = noise[output.name] / spread
+    return floor
+
+
+def _describing(records: Sequence[Record]) -> list[MeasuredDescribingFunction]:
+    """From the command to every output, of all records in which sines were stepped, such as one for each amplitude."""
+    from idloop.estimation.describing_functions import find_dwells, measure_describing_function
+
+    stepped, dwells = [], []
+    for record in records:
+        with contextlib.suppress(IdloopError):
+            dwells.append(find_dwells(record))
+            stepped.append(record)
+    if sum(map(len, dwells)) < _STEPS:
+        return []
+    found = []
+    for name in stepped[0].output_names:
+        with contextlib.suppress(IdloopError):
+            measured = measure_describing_function(stepped, None, name, dwells)
+            if float(np.nanmax(measured.source_distortion)) < _PURE:
+                found.append(measured)
+    return found

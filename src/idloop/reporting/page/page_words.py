@@ -1,0 +1,463 @@
+"""The words and tables of a report's page, from the same objects as its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from idloop.diagnosis.candidate import effect_parameters
+from idloop.diagnosis.design.expected_outcome import describe_signal
+from idloop.diagnosis.equivalence.equivalent_effects import Twins, ladder_twins
+from idloop.diagnosis.evidence.characteristic import shifts_in_time
+from idloop.reporting.effect_names import in_words, words
+from idloop.reporting.estimates import NORMAL_95, figure_text, fit_text, held_parameters, with_interval
+from idloop.reporting.figures.candidates import UNTESTABLE, ladder_rows
+from idloop.reporting.page.contents import driven_step, step_force
+from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
+from idloop.reporting.plots.ladder import p_text
+from idloop.reporting.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders
+from idloop.reporting.tried import only_tried, only_words
+from idloop.reporting.unshown import absent, unshown
+from idloop.reporting.use import FITTED, SAID
+from idloop.reporting.verdicts import CRITERIA, basis, conclusion, explained_of, stand_ins, unexplained
+from idloop.spelling import joined_names
+from idloop.validation.variables import TITLES
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Candidate, Ladder, Step
+    from idloop.physics import Model
+    from idloop.physics.parameter import Parameter
+    from idloop.reporting.page.contents import Contents, Judged
+
+
+def page_words(contents: Contents) -> dict[str, Any]:
+    """Everything that the page says, as plain texts and tables.
+
+    Returns
+    -------
+    dict
+        By the names that the template uses.
+    """
+    ladder = contents.ladder
+    return {
+        "model": ladder.model,
+        "headline": headline(ladder),
+        "verdict": verdict_text(ladder, _fitted_remainders(contents)),
+        "changes": changes(ladder),
+        "no_force": _no_force(ladder),
+        "against": [
+            _capital(line) + "."
+            for line in (
+                *(f"beware: {one.text}" for one in ladder.worsened),
+                *remainder_lines(ladder.verdict, _fitted_remainders(contents)),
+            )
+        ],
+        "steps": [
+            {**_step(n, step, ladder), "drawn": _drawn(step.added.name, contents)}
+            for n, step in enumerate(ladder.steps)
+            if step.added is not None
+        ],
+        "rungs": rungs(ladder),
+        "forces": any(part.get("force") is not None for step in ladder.steps for part in (step.validation, step.train)),
+        "kinds": [
+            (kind, SAID[kind])
+            for kind in ("validation", "train")
+            if any(getattr(step, kind) for step in ladder.steps)
+        ],
+        "outputs": list(ladder.model.output_names),
+        "noise": _noise(contents),
+        "refuted": list(contents.refuted_noise),
+        "banded": any(output.noise is not None for output in ladder.model.outputs),
+        "records": [_record(judged) for judged in contents.judged],
+        "most_records": MOST_RECORDS,
+        "where": _where(contents),
+        "residuals": _residuals(contents),
+        "unknown": None if ladder.unknown is None else _capital(ladder.unknown.text),
+        "weighed": [
+            {
+                "name": words(row.name),
+                "explains": figure_text(100.0 * row.explains, 2) if np.isfinite(row.explains) else "–",
+                "gain": figure_text(row.gain, 4) if np.isfinite(row.gain) else "–",
+                "evidence": row.evidence,
+                "text": row.text,
+            }
+            for row in ladder_rows(ladder)
+            if row.standing != UNTESTABLE
+        ],
+        "passed_over": [{"name": words(name), "why": in_words(why)} for name, why in ladder.passed_over.items()],
+        "untestable": _untestable(ladder),
+        "absent": [{"name": words(name), "size": size} for name, size in absent(ladder).items()],
+        "findings": list(ladder.findings),
+        "suggestion": _suggestion(ladder),
+        "experiment": _experiment(ladder),
+        "parameters": _parameters(ladder),
+        "describing": [
+            {"name": one.name, "place": f"describing-{i}"} for i, one in enumerate(contents.describing)
+        ],
+        "criterion": CRITERIA.get(ladder.criterion, ladder.criterion),
+        "explained_of": explained_of(ladder.criterion),
+        "residual_of": _first_title(contents),
+        "basis": basis(["what is still missing"] if ladder.verdict == "missing" else []),
+        "level": figure_text(100.0 * ladder.level, 3),
+        "provenance": {"commands": [], "seed": None, "versions": {}, "bags": [], **contents.provenance},
+    }  # fmt: skip
+
+
+def headline(ladder: Ladder) -> str:
+    """Say in one sentence what is missing."""
+    # An effect that stands in for another one is not what is missing.
+    in_place = stand_ins(ladder)
+    names = [_or_its_rivals(ladder, name) for name in ladder.added if name not in in_place]
+    something = unexplained(only_words(ladder))
+    if in_place or (names and ladder.verdict == "unknown_structure"):
+        names.append(something)
+    shape = ladder.unknown
+    if shape is not None and shape.coefficient and ladder.verdict == "unknown_structure":
+        names = [*(name for name in names if name != something), f"{shape.of} that is not constant"]
+    if names:
+        return f"Missing from the model: {joined_names(list(dict.fromkeys(names)))}."
+    if only_tried(ladder):
+        return {
+            "adequate": "Nothing that was looked for is missing.",
+            "unknown_structure": f"{_capital(something)} is missing.",
+            "not_excited": "Nothing that was looked for shows, but this data cannot show everything.",
+        }.get(ladder.verdict, "No effect was added.")
+    return {
+        "adequate": "Nothing is missing: the model explains this data.",
+        "unknown_structure": "Something is missing that no effect of the catalogue explains.",
+        "not_excited": "Nothing significant is missing, but this data cannot show everything.",
+    }.get(ladder.verdict, "No effect was added.")
+
+
+def _or_its_rivals(ladder: Ladder, name: str) -> str:
+    """An added effect without its place, and that it may as well be another one where the data cannot tell."""
+    plain = words(name).partition(" @ ")[0]
+    step = next((s for s in ladder.steps if s.added is not None and s.added.name == name), None)
+    rivals = () if step is None else ladder.rivals(step)
+    others = list(dict.fromkeys(words(rival).partition(" @ ")[0] for rival in rivals))
+    others = [other for other in others if other != plain]
+    if not others:
+        return plain
+    if len(others) == 1:
+        return f"{plain} or {others[0]}"
+    return f"{plain} or one of {len(others)} others that this data cannot tell from it"
+
+
+def verdict_text(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
+    """Say how the ladder ended, as a sentence.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    left : sequence of Remainder
+        Residual tests of the last model on the fitted data.
+    """
+    only = only_words(ladder)
+    end = conclusion(ladder, left, only)
+    if end.startswith(unexplained(only)):
+        return f"{_capital(end)}."
+    if only:
+        return f"{_end_text(ladder, end.partition(':')[0])} {_capital(only)}."
+    return _end_text(ladder, end)
+
+
+def _end_text(ladder: Ladder, end: str) -> str:
+    """How a ladder ended, with what the headline does not say."""
+    hidden = unshown(ladder)
+    if ladder.verdict == "not_excited" and hidden:
+        names = joined_names([words(name) for name in hidden])
+        return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
+    if not ladder.added and ladder.verdict == "adequate" and not only_tried(ladder):
+        return "What is left is noise."
+    shape = ladder.unknown
+    if ladder.verdict == "unknown_structure" and shape is not None and len(shape.force):
+        if shape.coefficient:
+            apart = figure_text(float(np.ptp(shape.force)), 3)
+            return f"{_capital(shape.of)} changes over {shape.along}: by {apart} {shape.force_unit} in all."
+        # That nothing in the catalogue explains it stands in the headline.
+        largest = figure_text(float(np.max(np.abs(shape.force))), 3)
+        return f"What is left has a shape over {shape.along}: up to {largest} {shape.force_unit}."
+    return f"{_capital(end)}."
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def changes(ladder: Ladder) -> list[dict[str, str]]:
+    """Error of the first and the last step: the drive force, then the FIT of each output; unseen data where there is.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``unit``, ``before``, ``after``, ``data``, and ``trend``: ``better``, ``worse`` or ``same``.
+    """
+    first, last = ladder.steps[0], ladder.steps[-1]
+    kind, data = ("validation", "unseen data") if last.validation else ("train", "fitted data")
+    before, after = getattr(first, kind), getattr(last, kind)
+    rows = []
+    if before.get("force") is not None and after.get("force") is not None:
+        forces = (100.0 * before["force"], 100.0 * after["force"])
+        rows.append(_change("error of the drive force", *forces, data, wanted=-1))
+    elif (driven := driven_step(ladder)) is not None and before.get("force") is not None:
+        forces = (100.0 * before["force"], 100.0 * getattr(ladder.steps[driven], kind)["force"])
+        rows.append(_change("error of the drive force", *forces, f"{data}, up to step {driven}", wanted=-1))
+    fits = before.get("fit", {})
+    found = after.get("fit", {}).items()
+    return rows + [_change(f"FIT of {name}", fits.get(name), fit, data, wanted=1) for name, fit in found]
+
+
+def _change(name: str, before: float | None, after: float | None, data: str, *, wanted: int) -> dict[str, str]:
+    """A row; `wanted` is the sign of a change for the better."""
+    write = fit_text if wanted > 0 else figure_text
+    texts = {"before": write(before, 3), "after": write(after, 3)}
+    trend = "same"
+    if before is not None and after is not None and texts["before"] != texts["after"]:
+        trend = "better" if wanted * (after - before) > 0.0 else "worse"
+    return {"name": name, "unit": "%", **texts, "data": data, "trend": trend}
+
+
+def _no_force(ladder: Ladder) -> str:
+    """Why the error of the drive force ends before the ladder does; empty where it does not."""
+    known = [step_force(step) is not None for step in ladder.steps]
+    if known[-1] or not any(known):
+        return ""
+    first = len(known) - known[::-1].index(True)
+    added = ladder.steps[first].added
+    what = "" if added is None else f" with {words(added.name)}"
+    return f"–: the force that a model{what} needs cannot be read off what is measured."
+
+
+def _drawn(name: str, contents: Contents) -> str:
+    """With which model a characteristic is drawn, where not with the last one."""
+    place = contents.drawn_at.get(name)
+    if place is None:
+        return ""
+    return f"Drawn with the model of step {place}: the last one does not show it."
+
+
+def _noise(contents: Contents) -> dict[str, str]:
+    """Noise of every output as its cell of the table says it."""
+    said = {}
+    for output in contents.ladder.model.outputs:
+        said[output.name] = "from the data"
+        if output.noise is not None:
+            said[output.name] = f"{figure_text(output.noise, 3)} {output.unit}"
+        if output.name in contents.refuted_noise:
+            most = figure_text(contents.refuted_noise[output.name], 3)
+            said[output.name] = f"at most {most} {output.unit} on this data; the model file says {said[output.name]}"
+    return said
+
+
+def _fitted_remainders(contents: Contents) -> list[Remainder]:
+    return remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
+
+
+def _kind(parameter: Parameter, *, at_bound: bool, held: bool) -> str:
+    if at_bound:
+        return "at its bound"
+    return "estimated" if parameter.free else "held" if held else "known"
+
+
+def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
+    added, last = step.added, ladder.model
+    if added is None:
+        raise ValueError("the first step adds nothing")
+    # Of the last model: those of the step are biased by what was still missing then.
+    now = effect_parameters(last, added.name) or added.parameters
+    twins = [group for group in ladder_twins(ladder) if added.name in group.names]
+    told = {name for group in twins for name in group.names}
+    others = [words(name) for name in ladder.rivals(step) if name not in told]
+    return {
+        "number": number,
+        "name": _capital(words(added.effect)),
+        "site": added.at,
+        "text": added.text,
+        "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
+        "explains": figure_text(100.0 * added.explains, 2),
+        "ties": others,
+        "replaces": _capital(in_words(ladder.replaced(step))),
+        "place": effect_place(added.name),
+        "no_picture": _no_picture(added.name, step.model),
+        "parameters": [
+            {
+                "name": name.replace("_", " "),
+                "value": with_interval(float(entry["value"]), entry.get("stderr")),
+                "unit": entry.get("unit", ""),
+                "held": bool(entry.get("held")),
+            }
+            for name, entry in now.items()
+        ],
+        "then": _then(added, last),
+        "twins": [_said(group, added.name) for group in twins],
+    }
+
+
+def _no_picture(name: str, model: Model) -> str:
+    """Why an effect has no characteristic, where it has none."""
+    if any(shifts_in_time(active.effect) for active in model.effects if active.name == name):
+        return "it shifts the command in time, which shows over time and not as a curve over the motion"
+    return "the force of it cannot be read off what is measured"
+
+
+def _then(added: Candidate, last: Model) -> str:
+    """An effect's strength when it was added, where the last step has another one; empty otherwise."""
+    name, entry = next(iter(added.parameters.items()), ("", {}))
+    final = {p.name: p for p in last.parameters}.get(f"{added.name}.{name}")
+    if not name:
+        return ""
+    if final is None:
+        return "Later steps replaced it."
+    then = with_interval(float(entry["value"]), entry.get("stderr"))
+    if then == with_interval(final.value, final.stderr):
+        return ""
+    unit = f" {final.unit}" if final.unit != "-" else ""
+    gone = final.stderr is not None and abs(final.value) < NORMAL_95 * final.stderr
+    tail = "; at the last step it is not different from 0 any more." if gone else "."
+    return f"When it was added: {name.replace('_', ' ')} {then}{unit}{tail}"
+
+
+def _said(group: Twins, name: str) -> dict[str, Any]:
+    others = [words(other) for other in group.names if other != name]
+    return {"others": joined_names(others), "checks": [_capital(check) for check in group.checks]}
+
+
+def _evidence(p_value: float | None) -> str:
+    return "" if p_value is None else p_text(p_value)
+
+
+def rungs(ladder: Ladder) -> list[dict[str, Any]]:
+    """Rows of the ladder's table: every number that ``ladder.json`` has of each step.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``evidence``, and ``errors``: for unseen and fitted data the error of the force and the FITs.
+    """
+    rows = []
+    for step in ladder.steps:
+        errors = {}
+        for kind in ("validation", "train"):
+            part: Mapping[str, Any] = getattr(step, kind)
+            force = part.get("force")
+            errors[kind] = {
+                "force": figure_text(None if force is None else 100.0 * force, 3),
+                "fit": [fit_text(part.get("fit", {}).get(name), 4) for name in ladder.model.output_names],
+            }
+        rows.append(
+            {
+                "name": "start" if step.added is None else f"+ {words(step.added.name)}",
+                "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
+                "errors": errors,
+            }
+        )
+    return rows
+
+
+def _record(judged: Judged) -> dict[str, Any]:
+    record = judged.record
+    gaps = [finding.text for finding in record.findings if finding.level == "warning"]
+    return {
+        "use": judged.use,
+        "name": record.name,
+        "seconds": figure_text(record.duration, 4),
+        "samples": len(record.time),
+        "step": figure_text(1e3 * record.sample_time, 4),
+        "command": f"{figure_text(float(np.min(record.input)), 3)} … {figure_text(float(np.max(record.input)), 3)}",
+        "unit": record.input_unit,
+        "loop": "closed" if record.reference is not None else "open or not recorded",
+        "warnings": gaps,
+    }
+
+
+def _where(contents: Contents) -> list[dict[str, Any]]:
+    """For each error its words before and after, and its figures with what stands out."""
+    if not contents.judged:
+        return []
+    rows = contents.judged[0].rows
+    found = []
+    places = where_places(contents)
+    for one in rows[0][1].where.maps:
+        figures = []
+        for name, variable in places:
+            breakdown = one.along(variable)
+            if name == one.name and breakdown is not None:
+                caption = breakdown.worst.text if breakdown.stands_out else "nothing stands out"
+                figures.append(
+                    {"place": where_place(name, variable), "title": TITLES[variable], "caption": caption}
+                )  # fmt: skip
+        told = maps_of(contents.judged[0], one.name)
+        label, after = told[-1] if len(told) > 1 else ("", None)
+        found.append(
+            {
+                "name": one.name,
+                "kind": one.kind if after is None or after.kind == one.kind else "",
+                "figures": figures,
+                "before": one.lines(),
+                "after": [] if after is None else after.lines(),
+                "end": "end of the ladder" if label == rows[-1][0] else label,
+            }
+        )
+    return found
+
+
+def _first_title(contents: Contents) -> str:
+    """Use and name of the record whose residual is shown."""
+    return contents.judged[0].title if contents.judged else ""
+
+
+def _residuals(contents: Contents) -> list[dict[str, Any]]:
+    if not contents.judged or len(contents.judged[0].record.time) < FEWEST_FOR_TESTS:
+        return []
+    return [
+        {
+            "name": test.name,
+            "place": f"residual-{test.name}",
+            "white": "is white" if test.white else "is not white",
+            "white_p": p_text(test.ljung_box_p),
+            "free": test.freedom,
+            "free_p": p_text(test.cross_p) if test.told else "",
+        }
+        for test in contents.judged[0].rows[-1][1].residual_tests()
+    ]
+
+
+def _untestable(ladder: Ladder) -> list[dict[str, str]]:
+    return [{"name": words(name), "why": why} for name, why in unshown(ladder).items()]
+
+
+def _experiment(ladder: Ladder) -> str:
+    suggested = ladder.suggested_experiment
+    if suggested is None:
+        return ""
+    return describe_signal(suggested["signal"], suggested["adds_to"], suggested.get("unit", ""))
+
+
+def _suggestion(ladder: Ladder) -> dict[str, Any] | None:
+    """What the next experiment is for, and what each outcome would say, as sentences."""
+    suggested = ladder.suggested_experiment
+    if suggested is None:
+        return None
+    outcomes = [f"{_capital(in_words(one['text']))}." for one in suggested["outcomes"]]
+    return {"text": f"{_capital(in_words(suggested['text']))}.", "outcomes": outcomes}
+
+
+def _parameters(ladder: Ladder) -> list[dict[str, Any]]:
+    model = ladder.model
+    held = set(held_parameters(ladder))
+    rows = []
+    for parameter in model.parameters:
+        bounds: Sequence[float] = (parameter.min, parameter.max)
+        at_bound = parameter.free and parameter.value in bounds
+        rows.append(
+            {
+                "key": parameter.name,
+                "name": words(parameter.name.replace(".", " ")),
+                "value": with_interval(parameter.value, parameter.stderr if parameter.free else None),
+                "unit": parameter.unit,
+                "kind": _kind(parameter, at_bound=at_bound, held=parameter.name in held),
+            }
+        )
+    return rows

@@ -1,0 +1,71 @@
+"""The figures of a run for a paper: one vector file each, in the look of all printed figures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from idloop import drawing
+from idloop.reporting.page.page_figures import panel_of
+from idloop.reporting.plots.comparison import plot_comparison
+from idloop.reporting.plots.ladder import plot_ladder, plot_unknown
+from idloop.reporting.plots.where import plot_where
+from idloop.validation.where import DRIVE_FORCE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from idloop.reporting.page.contents import Contents, Judged
+    from idloop.validation import Where
+
+
+def paper_figures(contents: Contents) -> dict[str, Figure]:
+    """Draw them.
+
+    Returns
+    -------
+    dict
+        Figures by the stem of their file.
+    """
+    figures = {"ladder": plot_ladder(contents.ladder, contents.floor)}
+    for index, judged in enumerate(contents.judged, start=1):
+        record = judged.record
+        figures[f"compare_{index}_{judged.use}"] = plot_comparison(
+            [panel_of(judged)], record.output_names, record.output_units, record.input_name, record.input_unit
+        )
+        figures[f"where_{index}_{judged.use}"] = plot_where(_where(judged))
+    if contents.ladder.unknown is not None:
+        figures["unknown"] = plot_unknown(contents.ladder.unknown)
+    if contents.suggestion is not None:
+        from idloop.reporting.plots.suggestion import plot_suggestion
+
+        figures["next"] = plot_suggestion(contents.suggestion)
+    return figures
+
+
+def _where(judged: Judged) -> list[tuple[str, Where]]:
+    """Where the models fail; for the drive force also the last one of which it is known."""
+    found = [(label, comparison.where) for label, comparison in judged.rows]
+    if judged.driven is not None:
+        label, comparison = judged.driven
+        force = tuple(one for one in comparison.where.maps if one.name == DRIVE_FORCE)
+        found.insert(1, (label, replace(comparison.where, maps=force)))
+    return found
+
+
+def save_paper_figures(contents: Contents, folder: Path) -> list[Path]:
+    """Write them as SVG.
+
+    Parameters
+    ----------
+    contents : Contents
+    folder : Path
+        Is made where it is not there.
+
+    Raises
+    ------
+    IdloopError
+        A file cannot be written.
+    """
+    return [drawing.save(figure, folder / f"{stem}.svg") for stem, figure in paper_figures(contents).items()]

@@ -1,0 +1,99 @@
+"""Figure: what a bag holds: command, measurements, spectrum of the command, intervals between stamps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from idloop import drawing
+from idloop.records.inspection.excitation import power_spectrum
+from idloop.records.inspection.inspection import Inspection, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MOST_ROWS = 6
+_FIELD_UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "command unit"}
+
+
+def plot_recording(inspection: Inspection) -> Figure:
+    """Draw the figure.
+
+    Parameters
+    ----------
+    inspection : Inspection
+        From `idloop.records.inspect_bag`.
+
+    Returns
+    -------
+    matplotlib Figure
+        For `idloop.drawing.save`.
+    """
+    from matplotlib.figure import Figure
+
+    signals = [(topic, name) for topic, found in inspection.signals.items() for name in found][:_MOST_ROWS]
+    commands = [(inspection.command_topic, name) for name in inspection.commands]
+    rows = commands + signals
+    start = min((int(stream.stamp_ns.min()) for stream in inspection.streams.values()), default=0)
+    with drawing.styled():
+        height = 1.6 * (len(rows) + 1) + 0.9
+        figure = Figure(figsize=(7.5, height), layout="constrained")
+        grid = figure.add_gridspec(len(rows) + 1, 2)
+        first: Any = None
+        for row, (topic, name) in enumerate(rows):
+            axes = figure.add_subplot(grid[row, :], sharex=first)
+            first = first or axes
+            stream = inspection.streams[topic]
+            time = (stream.stamp_ns - start) * 1e-9
+            draw = drawing.steps if topic == inspection.command_topic else drawing.line
+            color = drawing.COMMAND if topic == inspection.command_topic else drawing.MEASURED
+            draw(axes, time, columns_of(stream)[name], color=color)
+            axes.set_ylabel(drawing.label(name, _unit(inspection, name)))
+            axes.set_title(topic, loc="left")
+        if first is not None:
+            figure.axes[len(rows) - 1].set_xlabel(drawing.label("time", "s"))
+        _draw_spectrum(figure.add_subplot(grid[len(rows), 0]), inspection)
+        _draw_intervals(figure.add_subplot(grid[len(rows), 1]), inspection)
+    return figure
+
+
+def _unit(inspection: Inspection, name: str) -> str:
+    return inspection.units.get(name) or _FIELD_UNITS.get(name.rpartition(".")[2], "unit unknown")
+
+
+def _draw_spectrum(axes: Any, inspection: Inspection) -> None:
+    for index, name in enumerate(inspection.commands):
+        stream = inspection.streams[inspection.command_topic]
+        stamp, which = np.unique(stream.stamp_ns, return_index=True)
+        value = columns_of(stream)[name][which]
+        known = np.isfinite(value)
+        if known.sum() < 3:
+            continue
+        frequency, power = power_spectrum((stamp[known] - stamp[0]) * 1e-9, value[known])
+        shown = slice(1, None)  # the mean has been removed
+        drawing.line(axes, frequency[shown], power[shown], label=name, **drawing.model_look(index))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_title("power of the command", loc="left")
+    axes.set_xlabel(drawing.label("frequency", "Hz"))
+    axes.set_ylabel(drawing.label("share per line", None))
+
+
+def _draw_intervals(axes: Any, inspection: Inspection) -> None:
+    widest = [np.inf, -np.inf]
+    for index, (topic, stream) in enumerate(inspection.streams.items()):
+        step = np.diff(stream.stamp_ns) * 1e-6
+        if step.size < 2:
+            continue
+        share = np.arange(1, step.size + 1) / step.size
+        median = float(np.median(step))
+        widest = [min(widest[0], float(step.min()), 0.9 * median), max(widest[1], float(step.max()), 1.1 * median)]
+        drawing.line(axes, np.sort(step), share, label=topic, **drawing.model_look(index))
+    axes.set_title("intervals between stamps", loc="left")
+    axes.set_xlabel(drawing.label("interval", "ms"))
+    axes.set_ylabel(drawing.label("share below", None))
+    if axes.get_legend_handles_labels()[0]:
+        # Not closer than this: rounding of the stamps would look like jitter.
+        axes.set_xlim(*widest)
+        axes.legend(loc="lower right")

@@ -1,0 +1,142 @@
+"""How a diagnosis or a ladder ends, and what its figures are figures of: in the same words everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from idloop.diagnosis.screening.command_response import CommandResponse
+from idloop.diagnosis.search.step import SAY_NOISE
+from idloop.estimation.direction import AGAINST
+from idloop.spelling import joined_names
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Ladder
+    from idloop.reporting.remains import Remainder
+
+# Of a ladder; a diagnosis that ends as missing has a best effect to name.
+VERDICTS = {
+    "adequate": "nothing significant is left",
+    "unknown_structure": "what is left has a shape that no effect of the catalogue explains",
+    "not_excited": "nothing significant is left, but this data cannot show everything",
+    "missing": "stopped before the end",
+}
+MISSING = "an effect is missing"
+UNEXPLAINED = "something that no effect of the catalogue explains"
+# The same where the reader has named the effects to choose from: of the others the data were not asked.
+UNEXPLAINED_BY_THESE = "something that none of the effects looked for explains"
+_TELLS_NOTHING = "the measured motion does not follow the command, so that this data tells nothing of the axis"
+_OF_THESE = {
+    **VERDICTS,
+    "adequate": "nothing significant is left of what was looked for",
+    "unknown_structure": "what is left has a shape that none of the effects looked for explains",
+    "not_excited": "nothing significant is left of what was looked for, but this data cannot show everything",
+}
+
+CRITERIA = {
+    "auto": "chosen from the data",
+    "prediction": "one-step prediction errors",
+    "simulation": "free-run errors",
+    "force": "the drive force that the measured motion leaves unexplained",
+}
+
+_LEFT = {
+    "prediction": "the one-step prediction errors that the model without it leaves",
+    "simulation": "the free-run errors that the model without it leaves",
+    "force": "the drive force that the model without it leaves unexplained",
+}
+
+
+def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -> str:
+    """How a ladder ends, what the reader is to conclude first.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    left : sequence of Remainder
+        Residual tests of the last model on the fitted data.
+    only : str
+        What was looked for where that was not the whole catalogue, as `idloop.reporting.tried.only_words` says it.
+    """
+    end = ending(ladder.verdict, only, ladder.response)
+    if ladder.verdict not in SAY_NOISE or ladder.response.tells_nothing:
+        return end
+    something, of_these = unexplained(only), "" if only else "of the catalogue "
+    names = stand_ins(ladder)
+    if names:
+        return (
+            f"{something} is missing: {joined_names(names)} {'stand' if len(names) > 1 else 'stands'} in for it one"
+            f" step ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
+        )
+    follows = [one for one in left if not one.test.input_free]
+    if follows:
+        return f"{something} is left, for the errors still follow the {follows[0].drive}; {of_these}{end}"
+    return end
+
+
+def ending(verdict: str, only: str = "", response: CommandResponse = CommandResponse.FOLLOWS) -> str:
+    """What a verdict says by itself.
+
+    Parameters
+    ----------
+    verdict : str
+        Of a ladder, or of a diagnosis that has found nothing missing.
+    only : str
+        As for `conclusion`.
+    response : CommandResponse
+        How the motion follows the command.
+    """
+    plain = (_OF_THESE if only else VERDICTS).get(verdict, verdict)
+    end = f"{plain}: {only}" if only else plain
+    if response is CommandResponse.REVERSED:
+        return f"{AGAINST}: turn one of the two, then ask again"
+    return f"{_TELLS_NOTHING}; {end}" if response.tells_nothing else end
+
+
+def unexplained(only: str) -> str:
+    """What to call that which is missing and no effect explains: of the catalogue, or of the few that were tried.
+
+    Parameters
+    ----------
+    only : str
+        As for `conclusion`.
+    """
+    return UNEXPLAINED_BY_THESE if only else UNEXPLAINED
+
+
+def stand_ins(ladder: Ladder) -> list[str]:
+    """Effects of a ladder without which the model runs better, although nothing of the catalogue is left to add."""
+    if ladder.verdict not in SAY_NOISE:
+        return []
+    return [one.name for one in ladder.spoilt if one.name in ladder.model.effect_names]
+
+
+def explained_of(criterion: str) -> str:
+    """Of what a share of the error is one: "explains 40 % of ...".
+
+    Parameters
+    ----------
+    criterion : str
+        Of the diagnosis or the ladder.
+    """
+    return f"the power of {_LEFT.get(criterion, 'the errors that the model without it leaves')}"
+
+
+def basis(lacking: Sequence[str]) -> str:
+    """Which model a list of what the data cannot show, or would, belongs to.
+
+    Parameters
+    ----------
+    lacking : sequence of str
+        Effects that were found missing from the model that was judged; empty where it is the last one.
+
+    Returns
+    -------
+    str
+        Words to begin a sentence with; empty where nothing is missing.
+    """
+    return (
+        f"as long as {joined_names(list(lacking))} {'are' if len(lacking) > 1 else 'is'} not in the model, "
+        if lacking
+        else ""
+    )

@@ -1,0 +1,119 @@
+"""Where a model fails on a stretch of data: its free run and the error along everything that may explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Candidate
+    from idloop.diagnosis.evidence.characteristic import Characteristic
+    from idloop.physics import Model
+    from idloop.records import Record
+    from idloop.validation.where import Where
+
+Array = NDArray[np.float64]
+Report = Callable[[float, str], None]
+
+FEWEST = 200  # samples that are worth an assessment
+MOST_PICTURES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """A model beside a stretch of data.
+
+    Attributes
+    ----------
+    model : str
+    effects : tuple of str
+        Of the model.
+    record : str
+    stamps : array of int, shape (n,)
+        Of the measurements [ns].
+    simulated, predicted : array, shape (n, p)
+        Free run and one step ahead; NaN where there is none.
+    innovation : array, shape (n, p)
+        Measured minus one step ahead.
+    error : array, shape (n, p)
+        Measured minus free run.
+    fit : dict of str to float
+        FIT of the free run by output [%].
+    where : Where
+    """
+
+    model: str
+    effects: tuple[str, ...]
+    record: str
+    stamps: NDArray[np.int64]
+    simulated: Array
+    predicted: Array
+    innovation: Array
+    error: Array
+    fit: dict[str, float]
+    where: Where
+
+
+def assess(model: Model, record: Record, report: Report) -> Assessment:
+    """Compare a model, its parameters as they are, with a record.
+
+    Raises
+    ------
+    InputError, IdloopError
+        As `idloop.validation.compare`.
+    """
+    from idloop.validation import compare
+
+    report(0.1, "free run")
+    comparison = compare(model, record)
+    simulated = comparison.simulated
+    report(0.5, "where it fails")
+    found = comparison.where
+    return Assessment(
+        model.name,
+        tuple(model.effect_names),
+        record.name,
+        record.absolute(record.time),
+        simulated,
+        comparison.predicted,
+        comparison.innovation,
+        comparison.measured - simulated,
+        comparison.fit,
+        found,
+    )
+
+
+def draw_characteristics(candidates: Sequence[Candidate], record: Record, report: Report) -> dict[str, Characteristic]:
+    """Read the characteristics of effects that may be missing off a record.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Best first; those that were not fitted, and have no model, are passed over.
+    record : Record
+    report : callable
+
+    Returns
+    -------
+    dict of str to Characteristic
+        By ``effect@site``; without those that the record does not show.
+    """
+    from idloop.diagnosis.evidence.characteristic import characteristic
+    from idloop.errors import IdloopError
+
+    found = {}
+    # Those with the best evidence first: every effect of a tie has its picture before one that was only weighed.
+    fitted = [(one, one.model) for one in sorted(candidates, key=lambda one: one.p_value) if one.model is not None]
+    for number, (one, model) in enumerate(fitted[:MOST_PICTURES]):
+        report(number / len(fitted), f"characteristic of {one.name}")
+        try:
+            drawn = characteristic(model, one.name, record)
+        except IdloopError:
+            continue
+        if drawn is not None:
+            found[one.name] = drawn
+    return found

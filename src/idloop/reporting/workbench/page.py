@@ -1,0 +1,232 @@
+"""The figures of one browser: where the model fails, the ladder, the next experiment; each looks as it likes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import numpy as np
+from bokeh.layouts import column
+from bokeh.models import ColumnDataSource
+from bokeh.models.widgets import Div
+
+from idloop.documents import read_json
+from idloop.errors import InputError
+from idloop.reporting.figures.evidence import evidence_figure
+from idloop.reporting.figures.ladder import ladder_figures
+from idloop.reporting.figures.next_experiment import experiment_figures
+from idloop.reporting.figures.theme import LIGHT, THEMES
+from idloop.reporting.figures.unknown import unknown_figure
+from idloop.reporting.figures.where import error_along
+from idloop.reporting.sensor_noise import REFUTED, least_error
+from idloop.reporting.workbench.redraw import Canvas
+from idloop.validation.variables import TITLES, VARIABLES
+
+if TYPE_CHECKING:
+    from bokeh.document import Document
+    from bokeh.plotting import figure
+
+    from idloop.diagnosis import Ladder
+    from idloop.reporting.workbench.signals import Signals
+    from idloop.reporting.workbench.source import Snapshot, Source
+
+PERIOD = 250  # milliseconds between two looks at what is new
+SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
+FIGURES = ("where", "evidence", "next", "ladder")
+TEMPLATE = Path(__file__).with_name("assets") / "page.html"
+
+
+def judged_spread(ladder: Ladder, name: str) -> float:
+    """Standard deviation of an output on the data that the last step of a ladder is judged on.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    name : str
+        Of the output.
+
+    Returns
+    -------
+    float
+        0 where its errors do not say.
+    """
+    last = ladder.steps[-1]
+    errors = last.validation or last.train
+    missed, relative = (errors.get(measure, {}).get(name) for measure in ("rmse", "nrmse"))
+    if not missed or not relative or not np.isfinite(missed / relative):
+        return 0.0
+    return float(missed / relative)
+
+
+def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int) -> None:
+    """Fill the document of one browser.
+
+    Parameters
+    ----------
+    doc : Document
+    source : Source
+    key : str
+        Without it no order is taken.
+    run : str
+        Of the server: a page of another run loads itself anew.
+    stop_port : int
+        Port of `StopServer`.
+    """
+    request = getattr(doc.session_context, "request", None)
+    cookies = {} if request is None else request.cookies
+    theme = cookies.get("idloop_theme", LIGHT.name)
+    page = Page(doc, source, theme if theme in THEMES else LIGHT.name)
+    doc.title = f"idloop workbench: {source.board.snapshot.title}"
+    doc.template = _template()
+    doc.template_variables.update(
+        key=key, run=run, stop_port=stop_port, variables=[(name, TITLES[name]) for name in VARIABLES], spans=SPANS,
+        theme=page.look["theme"],
+    )  # fmt: skip
+    # The page has its own words for a lost connection, and loads itself anew when the server is back.
+    if hasattr(doc, "config"):  # from Bokeh 3.8 on; before, nobody says or does anything about it
+        doc.config.notify_connection_status = False
+        doc.config.reconnect_session = False
+    doc.add_periodic_callback(page.tick, PERIOD)
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+
+
+class Page:
+    """What one browser shows.
+
+    Parameters
+    ----------
+    doc : Document
+    source : Source
+    theme : str
+        ``light`` or ``dark``.
+
+    Attributes
+    ----------
+    look : dict
+        What the reader has chosen: theme, error and variable of where it fails; and whether the page can be seen
+        at all.
+    """
+
+    def __init__(self, doc: Document, source: Source, theme: str) -> None:
+        self.source = source
+        self.signals: Signals = source.signals
+        self.look: dict[str, Any] = {"theme": theme, "error": "", "variable": "", "seen": True}
+        self._doc = doc
+        self._seen: dict[str, Any] = {}
+        self.choice = ColumnDataSource(name="look", data={"json": [json.dumps(self.look)]})
+        self.choice.on_change("data", self._chosen)
+        self.roots = {name: column(name=name, sizing_mode="stretch_width") for name in FIGURES}
+        self._canvases = {name: Canvas(root) for name, root in self.roots.items()}
+        for root in (*self.roots.values(), self.choice):
+            doc.add_root(root)
+        self.tick()
+
+    def _chosen(self, attribute: str, old: Any, new: Any) -> None:
+        try:
+            look = read_json(new["json"][0], "look")
+        except (KeyError, IndexError, TypeError, InputError):
+            return
+        if isinstance(look, dict):
+            self.look = self._checked(look)
+            self.tick()
+
+    def _checked(self, look: dict[str, Any]) -> dict[str, Any]:
+        """What the browser says, with what makes no sense left as it was."""
+        new = dict(self.look)
+        rules: dict[str, Callable[[Any], bool]] = {
+            "theme": lambda v: v in THEMES,
+            "error": lambda v: isinstance(v, str),
+            "variable": lambda v: v in VARIABLES or not v,
+            "seen": lambda v: isinstance(v, bool),
+        }
+        for name, fits in rules.items():
+            if name in look and fits(look[name]):
+                new[name] = look[name]
+        return new
+
+    @property
+    def _theme(self) -> Any:
+        return THEMES[self.look["theme"]]
+
+    def tick(self) -> None:
+        """Show what is new; a page in the background costs nothing."""
+        if not self.look["seen"]:
+            return
+        self._doc.hold("combine")
+        try:
+            self._draw_findings(self.source.board.snapshot)
+        finally:
+            self._doc.unhold()
+
+    def _draw_findings(self, snapshot: Snapshot) -> None:
+        look = (self.look["theme"], self.look["error"], self.look["variable"])
+        if self._is_new("where", snapshot.assessment, look):
+            self._canvases["where"].draw(self._where(snapshot))
+        if self._is_new("ladder", snapshot.ladder, self.look["theme"]):
+            self._canvases["ladder"].draw(self._ladder(snapshot))
+        if self._is_new("evidence", snapshot.evidence, self.look["theme"]):
+            self._canvases["evidence"].draw(self._evidence(snapshot))
+        if self._is_new("next", snapshot.suggestion, self.look["theme"]):
+            found = snapshot.suggestion
+            self._canvases["next"].draw([] if found is None else experiment_figures(found, self._theme))
+
+    def _is_new(self, what: str, thing: Any, look: Any) -> bool:
+        before = self._seen.get(what)
+        if before is not None and before[0] is thing and before[1] == look:
+            return False
+        self._seen[what] = thing, look
+        return True
+
+    def _where(self, snapshot: Snapshot) -> list[Any]:
+        found = snapshot.assessment
+        if found is None or not found.where.maps:
+            return []
+        names = [one.name for one in found.where.maps]
+        name = self.look["error"] if self.look["error"] in names else names[0]
+        variable = self.look["variable"] or "velocity"
+        one = found.where[name]
+        plot = error_along([(found.model, one)], variable, self._theme)
+        if plot is None:
+            why = one.left_out.get(variable, "")
+            return [self._words(f"No picture over {TITLES[variable]}: {why or 'too little data'}.")]
+        return [plot]
+
+    def _evidence(self, snapshot: Snapshot) -> list[Any]:
+        found = snapshot.evidence
+        if found is None or not found.lines:
+            return []
+        return [evidence_figure(found.seconds, found.lines, found.threshold, found.decided, self._theme)]
+
+    def _ladder(self, snapshot: Snapshot) -> list[Any]:
+        ladder = snapshot.ladder
+        if ladder is None or not ladder.steps:
+            return []
+        floor = {
+            name: value for name, value in self._floor(ladder).items() if value * REFUTED <= least_error(ladder, name)
+        }
+        plots: list[figure] = ladder_figures(ladder, floor, self._theme)
+        if ladder.unknown is not None:
+            plots.append(unknown_figure(ladder.unknown, self._theme))
+        return list(plots)
+
+    def _words(self, text: str) -> Div:
+        return Div(text=text, styles={"color": self._theme.muted})
+
+    def _floor(self, ladder: Ladder) -> dict[str, float]:
+        """What the noise of each output alone leaves, relative to the spread of what the ladder is judged on."""
+        measured = self.signals.view(*self.signals.span, buckets=10**9, streams=["measured"]).points["measured"][1]
+        floor = {}
+        for index, name in enumerate(self.signals.names):
+            known = measured[:, index][np.isfinite(measured[:, index])]
+            # What is shown may have moved on, and much further, since the ladder's last step.
+            spread = judged_spread(ladder, name) or (float(np.std(known)) if len(known) else 0.0)
+            if spread > 0.0 and np.isfinite(self.signals.noise[index]):
+                floor[name] = float(self.signals.noise[index]) / spread
+        return floor

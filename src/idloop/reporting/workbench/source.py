@@ -1,0 +1,284 @@
+"""Between the page and what it shows: plain objects that a live graph or a set of recordings fill in."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Candidate, Ladder, UnknownStructure
+    from idloop.diagnosis.design.suggest import Suggestion
+    from idloop.diagnosis.evidence.characteristic import Characteristic
+    from idloop.reporting.figures.evidence import Decided
+    from idloop.reporting.workbench.assessment import Assessment
+    from idloop.reporting.workbench.signals import Signals
+
+# What a live graph may do without being asked.
+AUTOMATIC = ("add", "experiment")
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3  # as in diagnostic_msgs
+
+# What is known of the stop, see `Snapshot`.
+FREE, SENT, STOPPED, RELEASING = "", "sent", "stopped", "releasing"
+
+ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
+
+
+@dataclass(frozen=True)
+class Health:
+    """One check of one node.
+
+    Attributes
+    ----------
+    name : str
+        ``node: check``.
+    level : int
+        OK, WARN, ERROR or STALE.
+    message : str
+    values : dict of str to str
+    """
+
+    name: str
+    level: int = OK
+    message: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the newest fit is worth on samples that it did not use.
+
+    Attributes
+    ----------
+    unseen, seen : dict of str to float
+        FIT by output [%] on samples after the fit's window, and on those of the fit.
+    seconds : float
+        Length of the unseen samples [s].
+    effects : tuple of str
+        In the model that was fitted.
+    error : str
+        Why there is no fit; empty when there is one.
+    """
+
+    unseen: Mapping[str, float] = field(default_factory=dict)
+    seen: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+    effects: tuple[str, ...] = ()
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What the newest diagnosis found.
+
+    Attributes
+    ----------
+    verdict : str
+        ``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``.
+    line : str
+        The verdict for a person.
+    candidates : tuple of Candidate
+        Best first.
+    set : tuple of str
+        Effects that this data cannot tell from the best one, that one included.
+    pair : tuple of str
+        Two that show only together.
+    untestable, findings : tuple of str
+        What this data cannot show, and what it can.
+    unknown : UnknownStructure or None
+    passed_over : mapping of str to str
+        Effects that are significant and were not taken for what is missing, and why.
+    error : str
+        Why there is no diagnosis; empty when there is one.
+    """
+
+    verdict: str = ""
+    line: str = ""
+    candidates: tuple[Candidate, ...] = ()
+    set: tuple[str, ...] = ()
+    pair: tuple[str, ...] = ()
+    untestable: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    unknown: UnknownStructure | None = None
+    error: str = ""
+    passed_over: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TrustedEstimate:
+    """One estimate of a live graph, with its 95 % interval, whether it may be trusted, and why."""
+
+    name: str
+    text: str
+    trusted: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """How the evidence for missing effects has grown on a live graph.
+
+    Attributes
+    ----------
+    line : str
+        The newest look for a person.
+    effects : tuple of str
+        Of the model that they were weighed against.
+    seconds : tuple of float
+        New samples that had been scored at each look [s].
+    lines : mapping of str to tuple of float
+        Log-evidence at each look by effect; NaN before an effect was weighed.
+    threshold : float
+        Log-evidence that decides.
+    decided : mapping of str to Decided
+    estimates : tuple of TrustedEstimate
+    ended : str
+        Why the experiment has been ended; empty where it has not.
+    """
+
+    line: str = ""
+    effects: tuple[str, ...] = ()
+    seconds: tuple[float, ...] = ()
+    lines: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    threshold: float = float("inf")
+    decided: Mapping[str, Decided] = field(default_factory=dict)
+    estimates: tuple[TrustedEstimate, ...] = ()
+    ended: str = ""
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What is being worked out; `share` is None while nobody knows how far it is."""
+
+    text: str
+    share: float | None = None
+
+
+@dataclass(frozen=True)
+class Note:
+    """An answer to the reader, with the level of a `Health`."""
+
+    text: str
+    level: int = OK
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything that the page shows beside the streams.
+
+    Attributes
+    ----------
+    version : int
+        Grows with every change.
+    live : bool
+        A graph that runs, not recordings.
+    title : str
+    effects : tuple of str
+        Of the present model.
+    fit : Fit or None
+    missing : Missing or None
+    evidence : Evidence or None
+    looks : int
+        Diagnoses that have come in so far.
+    ladder : Ladder or None
+    suggested : dict or None
+        The next experiment as `idloop suggest` writes it.
+    suggestion : Suggestion or None
+        The same with its rivals, for the figures; a live graph sends none.
+    activity : Activity or None
+    note : Note or None
+        Answer to the last order.
+    health : tuple of Health
+    limits : tuple of (str, str)
+        What an experiment may do: name, value with unit.
+    automatic : tuple of str, or None
+        Those of `AUTOMATIC` that are switched on; None where there is nothing to switch.
+    stop : str
+        `FREE`; `SENT`: the stop is set or asked for, and not seen to work; `STOPPED`: the last node before the motor
+        has confirmed it, and neutral commands have been seen since; `RELEASING`: the reset is asked for.
+    moves : bool
+        There is a motor that a button could move.
+    assessment : Assessment or None
+        Where the model fails.
+    pictures : dict of str to Characteristic
+        Of effects that may be missing, by ``effect@site``.
+    recordings : tuple of str
+        That may be shown, and `shown`, which of them is.
+    """
+
+    version: int = 0
+    live: bool = False
+    title: str = ""
+    effects: tuple[str, ...] = ()
+    fit: Fit | None = None
+    missing: Missing | None = None
+    evidence: Evidence | None = None
+    looks: int = 0
+    ladder: Ladder | None = None
+    suggested: Mapping[str, Any] | None = None
+    suggestion: Suggestion | None = None
+    activity: Activity | None = None
+    note: Note | None = None
+    health: tuple[Health, ...] = ()
+    limits: tuple[tuple[str, str], ...] = ()
+    automatic: tuple[str, ...] | None = None
+    stop: str = FREE
+    moves: bool = False
+    assessment: Assessment | None = None
+    pictures: Mapping[str, Characteristic] = field(default_factory=dict)
+    recordings: tuple[str, ...] = ()
+    shown: int = 0
+
+
+class Board:
+    """The newest snapshot; any thread may change and read it."""
+
+    def __init__(self, first: Snapshot) -> None:
+        self._lock = threading.Lock()
+        self._snapshot = first
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The newest one."""
+        return self._snapshot
+
+    def change(self, **values: Any) -> None:
+        """Put new values in; the version grows where something has really changed."""
+        with self._lock:
+            before = self._snapshot
+            same = (getattr(before, name) is value or getattr(before, name) == value for name, value in values.items())
+            if not all(same):
+                self._snapshot = replace(before, version=before.version + 1, **values)
+
+
+class Source(Protocol):
+    """What a page is made for: a live graph or recordings."""
+
+    board: Board
+    signals: Signals
+
+    def order(self, verb: str, what: str = "") -> str:
+        """Start one of `ORDERS`; what comes of it appears on the board.
+
+        Parameters
+        ----------
+        verb : str
+        what : str
+            ``effect@site`` for ``add``, the number of a recording for ``show``, one of `AUTOMATIC` with `` on`` or
+            `` off`` for ``automatic``.
+
+        Returns
+        -------
+        str
+            What was started, for the reader.
+
+        Raises
+        ------
+        InputError
+            It cannot be given now, and why.
+        """
+
+    def stop(self) -> str:
+        """Stop the motor at once, whatever else goes on; return what was done."""

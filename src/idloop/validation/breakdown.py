@@ -1,0 +1,271 @@
+"""Share of the squared error along one variable, bin by bin, and the part that stands out, in words."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.validation.words import levels_text, percent, range_text
+
+Array = NDArray[np.float64]
+
+# A part of a variable stands out when it holds so much more of the error than of the time.
+STANDS_OUT = 0.1
+
+
+@dataclass(frozen=True)
+class Part:
+    """Neighbouring bins taken together.
+
+    Attributes
+    ----------
+    first, last : int
+        Bins; `last` is below `first` where the part goes through the end of a turn.
+    error, usual : float
+        Share of the squared error, and of what the error is set against.
+    mean, rms : float
+        Mean (NaN for frequencies) and root mean square of the error in it.
+    text : str
+        One sentence.
+    """
+
+    first: int
+    last: int
+    error: float
+    usual: float
+    mean: float
+    rms: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """How the squared error spreads along one variable.
+
+    Attributes
+    ----------
+    variable : str
+        ``time``, ``frequency``, ``velocity``, ``position``, ``command``, ``direction`` or ``since_reversal``.
+    label, unit : str
+        For an axis, such as "velocity of motor" in "rad/s".
+    edges : array, shape (bins + 1,), or None
+        Increasing; None where the bins are kinds, not ranges.
+    names : tuple of str, length bins
+        Each bin in words.
+    error : array, shape (bins,)
+        Share of the squared error; adds up to 1.
+    usual : array, shape (bins,)
+        Share of the time; of the power of the measured signal along frequency. Adds up to 1.
+    mean, rms : array, shape (bins,)
+        Mean and root mean square of the error in each bin, in its unit; NaN in an empty bin.
+    circular : bool
+        The last bin is a neighbour of the first, as over a turn.
+    levels : array, shape (bins,), or None
+        The values themselves where a signal has few.
+    """
+
+    variable: str
+    label: str
+    unit: str
+    edges: Array | None
+    names: tuple[str, ...]
+    error: Array
+    usual: Array
+    mean: Array
+    rms: Array
+    circular: bool = False
+    levels: Array | None = None
+
+    @cached_property
+    def worst(self) -> Part:
+        """Neighbouring bins in which the error differs most from its usual share.
+
+        "Most" is by the information (Kullback and Leibler) that the part gives about where the error falls, so
+        that neither one lucky bin nor nearly everything wins.
+        """
+        count = len(self.error)
+        order = np.concatenate([np.arange(count)] * (2 if self.circular else 1))
+        longest = count if self.edges is not None else 1
+        best, found = -np.inf, (0, count)
+        for start in range(count):
+            error = np.cumsum(self.error[order[start : start + longest]])
+            usual = np.cumsum(self.usual[order[start : start + longest]])
+            gain = _information(error, usual)
+            stop = int(np.argmax(gain))
+            # A hair's breadth is rounding: of equals the narrowest counts.
+            if gain[stop] > best + 1e-12 or (gain[stop] > best - 1e-12 and stop < found[1] - found[0]):
+                best, found = float(gain[stop]), (start, start + stop)
+        bins = order[found[0] : found[1] + 1]
+        return self._part(bins)
+
+    @property
+    def follows(self) -> float:
+        """Share of the error's power that the mean in each bin makes up, beyond that of the mean over all.
+
+        Near 1 the error is a curve over this variable; near 0 it is anything else. NaN along frequency.
+        """
+        if self.variable == "frequency":
+            return np.nan
+        known = np.isfinite(self.rms)
+        weight, mean = self.usual[known], self.mean[known]
+        power = float(weight @ self.rms[known] ** 2)
+        if not power > 0.0:
+            return 0.0
+        return float(weight @ (mean - float(weight @ mean)) ** 2) / power
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether `worst` holds clearly more of the error than of the time."""
+        worst = self.worst
+        return worst.error - worst.usual >= STANDS_OUT
+
+    def _part(self, bins: NDArray[np.int64]) -> Part:
+        error, usual = float(np.sum(self.error[bins])), float(np.sum(self.usual[bins]))
+        known = bins[np.isfinite(self.rms[bins])]
+        if self.variable == "frequency":
+            mean, rms = np.nan, float(np.sqrt(np.sum(self.rms[known] ** 2)))
+        else:
+            weight = self.usual[known] / max(float(np.sum(self.usual[known])), 1e-300)
+            mean, rms = float(weight @ self.mean[known]), float(np.sqrt(weight @ self.rms[known] ** 2))
+        first, last = int(bins[0]), int(bins[-1])
+        return Part(first, last, error, usual, mean, rms, self._say(first, last, error, usual))
+
+    def _say(self, first: int, last: int, error: float, usual: float) -> str:
+        where = self.names[first] if first == last else self._range(first, last)
+        if self.variable == "frequency":
+            return f"{percent(error)} of the error is {where}, with {percent(usual)} of the measured signal's power"
+        return f"{percent(error)} of the error falls in the {percent(usual)} of the time {where}"
+
+    def _range(self, first: int, last: int) -> str:
+        if self.edges is None:
+            return " and ".join(self.names[first : last + 1])
+        if self.levels is not None:
+            return levels_text(self.variable, self.levels[first], self.levels[last], self.unit)
+        if last >= len(self.edges) - 1:  # a kind without a range follows the ranges
+            return f"{range_text(self.variable, self.edges[first], np.inf, self.unit)} or {self.names[last]}"
+        return range_text(self.variable, self.edges[first], self.edges[last + 1], self.unit)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        worst = self.worst
+        bins = []
+        for i, name in enumerate(self.names):
+            ranged = self.edges is not None and i + 1 < len(self.edges)
+            bins.append(
+                {
+                    "name": name,
+                    "from": float(self.edges[i]) if ranged and self.edges is not None else None,
+                    "to": float(self.edges[i + 1]) if ranged and self.edges is not None else None,
+                    "error": float(self.error[i]),
+                    "signal" if self.variable == "frequency" else "time": float(self.usual[i]),
+                    "mean": _plain(self.mean[i]),
+                    "rms": _plain(self.rms[i]),
+                }
+            )
+        return {
+            "label": self.label,
+            "unit": self.unit,
+            "follows": _plain(self.follows),
+            "stands_out": bool(self.stands_out),
+            "worst": {
+                "first": worst.first,
+                "last": worst.last,
+                "error": worst.error,
+                "usual": worst.usual,
+                "mean": _plain(worst.mean),
+                "rms": _plain(worst.rms),
+                "text": worst.text,
+            },
+            "bins": bins,
+        }
+
+
+def break_down(
+    variable: str,
+    label: str,
+    unit: str,
+    values: Array,
+    error: Array,
+    edges: Array,
+    beyond: str = "",
+    circular: bool = False,
+    levels: Array | None = None,
+) -> Breakdown:
+    """Share of the squared error by ranges of a variable.
+
+    Parameters
+    ----------
+    variable, label, unit : str
+        See `Breakdown`.
+    values : array, shape (n,)
+        The variable at each sample; an infinite one belongs to the kind `beyond`.
+    error : array, shape (n,)
+        Finite.
+    edges : array, shape (bins + 1,)
+        Increasing; they enclose all finite values.
+    beyond : str
+        Name of a further bin for infinite values, in words; empty when there are none.
+    circular : bool
+        See `Breakdown`.
+    levels : array, shape (bins,), optional
+        See `Breakdown`.
+    """
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    index = np.where(np.isfinite(values), index, len(edges) - 1)
+    if levels is None:
+        names = [range_text(variable, a, b, unit) for a, b in itertools.pairwise(edges)]
+    else:
+        names = [levels_text(variable, a, a, unit) for a in levels]
+    if beyond:
+        names.append(beyond)
+    return Breakdown(
+        variable, label, unit, edges, tuple(names), *sums(index, error, len(names)), circular, levels
+    )  # fmt: skip
+
+
+def sums(index: NDArray[np.int64], error: Array, count: int) -> tuple[Array, Array, Array, Array]:
+    """Share of error and of samples, mean and rms of the error, by bin.
+
+    Parameters
+    ----------
+    index : array of int, shape (n,)
+        Bin of each sample.
+    error : array, shape (n,)
+        Finite.
+    count : int
+        Number of bins.
+
+    Returns
+    -------
+    error, usual, mean, rms : array, shape (count,)
+    """
+    number = np.bincount(index, minlength=count).astype(float)
+    # Relative to the largest, whose square may lie beyond the largest number.
+    size = float(np.max(np.abs(error), initial=0.0)) or 1.0
+    square = np.bincount(index, (error / size) ** 2, count)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.bincount(index, error / size, count) / number * size
+        rms = np.sqrt(square / number) * size
+    total = float(np.sum(square))
+    # No error at all is spread as the time is.
+    share = square / total if total > 0.0 else number / len(error)
+    return share, number / len(error), mean, rms
+
+
+def _information(error: Array, usual: Array) -> Array:
+    """Information about where an error falls in parts of given shares; negative where it holds less than usual."""
+    e, u = np.clip(error, 0.0, 1.0), np.clip(usual, 1e-12, 1.0 - 1e-12)
+
+    def term(a: Array, b: Array) -> Array:
+        return np.where(a > 0.0, a * np.log(np.maximum(a, 1e-300) / b), 0.0)
+
+    return np.asarray(np.sign(e - u) * (term(e, u) + term(1.0 - e, 1.0 - u)))
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,204 @@
+"""Measured against model: what the runs of a model on one record are worth, in one object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError, InputError
+from idloop.estimation.exogenous_inputs import may_be_fed_back, signals_from_outside
+from idloop.estimation.sensors import body_sensors
+from idloop.validation.measures import fit_percent, measures, nrmse, rmse
+from idloop.validation.regions import error_share, motion_regions, smooth_velocity
+from idloop.validation.residual import ResidualTest, residual_tests
+from idloop.validation.runs import Runs
+from idloop.validation.where import Where, where
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison(Runs):
+    """A model beside one record: its runs, measured and judged. Parts that cost time are computed when asked for."""
+
+    # -- measures -----------------------------------------------------------------------
+
+    @property
+    def fit(self) -> dict[str, float]:
+        """FIT of the free run in percent, by output."""
+        return self._named(fit_percent(self.measured, self.simulated))
+
+    @property
+    def nrmse(self) -> dict[str, float]:
+        """Error of the free run over the spread of the measurement, by output."""
+        return self._named(nrmse(self.measured, self.simulated))
+
+    @property
+    def rmse(self) -> dict[str, float]:
+        """Root mean square error of the free run, by output."""
+        return self._named(rmse(self.measured, self.simulated))
+
+    @property
+    def fit_ahead(self) -> dict[str, float]:
+        """FIT of the prediction `steps` ahead in percent, by output."""
+        return self._named(fit_percent(self.measured, self.ahead))
+
+    @property
+    def fit_predicted(self) -> dict[str, float]:
+        """FIT of the one-step prediction in percent, by output."""
+        return self._named(fit_percent(self.measured, self.predicted))
+
+    @cached_property
+    def share(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Share of the squared free-run error by region of motion: ``share[output][region]``."""
+        velocity = self._velocity()
+        if velocity is None:
+            return {}
+        error = self.measured - self.simulated
+        if not np.any(np.isfinite(error)):
+            return {}
+        regions = motion_regions(self.time, velocity)
+        return {name: error_share(error[:, i], regions) for i, name in enumerate(self.names)}
+
+    @cached_property
+    def where(self) -> Where:
+        """Where the model fails: share of every error by time, frequency, velocity, position, command, ..."""
+        return where(self)
+
+    @cached_property
+    def _tested(self) -> dict[int, list[ResidualTest]]:
+        return {}
+
+    def residual_tests(self, lags: int = 25) -> list[ResidualTest]:
+        """Whiteness of the one-step prediction errors, and their correlation with what drives the machine.
+
+        In a closed loop that is what enters it from outside, where that is recorded.
+
+        Parameters
+        ----------
+        lags : int
+            Largest lag in samples.
+
+        Returns
+        -------
+        list of ResidualTest
+            Empty when no observer follows this model.
+        """
+        if self._observer is None:
+            return []
+        if lags not in self._tested:
+            fed_back = may_be_fed_back(self.record)
+            outside = signals_from_outside(self.record, self.time) if fed_back else ()
+            self._tested[lags] = residual_tests(
+                self.innovation, self.data.held_input(), self.names, lags, outside=outside, fed_back=fed_back
+            )
+        return list(self._tested[lags])
+
+    def compute(self) -> None:
+        """Compute now what takes its time later: predictions, where they fail, and the tests of what is left."""
+        _ = self.ahead, self.where, self.residual_tests()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all measures as plain numbers for JSON."""
+        force = self.force
+        return {
+            "model": self.model.name,
+            "record": self.record.name,
+            "free_run": measures(self.names, self.measured, self.simulated),
+            "one_step": measures(self.names, self.measured, self.predicted),
+            "ahead": {"steps": self.steps, **measures(self.names, self.measured, self.ahead)},
+            "force": None
+            if force is None
+            else {
+                "relative_error": force.relative,
+                "band_hz": force.band,
+                "cutoff_hz": force.cutoff,
+                "noise_share": force.noise_share,
+                "noise": force.noise,
+            },
+            "share": self.share,
+            "where": self.where.to_dict(),
+            "residual": [test.to_dict() for test in self.residual_tests()] if len(self.time) >= 100 else [],
+        }
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw measured, simulated and predicted outputs and the drive side; returns the axes."""
+        import matplotlib.pyplot as plt
+
+        rows = len(self.names) + (self.force is not None)
+        if axes is None:
+            _, axes = plt.subplots(
+                rows, 1, squeeze=False, sharex=True, layout="constrained", figsize=(9, 2.4 * rows + 0.6)
+            )
+            axes = axes[:, 0]
+        fit, ahead = self.fit, self.fit_ahead
+        for i, name in enumerate(self.names):
+            axis = axes[i]
+            axis.plot(self.time, self.measured[:, i], color="0.3", linewidth=1.0, label="measured")
+            axis.plot(self.time, self.simulated[:, i], linewidth=0.9, label=f"free run, FIT {fit[name]:.1f} %")
+            axis.plot(
+                self.time, self.ahead[:, i], linewidth=0.7, linestyle="--",
+                label=f"{self.steps} steps ahead, FIT {ahead[name]:.1f} %",
+            )  # fmt: skip
+            axis.set_ylabel(f"{name} [{self.model.outputs[i].unit}]")
+            axis.legend(loc="upper right", frameon=False)
+        if self.force is not None:
+            self.force.plot(axes[rows - 1])
+        axes[0].set_title(f"{self.model.name} on {self.record.name}")
+        axes[rows - 1].set_xlabel("time [s]")
+        return axes
+
+    # -- inside -------------------------------------------------------------------------
+
+    def _named(self, values: Array) -> dict[str, float]:
+        return dict(zip(self.names, (float(v) for v in values), strict=True))
+
+    def _velocity(self) -> Array | None:
+        place, speed = body_sensors(self.model)[0]
+        if speed is not None and np.any(np.isfinite(self.measured[:, speed])):
+            return self.measured[:, speed]
+        if place is not None and np.sum(np.isfinite(self.measured[:, place])) > 50:
+            return smooth_velocity(self.time, self.measured[:, place])
+        return None
+
+
+def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None = None) -> Comparison:
+    """Compare a model with a record: outputs in free run and some steps ahead, drive force, residuals.
+
+    Parameters
+    ----------
+    model : Model
+        Its parameter values count as they are; only the initial state is fitted.
+    record : Record
+    steps : int
+        Prediction horizon in samples.
+    cutoff : float, optional
+        Cut-off of the differentiating filter on the drive side [Hz]. Give the one of the
+        training record (``Comparison.force.cutoff``) to compare records in one band.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        If the record does not suit the model.
+    IdloopError
+        If neither its free run nor its prediction stays finite.
+    """
+    if steps < 1:
+        raise InputError(f"steps = {steps} is no prediction horizon; choose at least 1")
+    comparison = Comparison(model, record, steps, cutoff)
+    # Simulated at once, so that unsuitable data fails here and not in a later plot.
+    if not np.any(np.isfinite(comparison.simulated)) and not np.any(np.isfinite(comparison.innovation)):
+        raise IdloopError(f"neither free run nor prediction of model {model.name!r} stays finite")
+    return comparison

@@ -1,0 +1,158 @@
+"""Drive side: the force that the model needs for the measured motion, against the applied one.
+
+In a good closed loop the position hides every model error and the force shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.dataset import prepare
+from idloop.estimation.force_balance.force_error import balance_of, thin
+from idloop.estimation.force_balance.motion import bridged
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+
+Array = NDArray[np.float64]
+
+# The filtered edges of a hole in the measurements reach this many periods of the band.
+_MARGIN = 2.0
+
+
+@dataclass(frozen=True)
+class ForceError:
+    """Applied and required drive force of one record in the compared band.
+
+    Attributes
+    ----------
+    relative : float
+        ``‖required − applied‖ / ‖applied‖``.
+    time, applied, required : array, shape (m,)
+        Instants [s] and low-passed forces in the model's force unit.
+    command : array, shape (m,)
+        Mean command over one sample around each instant.
+    cutoff, band : float
+        Cut-off of the differentiating filter and of the comparison [Hz].
+    noise_share : float
+        Part of the differentiated acceleration's power that is sensor noise.
+    noise : float
+        Relative error that the sensors' noise alone makes.
+    rest_speed : float
+        Speed below which the driven body counts as standing, in its own unit.
+    """
+
+    relative: float
+    time: Array
+    applied: Array
+    required: Array
+    command: Array
+    cutoff: float
+    band: float
+    noise_share: float
+    noise: float
+    rest_speed: float
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw both forces and their difference; returns the matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        if axes is None:
+            _, axes = plt.subplots(figsize=(9, 3), layout="constrained")
+        axes.plot(self.time, self.applied, linewidth=0.8, label="applied")
+        axes.plot(self.time, self.required, linewidth=0.8, label="needed by the model")
+        axes.plot(self.time, self.required - self.applied, linewidth=0.6, color="0.4", label="difference")
+        axes.set(xlabel="time [s]", ylabel="drive force")
+        axes.set_title(f"relative force error {100 * self.relative:.2f} % up to {self.band:.3g} Hz")
+        axes.legend(loc="upper right", frameon=False)
+        return axes
+
+
+def force_error(model: Model, record: Record, cutoff: float | None = None) -> ForceError:
+    """Relative force error by inverse dynamics along the measured motion.
+
+    Motion by zero-phase band-limited differentiation, both forces low-passed alike
+    (Janot, Gautier and Brunot, EMPS benchmark, 2019). Unlike there, dry friction of a body that
+    stands takes whatever it has to up to its static level: only what exceeds that is an error. It
+    stands where its velocity is within three standard deviations of the velocity's own noise.
+
+    Parameters
+    ----------
+    model : Model
+        Values of its parameters count as they are.
+    record : Record
+        Must measure position or velocity of every body.
+    cutoff : float, optional
+        Cut-off of the differentiating filter [Hz]; from the record's excited band when
+        left out. Give the same one to compare records.
+
+    Returns
+    -------
+    ForceError
+
+    Raises
+    ------
+    InputError
+        If some body's motion is not measured steadily, or nothing was applied.
+    """
+    from idloop.physics import Engine
+
+    engine, data = Engine(model), prepare(model, [record])[0]
+    with np.errstate(invalid="ignore", divide="ignore"):  # a sensor that never changes has no spectrum
+        balance = balance_of(engine, data, cutoff)
+    if balance is None:
+        raise InputError(
+            f"record {record.name!r}: the force error needs position or velocity of every body at a steady rate"
+        )
+    m = balance.motion
+    # The held command's mean around each instant is what moved the axis there.
+    command = balance.command(0.0)
+    rest = float(m.rest_speed[0])  # the drive's force is that on the first body
+    applied, required = engine.drive_force(
+        None, m.position, m.velocity, m.acceleration, m.time, command, m.time, rest, conditions=data.conditions
+    )
+    # The filter leaves a straight line as it is, so the sample numbers tell which instants are kept.
+    forces = thin(np.column_stack([applied, required, np.arange(len(m.time))]), m)
+    kept = np.rint(forces[:, 2]).astype(np.int64)
+    seen = ~bridged(m.time[kept], model, data, _MARGIN / m.comparison_band)
+    if np.sum(seen) < 2:
+        raise InputError(f"record {record.name!r}: the motion is measured with too many gaps for the force error")
+    forces, kept = forces[seen], kept[seen]
+    size = float(np.linalg.norm(forces[:, 0]))
+    if size <= 0.0:
+        idle = not np.any(data.input)
+        raise InputError(
+            f"record {record.name!r}: "
+            + ("nothing was commanded" if idle else "this model's drive makes no force of the command")
+        )
+    return ForceError(
+        relative=float(np.linalg.norm(forces[:, 1] - forces[:, 0])) / size,
+        time=m.time[kept],
+        applied=forces[:, 0],
+        required=forces[:, 1],
+        command=command[kept],
+        cutoff=m.cutoff,
+        band=m.comparison_band,
+        noise_share=float(np.max(m.noise_share)),
+        noise=_of_noise(model, m.noise) * float(np.sqrt(len(forces))) / size,
+        rest_speed=rest,
+    )
+
+
+def _of_noise(model: Model, noise: Array) -> float:
+    """Standard deviation of the required force that the sensors' noise (bodies, 3) makes.
+
+    The drive's force is that of the driven body and of the coupling behind it.
+    """
+    values, driven = model.values, model.bodies[0]
+    parts = [values[f"{driven}.inertia"] * noise[0, 2], values[f"{driven}.viscous_friction"] * noise[0, 1]]
+    for name in model.couplings[:1]:
+        parts += [values[f"{name}.stiffness"] * n for n in noise[:2, 0]]
+        parts += [values[f"{name}.damping"] * n for n in noise[:2, 1]]
+    return float(np.linalg.norm(parts))

@@ -1,0 +1,110 @@
+"""Which error of an output is worth breaking down: the free run's, unless that has drifted away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.validation.measures import nrmse
+from idloop.validation.spectrum import line_powers, on_even_steps
+from idloop.validation.words import percent, short
+
+if TYPE_CHECKING:
+    from idloop.validation.runs import Runs
+
+Array = NDArray[np.float64]
+
+# Slower than this many periods in a record is drift ...
+_SLOW_PERIODS = 3.0
+# ... which rules when it holds more than this share of the error's power about its mean,
+_DRIFT = 0.5
+# this much of the error is not just constant,
+_WANDERS = 0.1
+# and the motion itself has not even this share of that there, or the error is this large beside it.
+_MOTION, _LARGE = 0.3, 0.7
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Error to break down.
+
+    Attributes
+    ----------
+    name : str
+        ``free_run``, ``ahead`` or ``one_step``.
+    kind : str
+        The same in words.
+    why : str
+        Why it is not the free run; empty when it is.
+    error : array, shape (n,)
+        Measured minus modelled; NaN where one is not known.
+    """
+
+    name: str
+    kind: str
+    why: str
+    error: Array
+
+
+def choose_basis(runs: Runs, column: int) -> Basis:
+    """Take the free run of an output if it stays with the measurement, a prediction otherwise.
+
+    Parameters
+    ----------
+    runs : Runs
+    column : int
+        Output.
+    """
+    measured, simulated = runs.measured[:, column], runs.simulated[:, column]
+    free = measured - simulated
+    reason = drift(runs.time, measured, free)
+    if not reason:
+        return Basis("free_run", "free-run error", "", free)
+    start = runs.settled
+    ahead = measured - runs.ahead[:, column]
+    ahead[: start + runs.steps] = np.nan
+    if np.any(np.isfinite(ahead)):
+        length = short(runs.steps * runs.record.sample_time)
+        kind = f"prediction error {runs.steps} steps ({length} s) ahead"
+        return Basis("ahead", kind, f"{reason}: hence a prediction", ahead)
+    innovation = runs.innovation[:, column].copy()
+    innovation[:start] = np.nan
+    if np.any(np.isfinite(innovation)):
+        return Basis("one_step", "one-step prediction error", f"{reason}: hence a prediction", innovation)
+    return Basis("free_run", "free-run error", f"{reason}, but no observer follows this model", free)
+
+
+def drift(time: Array, measured: Array, error: Array) -> str:
+    """Say how a free run has left the measurement; empty when it has not.
+
+    Parameters
+    ----------
+    time, measured, error : array, shape (n,)
+        Instants [s], measurement and measured minus simulated; NaN where not known.
+    """
+    known = np.isfinite(measured)
+    if not np.all(np.isfinite(error[known])):
+        return "the free run does not stay finite"
+    if np.sum(known) < 2 or not np.any(error[known]):
+        return ""
+    size = float(nrmse(measured, measured - error)[0])
+    if size > 1.0:
+        return "the free run is further from the measurement than the measurement's mean is"
+    _, left = on_even_steps(time[known], error[known])
+    step, motion = on_even_steps(time[known], measured[known])
+    lines = 1 + int(_SLOW_PERIODS)
+    slow, slow_motion = _slow_share(left, lines), _slow_share(motion, lines)
+    wandering = float(np.var(left)) > _WANDERS * float(np.mean(left**2))
+    if wandering and slow > _DRIFT and (slow_motion < _MOTION or size > _LARGE):
+        limit = short(_SLOW_PERIODS / (step * len(left)))
+        return f"the free run drifts ({percent(slow)} of its error is slower than {limit} Hz)"
+    return ""
+
+
+def _slow_share(values: Array, lines: int) -> float:
+    power = line_powers(values - np.mean(values))
+    total = float(np.sum(power))
+    return float(np.sum(power[:lines])) / total if total > 0.0 else 0.0

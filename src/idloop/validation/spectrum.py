@@ -1,0 +1,85 @@
+"""Share of the squared error by frequency band."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.validation.breakdown import Breakdown
+from idloop.validation.edges import decade_edges
+from idloop.validation.words import range_text
+
+Array = NDArray[np.float64]
+
+
+def on_even_steps(time: Array, values: Array) -> tuple[float, Array]:
+    """Values at even steps; the values as they are where they stand evenly already.
+
+    Parameters
+    ----------
+    time, values : array, shape (n,)
+        Finite.
+
+    Returns
+    -------
+    step : float
+        [s].
+    values : array, shape (m,)
+    """
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    # Jitter of a stamp moves a share of the power far below what a share is read to.
+    if np.ptp(steps) < 0.1 * step:
+        return step, values
+    grid = np.arange(time[0], time[-1] + 1e-6 * step, step)
+    return step, np.interp(grid, time, values)
+
+
+def line_powers(values: Array) -> Array:
+    """Power of each line of a real signal's discrete spectrum; they add up to its mean square (Parseval)."""
+    power = np.abs(np.fft.rfft(values)) ** 2 / len(values) ** 2
+    doubled = slice(1, len(power) - (len(values) % 2 == 0))
+    power[doubled] *= 2.0
+    return np.asarray(power)
+
+
+def by_frequency(time: Array, error: Array, signal: Array) -> Breakdown:
+    """Share of the squared error by band, against the measured signal's power about its mean in the same band.
+
+    Parameters
+    ----------
+    time, error, signal : array, shape (n,)
+        Finite.
+
+    Returns
+    -------
+    Breakdown
+        Bands end at 1, 2, 5, 10, ... Hz; the lowest holds the mean.
+    """
+    step, even = on_even_steps(time, error)
+    _, reference = on_even_steps(time, signal)
+    frequency = np.fft.rfftfreq(len(even), step)
+    size = float(np.max(np.abs(even))) or 1.0
+    power = line_powers(even / size)
+    usual = line_powers(reference - np.mean(reference))
+    # The outermost bands are no slivers: the lowest holds a few lines, the highest a fifth of the range.
+    edges = np.concatenate([[0.0], decade_edges(2.5 * frequency[1], 0.8 * frequency[-1]), [frequency[-1]]])
+    index = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, len(edges) - 2)
+    count = len(edges) - 1
+    inside = np.bincount(index, power, count)
+    expected = np.bincount(index, usual, count)
+    bandwidth = np.diff(edges) / edges[-1]
+    total, whole = float(np.sum(inside)), float(np.sum(expected))
+    return Breakdown(
+        variable="frequency",
+        label="frequency",
+        unit="Hz",
+        edges=edges,
+        names=tuple(range_text("frequency", a, b, "Hz") for a, b in itertools.pairwise(edges)),
+        error=inside / total if total > 0.0 else bandwidth,
+        usual=expected / whole if whole > 0.0 else bandwidth,
+        mean=np.full(count, np.nan),
+        rms=np.sqrt(inside) * size,
+    )

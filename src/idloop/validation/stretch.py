@@ -1,0 +1,217 @@
+"""The stretches of a record in which a model fails worst, and what the axis was doing there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.validation.operating_state import Doing
+from idloop.validation.words import percent, short
+
+Array = NDArray[np.float64]
+
+# Length of the window that smooths the squared error, as a share of the record ...
+_WINDOW_SHARE = 1.0 / 250.0
+# ... and at least so many samples.
+_WINDOW_SAMPLES = 5
+# A stretch reaches as far as the smoothed squared error stays above this share of its peak,
+_DEPTH = 0.25
+# but no further than this share of the record.
+_LONGEST = 0.1
+# Samples further apart than so many usual steps belong to no common stretch.
+_HOLE = 5.0
+# A stretch stands out when its mean square error is so many times that of the record and it holds so much of it.
+_DENSER, _WORTH = 2.0, 0.01
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a record.
+
+    Attributes
+    ----------
+    start, stop : float
+        On the record's own axis [s].
+    start_ns, stop_ns : int
+        Absolute stamps [ns].
+    error, time : float
+        Share of the squared error and of the samples.
+    rms : float
+        Root mean square error in it.
+    text : str
+        What the axis was doing.
+    """
+
+    start: float
+    stop: float
+    start_ns: int
+    stop_ns: int
+    error: float
+    time: float
+    rms: float
+    text: str
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether the error is clearly denser here than over the record."""
+        return self.error >= max(_DENSER * self.time, self.time + _WORTH)
+
+    def line(self) -> str:
+        """Say it in one line."""
+        return (
+            f"{self.start:.3f} .. {self.stop:.3f} s (stamp {stamp(self.start_ns)}): {percent(self.error)} of the error"
+            f" in {percent(self.time)} of the time; {self.text}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {
+            "start": self.start,
+            "stop": self.stop,
+            "start_stamp": stamp(self.start_ns),
+            "stop_stamp": stamp(self.stop_ns),
+            "error": self.error,
+            "time": self.time,
+            "rms": self.rms,
+            "text": self.text,
+        }
+
+
+def stamp(nanoseconds: int) -> str:
+    """Write an absolute stamp as ROS does: seconds and nine digits."""
+    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    return f"{seconds}.{rest:09d}"
+
+
+def worst_stretches(error: Array, doing: Doing, start_ns: int, most: int = 5) -> tuple[Stretch, ...]:
+    """Find the stretches with the densest squared error, the largest share first.
+
+    Parameters
+    ----------
+    error : array, shape (n,)
+        Finite, at the instants of `doing`.
+    doing : Doing
+        What the axis was doing at the same instants.
+    start_ns : int
+        Absolute stamp of time 0 [ns].
+    most : int
+        At most so many.
+
+    Returns
+    -------
+    tuple of Stretch
+        Disjoint; none where there is no error.
+    """
+    n = len(error)
+    size = float(np.max(np.abs(error), initial=0.0))
+    if n < 2 or size <= 0.0:
+        return ()
+    square = (error / size) ** 2
+    window = min(max(int(n * _WINDOW_SHARE), _WINDOW_SAMPLES), n)
+    area = np.concatenate([[0.0], np.cumsum(square)])
+    half = window // 2
+    low, high = np.maximum(np.arange(n) - half, 0), np.minimum(np.arange(n) + half + 1, n)
+    density = (area[high] - area[low]) / (high - low)
+    free = np.ones(n, dtype=bool)
+    longest = max(int(_LONGEST * n), window)
+    steps = np.diff(doing.time)
+    joined = steps <= _HOLE * np.median(steps)
+    found: list[Stretch] = []
+    for _ in range(most):
+        peak = int(np.argmax(np.where(free, density, -1.0)))
+        if not free[peak] or density[peak] <= 0.0:
+            break
+        first, last = _reach(density, free, joined, peak, longest)
+        # What the window smeared out to either side is this stretch's too.
+        free[max(first - half, 0) : last + 1 + half] = False
+        share = float(np.sum(square[first : last + 1])) / float(area[-1])
+        start, stop = float(doing.time[first]), float(doing.time[last])
+        found.append(
+            Stretch(
+                start,
+                stop,
+                start_ns + round(start * 1e9),
+                start_ns + round(stop * 1e9),
+                share,
+                (last + 1 - first) / n,
+                size * float(np.sqrt(np.mean(square[first : last + 1]))),
+                describe(doing, first, last),
+            )
+        )
+    return tuple(sorted(found, key=lambda s: -s.error))
+
+
+def _reach(
+    density: Array, free: NDArray[np.bool_], joined: NDArray[np.bool_], peak: int, longest: int
+) -> tuple[int, int]:
+    """First and last sample of the stretch around a peak."""
+    inside = free & (density >= _DEPTH * density[peak])
+    first = last = peak
+    while last + 1 - first < longest:
+        before = first > 0 and inside[first - 1] and joined[first - 1]
+        after = last + 1 < len(inside) and inside[last + 1] and joined[last]
+        if not before and not after:
+            break
+        # Towards the denser side first, in case the longest stretch is reached.
+        if before and (not after or density[first - 1] >= density[last + 1]):
+            first -= 1
+        else:
+            last += 1
+    return first, last
+
+
+def describe(doing: Doing, first: int, last: int) -> str:
+    """Say in a few words what the axis was doing from one sample to another.
+
+    Parameters
+    ----------
+    doing : Doing
+    first, last : int
+        Samples, the last included.
+    """
+    part = slice(first, last + 1)
+    words = []
+    if doing.direction is not None and doing.velocity is not None and doing.since is not None:
+        words.append(_motion(doing, part))
+    if doing.position is not None:
+        low, high = float(np.min(doing.position[part])), float(np.max(doing.position[part]))
+        words.append(f"position {_span(low, high)} {doing.position_unit}")
+    command = doing.command[part]
+    words.append(f"command {_span(float(np.min(command)), float(np.max(command)))} {doing.command_unit}")
+    return ", ".join(words)
+
+
+def _motion(doing: Doing, part: slice) -> str:
+    """Direction, speed and whether it changes."""
+    direction, velocity, since = (np.asarray(a)[part] for a in (doing.direction, doing.velocity, doing.since))
+    seen = direction[direction != 0.0]
+    unit = f"{doing.position_unit}/s"
+    low, high = float(np.min(velocity)), float(np.max(velocity))
+    if len(seen) < 0.1 * len(direction):
+        return "standing"
+    turns = int(np.sum(np.diff(seen) != 0.0))
+    if turns > 1:
+        return f"{turns} reversals, velocity {_span(low, high)} {unit}"
+    if turns == 1:
+        there, back = ("forward", "backward") if seen[0] > 0.0 else ("backward", "forward")
+        return f"reversing from {there} to {back}, velocity {_span(low, high)} {unit}"
+    way = "forward" if seen[0] > 0.0 else "backward"
+    speed = np.abs(velocity)
+    change = float(speed[-1] - speed[0])
+    pace = "speeding up" if change > 0.3 * np.max(speed) else "slowing down" if -change > 0.3 * np.max(speed) else ""
+    text = f"moving {way}" + (f" and {pace}" if pace else "") + f", velocity {_span(low, high)} {unit}"
+    length = float(doing.time[part][-1] - doing.time[part][0])
+    # Worth saying only while the reversal is about as close as the stretch is long.
+    if np.isfinite(since[0]) and since[0] <= 2.0 * length:
+        text += f", {short(float(since[0]))} s after a reversal"
+    return text
+
+
+def _span(low: float, high: float) -> str:
+    """One number where two would say the same."""
+    if high - low <= 0.02 * max(abs(low), abs(high)):
+        return short(0.5 * (low + high))
+    return f"{short(low)} to {short(high)}"

@@ -1,0 +1,104 @@
+"""The variables along which an error is broken down, and the bins of each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.validation.breakdown import Breakdown, break_down, sums
+from idloop.validation.edges import MOST_BINS, few_levels, level_edges, round_edges, since_edges
+from idloop.validation.operating_state import Doing
+from idloop.validation.spectrum import by_frequency
+
+Array = NDArray[np.float64]
+
+TITLES = {
+    "time": "time",
+    "frequency": "frequency",
+    "velocity": "velocity",
+    "position": "position",
+    "command": "command",
+    "direction": "direction",
+    "since_reversal": "time since reversal",
+}
+VARIABLES = tuple(TITLES)
+
+# Equal stretches of time.
+_STRETCHES = 10
+
+
+def break_down_all(error: Array, signal: Array, doing: Doing) -> tuple[tuple[Breakdown, ...], dict[str, str]]:
+    """Break one error down along every variable that varies.
+
+    Parameters
+    ----------
+    error, signal : array, shape (n,)
+        Error and the measured signal it belongs to; finite, at the instants of `doing`.
+    doing : Doing
+
+    Returns
+    -------
+    breakdowns : tuple of Breakdown
+        In the order of `VARIABLES`.
+    left_out : dict
+        Variable and why it is missing.
+    """
+    time = doing.time
+    found = [
+        break_down("time", "time", "s", time, error, np.linspace(time[0], time[-1], _STRETCHES + 1)),
+        by_frequency(time, error, signal),
+    ]
+    left_out: dict[str, str] = {}
+    if doing.velocity is None or doing.direction is None or doing.since is None:
+        left_out |= dict.fromkeys(("velocity", "direction", "since_reversal"), "no motion is measured")
+    else:
+        edges = round_edges(doing.velocity, doing.floor)
+        unit = f"{doing.position_unit}/s"
+        if np.ptp(doing.velocity) > 0.0:
+            found.append(break_down("velocity", f"velocity of {doing.body}", unit, doing.velocity, error, edges))
+        else:
+            left_out["velocity"] = "the velocity never changes"
+        found.append(_by_direction(error, doing.direction, doing.body))
+        if np.any(np.isfinite(doing.since)):
+            found.append(_by_since(error, doing.since))
+        else:
+            left_out["since_reversal"] = "the axis never reverses"
+    if doing.position is None:
+        left_out["position"] = "no position is measured"
+    elif np.ptp(doing.position) > 0.0:
+        found.append(_by_position(error, doing))
+    else:
+        left_out["position"] = "the position never changes"
+    if np.ptp(doing.command) > 1e-9 * np.max(np.abs(doing.command)):
+        found.append(_by_command(error, doing))
+    else:
+        left_out["command"] = "the command never changes"
+    return tuple(sorted(found, key=lambda b: VARIABLES.index(b.variable))), left_out
+
+
+def _by_direction(error: Array, direction: Array, body: str) -> Breakdown:
+    kinds = ("moving backward", "standing", "moving forward")
+    index = np.asarray(direction + 1.0).astype(np.int64)
+    return Breakdown("direction", f"direction of {body}", "", None, kinds, *sums(index, error, 3))
+
+
+def _by_since(error: Array, since: Array) -> Breakdown:
+    known = np.isfinite(since)
+    beyond = "" if np.all(known) else "before the first reversal"
+    edges = since_edges(since[known])
+    return break_down("since_reversal", "time since reversal", "s", since, error, edges, beyond)
+
+
+def _by_position(error: Array, doing: Doing) -> Breakdown:
+    position, label = np.asarray(doing.position), f"position of {doing.body}"
+    if doing.position_unit == "rad" and np.ptp(position) >= 2.0 * np.pi:
+        angle = np.degrees(np.mod(position, 2.0 * np.pi))
+        edges = np.linspace(0.0, 360.0, MOST_BINS + 1)
+        return break_down("position", label, "°", angle, error, edges, circular=True)
+    return break_down("position", label, doing.position_unit, position, error, round_edges(position))
+
+
+def _by_command(error: Array, doing: Doing) -> Breakdown:
+    levels = few_levels(doing.command)
+    edges = round_edges(doing.command) if levels is None else level_edges(levels)
+    return break_down("command", "command", doing.command_unit, doing.command, error, edges, levels=levels)

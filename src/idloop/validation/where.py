@@ -1,0 +1,210 @@
+"""Where a model fails: the error of every output and of the drive force, along everything that may explain it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.validation.breakdown import Breakdown
+from idloop.validation.error_choice import choose_basis
+from idloop.validation.operating_state import Doing, doing_of
+from idloop.validation.stretch import Stretch, worst_stretches
+from idloop.validation.variables import TITLES, break_down_all
+from idloop.validation.words import beside, percent, short
+
+if TYPE_CHECKING:
+    from idloop.validation.runs import Runs
+
+Array = NDArray[np.float64]
+
+DRIVE_FORCE = "drive force"
+
+# Fewer samples than this are not worth sorting.
+_FEWEST = 50
+# Worth saying: a curve over a variable that makes up so much of the error, and so many stretches.
+_FOLLOWS, _SAID = 0.25, 3
+
+
+@dataclass(frozen=True)
+class ErrorMap:
+    """One error, broken down.
+
+    Attributes
+    ----------
+    name, unit : str
+        Output such as "motor.position", or "drive force".
+    basis : str
+        ``free_run``, ``ahead``, ``one_step``, or ``force``.
+    kind : str
+        The basis in words.
+    why : str
+        Why it is not the free run, in a sentence; empty otherwise.
+    time, error : array, shape (m,)
+        Instants [s] and measured minus modelled; on the drive side applied minus needed force.
+    mean, rms, relative : float
+        Mean and root mean square of the error in its unit; rms over that of the measurement (about its mean for
+        outputs).
+    breakdowns : tuple of Breakdown
+        Along each variable that this record lets vary.
+    left_out : dict
+        Variable and why it is not among them.
+    stretches : tuple of Stretch
+        The worst ones, worst first.
+    """
+
+    name: str
+    unit: str
+    basis: str
+    kind: str
+    why: str
+    time: Array
+    error: Array
+    mean: float
+    rms: float
+    relative: float
+    breakdowns: tuple[Breakdown, ...]
+    left_out: dict[str, str]
+    stretches: tuple[Stretch, ...]
+
+    def along(self, variable: str) -> Breakdown | None:
+        """Return the breakdown along a variable; None when it was left out."""
+        return next((b for b in self.breakdowns if b.variable == variable), None)
+
+    def lines(self) -> list[str]:
+        """Say where the error falls: what stands out, what it follows, the worst stretches."""
+        of = "of the applied force" if self.basis == "force" else "of the measured motion"
+        relative = f", {short(100.0 * self.relative)} % {of}" if np.isfinite(self.relative) else ""
+        mean = beside(self.mean, self.rms)
+        found = [f"{self.name}: {self.kind}, rms {short(self.rms)} {self.unit}{relative}, mean {mean}"]
+        if self.why:
+            found.append(f"  {self.why}")
+        loud = sorted((b for b in self.breakdowns if b.stands_out), key=lambda b: b.worst.usual - b.worst.error)
+        width = max((len(TITLES[b.variable]) for b in loud), default=0)
+        for breakdown in loud:
+            worst = breakdown.worst
+            # A mean is worth its place where the error has mostly one sign.
+            mean = f" (mean {short(worst.mean)} {self.unit})" if abs(worst.mean) > 0.5 * worst.rms else ""
+            found.append(f"  {TITLES[breakdown.variable]:<{width}}  {worst.text}{mean}")
+        even = [TITLES[b.variable] for b in self.breakdowns if not b.stands_out]
+        if even:
+            found.append(f"  nothing stands out along {', '.join(even)}")
+        led = sorted((b for b in self.breakdowns if b.follows >= _FOLLOWS), key=lambda b: -b.follows)
+        if led:
+            shares = ", ".join(f"{TITLES[b.variable]} {percent(b.follows)}" for b in led)
+            found.append(f"  a curve over one variable makes up so much of it: {shares}")
+        found.extend(f"  worst: {stretch.line()}" for stretch in self.loud_stretches[:_SAID])
+        return found
+
+    @property
+    def loud_stretches(self) -> tuple[Stretch, ...]:
+        """The worst stretches that are clearly worse than the rest of the record."""
+        return tuple(stretch for stretch in self.stretches if stretch.stands_out)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {
+            "unit": self.unit,
+            "basis": self.basis,
+            "kind": self.kind,
+            "why": self.why,
+            "mean": self.mean,
+            "rms": self.rms,
+            "relative": self.relative if np.isfinite(self.relative) else None,
+            "share": {b.variable: b.to_dict() for b in self.breakdowns},
+            "left_out": dict(self.left_out),
+            "worst": [stretch.to_dict() for stretch in self.stretches],
+        }
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where a model fails on one record.
+
+    Attributes
+    ----------
+    model, record : str
+        Names.
+    maps : tuple of ErrorMap
+        The drive force first where it can be compared, then the outputs.
+    """
+
+    model: str
+    record: str
+    maps: tuple[ErrorMap, ...]
+
+    def __getitem__(self, name: str) -> ErrorMap:
+        """Return the map of an output or of the ``drive force``."""
+        for one in self.maps:
+            if one.name == name:
+                return one
+        raise KeyError(name)
+
+    def lines(self) -> list[str]:
+        """Return the text for a terminal, a few lines for each error."""
+        return [line for one in self.maps for line in one.lines()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON: by output and ``drive force``."""
+        return {one.name: one.to_dict() for one in self.maps}
+
+
+def where(runs: Runs) -> Where:
+    """Break the error of a model down by all variables.
+
+    Parameters
+    ----------
+    runs : Runs
+
+    Returns
+    -------
+    Where
+    """
+    maps = []
+    force = _force_map(runs)
+    if force is not None:
+        maps.append(force)
+    states: dict[str, Doing] = {}
+    for column, output in enumerate(runs.model.outputs):
+        if output.body not in states:
+            states[output.body] = doing_of(runs.model, runs.data, output.body)
+        basis = choose_basis(runs, column)
+        known = np.isfinite(basis.error)
+        if np.sum(known) < _FEWEST:
+            continue
+        measured = runs.measured[known, column]
+        state = states[output.body] if np.all(known) else states[output.body].at(runs.time[known])
+        named = (output.name, output.unit, basis.name, basis.kind, basis.why)
+        maps.append(_map(named, basis.error[known], measured, state, float(np.std(measured)), runs.record.start_ns))
+    return Where(runs.model.name, runs.record.name, tuple(maps))
+
+
+def _force_map(runs: Runs) -> ErrorMap | None:
+    force = runs.force
+    if force is None or len(force.time) < _FEWEST:
+        return None
+    model = runs.model
+    state = doing_of(model, runs.data, model.bodies[0]).at(force.time, force.command)
+    size = float(np.sqrt(np.mean(force.applied**2)))
+    named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", "")
+    return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
+
+
+def _map(
+    named: tuple[str, str, str, str, str], error: Array, signal: Array, state: Doing, size: float, start_ns: int
+) -> ErrorMap:
+    breakdowns, left_out = break_down_all(error, signal, state)
+    rms = float(np.sqrt(np.mean(error**2)))
+    return ErrorMap(
+        *named,
+        time=state.time,
+        error=error,
+        mean=float(np.mean(error)),
+        rms=rms,
+        relative=rms / size if size > 0.0 else np.nan,
+        breakdowns=breakdowns,
+        left_out=left_out,
+        stretches=worst_stretches(error, state, start_ns),
+    )

@@ -1,0 +1,5 @@
+"""The machines of the diagnosis."""
+
+from tests.diagnosis.conftest import start
+
+__all__ = ["start"]

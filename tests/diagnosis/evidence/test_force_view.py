@@ -1,0 +1,171 @@
+"""Effects weighed by the force balance: on every body, at a glance first, beside a curve that explains far more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.diagnosis.conftest import record_of
+
+from idloop.diagnosis.evidence import force_view
+from idloop.diagnosis.evidence.deciding_view import asked_fit
+from idloop.diagnosis.evidence.force_view import ForceView, unbalanced
+from idloop.diagnosis.residual_curves.periods import harmonics
+from idloop.diagnosis.screening.proposals import proposals
+from idloop.estimation.dataset import prepare
+from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.physics import Model, load_model
+from idloop.physics.model_file import build_model
+from idloop.physics.schema import read_model_file
+from idloop.physics.simulation import simulate
+from idloop.records import Record
+
+TWO_BODIES = """\
+schema: idloop/model/1
+name: gear
+input: {topic: command, joint: motor, field: effort, unit: N·m}
+outputs:
+  - {topic: states, joint: motor, field: position, unit: rad, noise: 1.0e-5}
+  - {topic: states, joint: load, field: position, unit: rad, noise: 1.0e-5}
+bodies:
+  - {name: motor, inertia: {value: 0.01}, viscous_friction: {value: 0.05}}
+  - {name: load, inertia: {value: 0.02}, viscous_friction: {value: 0.03}}
+couplings:
+  - {from: motor, to: load, stiffness: {value: 30.0}, damping: {value: 0.05}}
+"""
+
+
+def gear() -> Model:
+    return build_model(read_model_file(TWO_BODIES, "gear.yaml"), "gear.yaml")
+
+
+def turned(machine: Model, seed: int = 1, rate: float = 500.0, seconds: float = 20.0) -> Record:
+    """Smooth motion over some turns with a little noise."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    command = sum(a * np.sin(2.0 * np.pi * f * time + p) for a, f, p in zip(
+        rng.uniform(0.3, 0.8, 5), rng.uniform(0.1, 2.0, 5), rng.uniform(0.0, 6.0, 5), strict=True
+    ))  # fmt: skip
+    noise = np.column_stack([rng.normal(size=len(time)) * float(o.noise or 0.0) for o in machine.outputs])
+    output = simulate(machine, time, command, time, noise=noise).output
+    names, units = tuple(o.name for o in machine.outputs), tuple(o.unit for o in machine.outputs)
+    return Record(f"run{seed}", time, command, time, output, "motor.effort", machine.input.unit, names, units)
+
+
+def simulated(machine: Model, time: np.ndarray, command: np.ndarray) -> np.ndarray:
+    noise = np.random.default_rng(5).normal(size=(len(time), len(machine.outputs)))
+    return simulate(machine, time, command, time, noise=noise * [float(o.noise or 0.0) for o in machine.outputs]).output
+
+
+def weighed(model: Model, record: Record, effects: list[str] | None = None) -> force_view.ForceStep:
+    setting = prepare_setting(model, [record], "prediction")
+    step = ForceView(setting, 0.01, 0.01, effects).weigh(asked_fit(model, setting, {}))
+    assert isinstance(step, force_view.ForceStep)
+    return step
+
+
+def test_what_acts_on_a_body_without_a_drive_is_worth_naming():
+    machine = gear().with_effects(["imbalance@load(amplitude=0.1, phase=0.4)"])
+    step = weighed(gear(), turned(machine), ["imbalance", "coulomb_friction", "load_torque"])
+    assert step.names == ("imbalance@load",)
+    best = step.tied[0]
+    assert best.fit.relatives[0] == pytest.approx(step.parent.relatives[0], abs=1e-3)  # nothing changes at the motor
+    assert best.fit.relatives[1] < 0.2 * step.parent.relatives[1]
+    assert best.fit.model.values["imbalance@load.amplitude"] == pytest.approx(0.1, rel=0.02)
+
+
+def test_a_glance_changes_no_answer(monkeypatch):
+    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)", "imbalance@axis(amplitude=0.1)"])
+    record = turned(machine, rate=1000.0)
+    quick = weighed(load_model("axis"), record)
+    monkeypatch.setattr(force_view, "_GLANCE", 10**9)
+    whole = weighed(load_model("axis"), record)
+    assert len(quick.parent.rows) > 3_000
+    assert quick.names == whole.names
+    assert quick.tied[0].evidence.log == pytest.approx(whole.tied[0].evidence.log, rel=1e-3)
+    behind = [one for one in quick.weighed if one.names not in {tied.names for tied in quick.tied}]
+    assert any(one.fit.jacobian.size == 0 for one in behind)  # judged by the values of a glance
+    best = quick.tied[0].scores
+    assert all(best.against(one.scores).told for one in behind)
+
+
+def test_a_wave_shorter_than_three_windows_is_found():
+    machine = load_model("axis").with_effects(["cogging@axis(amplitude=0.08, harmonic=14, phase=0.8)"])
+    record = turned(machine, rate=250.0)
+    speed = float(np.sqrt(np.mean(record.output[:, 1] ** 2)))
+    assert 1.0 < 2.0 * np.pi / 14 / speed * 250.0 / 7 < 3.0  # windows that a period lasts at the speed of the motion
+    setting = prepare_setting(load_model("axis"), [record], "prediction")
+    found, tried = harmonics(asked_fit(load_model("axis"), setting, {}), 0)
+    assert found[0] == 14
+    assert tried >= 13
+
+
+def test_predictions_weigh_sensors_splits_and_what_is_new_since_the_balance():
+    model = load_model("axis")
+    alone = unbalanced(model, None, {}, model)
+    assert "compliance@axis" in alone
+    assert "sensor_delay@position[axis]" in alone
+    assert "input_delay@input" in alone  # the balance finds the time at which commands act by itself
+    assert not {"coulomb_friction@axis", "dead_zone@input"} & set(alone)
+    split = model.with_effects(["compliance@axis(stiffness=50.0, damping=0.1)"])
+    further = unbalanced(split, None, {}, model)
+    assert "backlash@axis-axis_far" in further
+    assert "coulomb_friction@axis" not in further
+    assert set(further) < {one.name for one in proposals(split)}
+
+
+def test_an_effect_beside_a_curve_is_judged_by_what_it_adds(start: Model):
+    record = record_of(load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"]), 3)
+    step = weighed(start, record)
+    assert not step.beside  # no curve explains far more than the friction itself
+    friction = next(one for one in step.weighed if one.names == ("coulomb_friction@axis",))
+    over_velocity = next(c for c in step.structures if c.text == "a force over the velocity")
+    assert over_velocity.beside(friction).evidence.difference < 0.5 * friction.evidence.difference
+    over_position = next(c for c in step.structures if c.text == "a force over the position")
+    assert over_position.beside(friction).evidence.difference > 0.5 * friction.evidence.difference
+
+
+def test_held_out_records_that_move_otherwise_do_not_hide_an_effect():
+    """Their errors are larger, for the model lacks more there; they are smaller with the effect all the same."""
+    machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
+    rough = machine.with_effects(["coulomb_friction@axis(level=0.03)"])
+    setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
+    held_out = prepare(load_model("axis"), [turned(rough, 2)])
+    step = ForceView(setting, 0.01, 0.01, ["load_torque"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
+    assert step.names == ("load_torque@axis",)
+    assert step.tied[0].held_out is not None
+    assert step.tied[0].held_out > 0.0
+
+
+def test_an_effect_that_held_out_records_do_not_have_is_not_named():
+    machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
+    setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
+    held_out = prepare(load_model("axis"), [turned(load_model("axis"), 2)])
+    step = ForceView(setting, 0.01, 0.01, ["load_torque"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
+    assert not step.tied
+    assert "does not carry over" in step.passed_over["load_torque@axis"]
+
+
+def test_a_limit_that_held_out_records_do_not_reach_is_judged_without_them():
+    machine = load_model("axis").with_effects(["saturation@input(limit=1.2)"])
+    setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
+    gentle = turned(machine, 2)
+    gentle = replace(gentle, input=0.5 * gentle.input, output=simulated(machine, gentle.time, 0.5 * gentle.input))
+    held_out = prepare(load_model("axis"), [gentle])
+    step = ForceView(setting, 0.01, 0.01, ["saturation"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
+    assert step.names == ("saturation@input",)
+    assert step.tied[0].held_out is None
+
+
+def test_a_pair_whose_second_effect_takes_the_place_of_the_first_acts_on_held_out_records():
+    model = load_model("axis")
+    machine = model.with_effects(["coulomb_friction@axis(level=0.1)"])
+    setting = prepare_setting(model, [turned(machine, 1)], "prediction")
+    parent = asked_fit(model, setting, {})
+    weigher = force_view._Weigher(setting, parent, parent, prepare(model, [turned(machine, 2)]))
+    (first,) = proposals(model, ["coulomb_friction"])
+    (second,) = proposals(first.model({"level": 0.1}), ["asymmetric_friction"])
+    fit = asked_fit(second.model({"level": 0.1, "ratio": 0.1}), setting, {})
+    assert "coulomb_friction@axis" not in fit.model.effect_names
+    assert weigher._acts((first, second), fit)

@@ -1,0 +1,75 @@
+"""Which searches go on after their first round, and what ended where no larger effect makes sense."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.diagnosis.conftest import RATE, record_of
+
+from idloop.diagnosis import refine
+from idloop.diagnosis.evidence.prediction_view import _may_decide, at_its_bound
+from idloop.diagnosis.screening.proposals import proposals
+from idloop.physics import Model, load_model
+
+
+@pytest.mark.parametrize(
+    ("replaces", "slow", "gain", "score", "goes_on"),
+    [
+        pytest.param("coulomb_friction@axis", False, 0.0, 100.0, True, id="a replacement that is still far off"),
+        pytest.param("coulomb_friction@axis", False, 60.0, 1.0, True, id="a replacement that has gained already"),
+        pytest.param("coulomb_friction@axis", False, 0.0, 1.0, False, id="a replacement that nothing speaks for"),
+        pytest.param(None, True, 0.0, 100.0, False, id="a constant force, which the disturbance stands for"),
+        pytest.param(None, False, 0.0, 100.0, True, id="any other effect, by its score"),
+        pytest.param(None, False, 60.0, 1.0, False, id="any other effect whose score is nothing"),
+    ],
+)
+def test_what_is_searched_further_after_a_first_round(
+    replaces: str | None, slow: bool, gain: float, score: float, goes_on: bool
+) -> None:
+    proposal = SimpleNamespace(replaces=replaces, effect=SimpleNamespace(slow=slow))
+    first: Any = SimpleNamespace(proposal=proposal, gain=gain, statistic=score)
+    assert _may_decide(first, 40.0) is goes_on
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "told"),
+    [
+        ("load_dependent_friction", {"ratio": 0.99}, True),
+        ("load_dependent_friction", {"ratio": 0.9}, False),
+        ("gain_asymmetry", {"ratio": -0.95}, True),
+        ("gain_asymmetry", {"ratio": 0.0}, False),
+        ("coulomb_friction", {"level": 0.0}, False),
+        ("compliance", {"stiffness": 0.0}, False),
+    ],
+)
+def test_a_strength_at_a_bound_that_is_not_nothing_is_told(effect: str, values: dict[str, float], told: bool) -> None:
+    (proposal,) = proposals(load_model("axis"), [effect])
+    text = at_its_bound(proposal.model(values), proposal)
+    assert text == (f"its ratio ended at the bound of what makes sense, {values['ratio']:g}" if told else "")
+
+
+@pytest.mark.parametrize(("ratio", "told"), [(1.0, True), (-1.0, True), (0.6, False), (0.0, False)])
+def test_what_makes_an_effect_richer_is_its_strength(ratio: float, told: bool) -> None:
+    model = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
+    (proposal,) = proposals(model, ["asymmetric_friction"])
+    assert bool(at_its_bound(proposal.model({"level": 0.1, "ratio": ratio}), proposal)) is told
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_all_of_a_share_is_a_share(share: float) -> None:
+    model = load_model("axis").with_effects(["compliance@axis(stiffness=20.0, damping=0.02, split=0.4)"])
+    (proposal,) = proposals(model, ["compliance"])
+    values = {"stiffness": 20.0, "damping": 0.02, "split": 0.4, "viscous_split": share}
+    assert not at_its_bound(proposal.model(values), proposal)
+
+
+def test_no_friction_takes_the_whole_drive_of_an_axis_that_is_only_driven(start: Model) -> None:
+    # Driven one way, a share of the drive's force is nothing but the scale of inertia and friction.
+
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    command = 0.5 + 0.1 * np.sign(np.sin(2.0 * time))
+    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
+    known = start.with_free(name for name in start.free if name != "drive.gain")
+    found = refine(known, [record_of(machine, 3, command=command)], criterion="force")
+    assert "load_dependent_friction@axis" not in found.added

@@ -1,0 +1,132 @@
+"""Data in which the motion has nothing to do with the command: no effect is named on them, and it is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.diagnosis.conftest import record_of
+
+from idloop.diagnosis import Ladder, diagnose, refine
+from idloop.diagnosis.screening.command_response import CommandResponse, follows, response_of
+from idloop.diagnosis.search.step import NOT_EXCITED
+from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.refit import refit
+from idloop.physics import Model, load_model
+from idloop.records import Record
+from idloop.reporting.verdicts import conclusion, ending
+
+FRICTION = "coulomb_friction@axis(level=0.3)"
+
+
+def unrelated_motion(machine: Model, seed: int) -> Record:
+    """The motion of one run beside the command of another."""
+    run, other = (record_of(machine, one, seconds=20.0, disturbance=0.02) for one in (seed, seed + 100))
+    return replace(run, input=other.input)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
+    machine = start.with_effects([FRICTION])
+    records = [unrelated_motion(machine, seed), unrelated_motion(machine, seed + 10)]
+    found = diagnose(start, records)
+    assert found.set == ()
+    assert found.verdict == NOT_EXCITED
+    assert found.response is CommandResponse.UNMOVED
+    assert found.response.text in found.gate.findings
+    assert "tells nothing of the axis" in ending(found.verdict, "", found.response)
+
+
+def test_a_ladder_climbs_nothing_on_them(start):
+    machine = start.with_effects([FRICTION])
+    ladder = refine(start, [unrelated_motion(machine, 1)], [unrelated_motion(machine, 11)])
+    assert ladder.added == ()
+    assert ladder.response is CommandResponse.UNMOVED
+    assert Ladder.from_dict(ladder.to_dict()).response is ladder.response
+    assert conclusion(ladder).startswith("the measured motion does not follow the command")
+
+
+def reversed_sign(seed: int) -> Record:
+    """A machine that runs the other way than its command counts."""
+    record = record_of(load_model("axis").with_effects([FRICTION]), seed, seconds=20.0, disturbance=0.02)
+    return replace(record, input=-record.input)
+
+
+def test_a_command_of_the_other_sign_is_told_and_is_all_that_is(start):
+    found = diagnose(start, [reversed_sign(3)])
+    assert found.response is CommandResponse.REVERSED
+    assert (found.set, found.verdict, found.unknown) == ((), NOT_EXCITED, None)
+    assert "`scale: -1`" in found.summary()
+    ladder = refine(start, [reversed_sign(3)], [reversed_sign(13)])
+    assert ladder.added == ()
+    assert conclusion(ladder) == "the measured motion follows minus the command: turn one of the two, then ask again"
+
+
+def test_a_gain_that_may_be_negative_becomes_so_and_the_effect_is_found(start):
+    free = start.with_free([*(name for name in start.free if name != "axis.inertia"), "drive.gain"])
+    ladder = refine(free, [reversed_sign(3)], effects=["coulomb_friction", "input_offset"])
+    assert ladder.added == ("coulomb_friction@axis",)
+    assert any("drive.gain is -" in said and "`scale: -1`" in said for said in ladder.findings)
+
+
+def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_follow():
+    """No model of ours has a loop in the drive; the command is far from the motion, and still it is what moves it."""
+    time = np.arange(0.0, 6.0, 0.02)
+    records = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        command = 0.6 * np.sign(rng.normal(size=len(time) // 5)).repeat(5)
+        position = np.zeros_like(time)
+        for k in range(2, len(time)):
+            position[k] = position[k - 1] + 0.02 * np.clip(15.0 * (command[k - 2] - position[k - 1]), -1.5, 1.5)
+        output = (position + 5e-4 * rng.normal(size=len(time)))[:, None]
+        records.append(Record("servo", time, command, time, output, "axis.effort", "rad", ("axis.position",), ("rad",)))
+    (position,) = (one for one in load_model("axis").outputs if one.field == "position")
+    servo = replace(load_model("axis"), outputs=(position,)).with_effects(["cable_spring@axis(stiffness=300.0)"])
+    servo = servo.with_values({"axis.inertia": 1.0, "drive.gain": 300.0, "axis.viscous_friction": 30.0})
+    servo = servo.with_free([*(name for name in servo.free if name != "axis.inertia"), "drive.gain"])
+    found = diagnose(servo, records)
+    assert not found.response.tells_nothing
+    assert found.verdict != NOT_EXCITED
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_whether_a_fit_is_of_related_data_is_told(start, turn):
+    record = record_of(start, 3, disturbance=0.02)
+    record = replace(record, input=turn * record.input)
+    assert response_of(start, [record]) is (CommandResponse.FOLLOWS if turn > 0.0 else CommandResponse.REVERSED)
+    assert response_of(start, [unrelated_motion(start, 1)]) is CommandResponse.UNMOVED
+
+
+@pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])
+def test_a_machine_under_command_follows_by_every_criterion(start, kind):
+    record = record_of(start.with_effects([FRICTION]), 3, disturbance=0.02)
+    setting = prepare_setting(start, [record], kind)
+    assert follows(setting, refit(setting, start))
+
+
+def test_steps_from_rest_are_followed_though_each_has_one_command(start):
+    records = [record_of(start, seed, command=np.full(300, float(seed))) for seed in (1, 2, 3)]
+    setting = prepare_setting(start, records, "prediction")
+    assert follows(setting, refit(setting, start))
+
+
+def test_a_disturbance_as_strong_as_the_command_hides_nothing_of_it(start):
+    record = record_of(start, 3, seconds=20.0, disturbance=1.0)
+    setting = prepare_setting(start, [record], "prediction")
+    assert follows(setting, refit(setting, start))
+    found = diagnose(start, [record], effects=["coulomb_friction"])
+    assert not found.response.tells_nothing
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def test_the_model_with_the_missing_effect_may_be_the_first_that_follows(start):
+    """A delay of 0.4 s under a command that is forgotten by then: the plain model predicts no better with it."""
+    machine = start.with_effects(["input_delay@input(delay=0.4)"])
+    command = np.random.default_rng(5).normal(size=600).repeat(4)
+    record = record_of(machine, 5, command=command)
+    setting = prepare_setting(start, [record], "prediction")
+    plain = refit(setting, start)
+    assert not follows(setting, plain)
+    assert follows(setting, refit(setting, machine, None, plain))

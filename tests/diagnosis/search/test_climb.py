@@ -1,0 +1,141 @@
+"""A ladder ends, whatever a view says of its effects, and what is taken out is told by the fit without it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from idloop.diagnosis.evidence.predictive import Evidence, Scores
+from idloop.diagnosis.screening.proposals import proposals
+from idloop.diagnosis.search.climb import Climb
+from idloop.diagnosis.search.step import Step, View, Weighed
+from idloop.physics import Model, load_model
+
+FRICTION, DRAG = "coulomb_friction@axis", "quadratic_drag@axis"
+
+
+@dataclass(frozen=True)
+class Fit:
+    model: Model
+    log_likelihood: float = 0.0
+
+
+class Answers(Step[Any]):
+    """All that was weighed shows and is worth a name."""
+
+    criterion = "prediction"
+
+    def smaller(self, one: Weighed[Any]) -> float:
+        return one.evidence.improvement
+
+    def only_together(self, pair: Weighed[Any]) -> bool:
+        return True
+
+    def too_small(self, one: Weighed[Any]) -> str:
+        return "it is too small"
+
+    def reported(self, fit: Any) -> Model:
+        model: Model = fit.model
+        return model
+
+    def verdict(self) -> tuple[str, tuple[str, ...]]:
+        return "adequate", ()
+
+
+def weighed(model: Model, name: str, difference: float, samples: int = 1000) -> Weighed[Any]:
+    (proposal,) = proposals(model, [name])
+    fit: Any = Fit(proposal.model({}))
+    scores = Scores(np.full(samples, difference / samples), [np.arange(samples)])
+    return Weighed((proposal,), fit, scores, Evidence(difference, 1.0, 0.1 * difference, samples), difference)
+
+
+class Fickle(View[Any]):
+    """Wants dry friction beside drag and drag beside dry friction, and neither beside the other."""
+
+    def __init__(self, dropping: bool) -> None:
+        self.dropping, self.steps = dropping, 0
+
+    def weigh(self, parent: Any) -> Step[Any]:
+        self.steps += 1
+        wanted = [name for name in (FRICTION, DRAG) if name not in parent.model.effect_names]
+        return Answers(parent, tuple(weighed(parent.model, name, 100.0) for name in wanted[:1]), 2, 0.01, 0.01)
+
+    def again(self, fit: Any) -> Any:
+        return fit
+
+    def without(self, fit: Any, name: str) -> Any:
+        return Fit(fit.model.without_effect(name)) if self.dropping else None
+
+
+def climb(view: Fickle) -> Climb[Any]:
+    return Climb(view, (), (), "prediction", 0.01, 8, lambda share, text: None)
+
+
+def test_a_ladder_does_not_turn_in_a_circle() -> None:
+    view = Fickle(dropping=True)
+    ladder, fit = climb(view)(Fit(load_model("axis")))
+    # Each has been taken out once and has come back; then both stay.
+    assert set(ladder.added) == set(fit.model.effect_names) == {FRICTION, DRAG}
+    assert view.steps < 8
+
+
+class Waves(View[Any]):
+    """Finds three waves, of which the first has become superfluous in the end."""
+
+    def weigh(self, parent: Any) -> Step[Any]:
+        more = len(parent.model.effects) < 3 and "cogging#3@axis" not in parent.model.effect_names
+        return Answers(parent, (weighed(parent.model, "cogging@axis", 100.0),) if more else (), 1, 0.01, 0.01)
+
+    def again(self, fit: Any) -> Any:
+        return fit
+
+    def without(self, fit: Any, name: str) -> Any:
+        full = len(fit.model.effects) == 3
+        return Fit(fit.model.without_effect(name)) if full and name == "cogging@axis" else None
+
+
+def test_a_wave_that_has_become_superfluous_goes_and_the_others_keep_their_names() -> None:
+    view = Waves()
+    ladder, fit = Climb(view, (), (), "prediction", 0.01, 8, lambda share, text: None)(Fit(load_model("axis")))
+    assert ladder.added == ("cogging#2@axis", "cogging#3@axis")
+    assert fit.model.effect_names == ladder.model.effect_names == ladder.added
+
+
+def test_a_ladder_adds_what_shows_and_ends_with_the_verdict_of_the_last_step() -> None:
+    ladder, fit = climb(Fickle(dropping=False))(Fit(load_model("axis")))
+    assert ladder.added == (FRICTION, DRAG)
+    assert ladder.verdict == "adequate"
+    assert [step.model.effect_names for step in ladder.steps] == [(), (FRICTION,), (FRICTION, DRAG)]
+    assert fit.model is ladder.model
+
+
+def test_a_model_that_spoils_the_other_view_ends_the_ladder_with_what_was_there() -> None:
+    start, _ = climb(Fickle(dropping=False))(Fit(load_model("axis")))
+    before = start.undo()
+    guarded = Climb(
+        Fickle(dropping=False), (), (), "prediction", 0.01, 8, lambda share, text: None, spoils=lambda one, other: True
+    )
+    ladder, _ = guarded(Fit(before.model), before)
+    assert ladder is before
+
+
+def test_the_step_that_shows_too_little_is_passed_over_with_the_reason() -> None:
+    model = load_model("axis")
+    parent: Any = SimpleNamespace(model=model)
+    step = Answers(parent, (weighed(model, FRICTION, 20.0, 10_000),), 2, 0.01, 0.01)
+    assert step.significant
+    assert not step.tied
+    assert step.passed_over == {FRICTION: "it is too small"}
+    refused = Answers(parent, (weighed(model, FRICTION, 200.0),), 2, 0.01, 0.01, refused={FRICTION: "it harms"})
+    assert refused.passed_over == {FRICTION: "it harms"}
+
+
+def test_a_plain_effect_goes_before_the_richer_one_that_contains_it() -> None:
+    model = load_model("axis")
+    parent: Any = SimpleNamespace(model=model)
+    several = (weighed(model, "stribeck_friction@axis", 300.0), weighed(model, FRICTION, 200.0))
+    step = Answers(parent, several, 2, 0.01, 0.01)
+    assert step.names == (FRICTION,)

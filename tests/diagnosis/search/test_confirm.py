@@ -1,0 +1,57 @@
+"""Refits of single effects: what the noise model may take for its own."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.diagnosis.conftest import record_of
+
+from idloop.diagnosis import diagnose
+from idloop.diagnosis.screening.proposals import proposals
+from idloop.diagnosis.screening.score_test import Screen
+from idloop.diagnosis.search.confirm import confirm_behind_noise
+from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.refit import FAN, refit
+from idloop.physics import Model, catalogue, load_model
+
+
+@pytest.mark.parametrize("offset", [0.1, 0.0])
+def test_a_constant_force_is_found_behind_a_walk(start: Model, offset: float) -> None:
+    # Ten samples of memory disturb this run; a walk does as well as long as it may stand for the offset too.
+    machine = load_model("axis").with_effects([f"input_offset@input(offset={offset})"])
+    record = record_of(machine, 1, seconds=6.0, disturbance=0.02)
+    found = diagnose(start, [record], criterion="prediction").set
+    assert ("input_offset@input" in found) == (offset > 0.0)
+
+
+def test_a_filter_that_the_noise_model_imitates_is_found_with_the_noise_held_down(start: Model) -> None:
+    hidden = "velocity_filter@velocity[axis]"
+    machine = load_model("axis").with_effects([f"{hidden}(time_constant=0.04)"])
+    setting = prepare_setting(start, [record_of(machine, 3, seconds=8.0)], "prediction")
+    parent = refit(setting, start)
+    assert parent.coloured > 1.0
+    names = [hidden, "sensor_delay@velocity[axis]", "actuator_lag@input", "coulomb_friction@axis"]
+    screened = Screen(setting, parent, 0).all(proposals(parent.model, names), lambda share, text: None)
+    found = confirm_behind_noise(setting, parent, screened)
+    assert found[0].proposal.name == hidden
+    assert found[0].fit.model.values[f"{hidden}.time_constant"] == pytest.approx(0.04, rel=0.01)
+
+
+@given(st.floats(1e-4, 10.0), st.floats(0.02, 50.0))
+def test_a_search_for_a_play_starts_near_any_gap(twist: float, gap: float) -> None:
+    # What has walls has an optimum wherever they touch at a wrong instant.
+    travel = 100.0 * max(gap, 10.0 * twist)
+    effect = next(e for e in catalogue()["backlash"] if e.site == "coupling")
+    assert effect.trials is not None
+    tried = [trial["gap"] for alternative in effect.trials(Sizes(twist, travel)) for trial in alternative]
+    reach = (0.1 * twist, 10.0 * twist * 1.4**8)
+    if reach[0] <= gap <= reach[1]:
+        around = [share * trial for trial in tried for share in (1.0, *FAN)]
+        assert min(abs(np.log(gap / place)) for place in around) < np.log(1.3)
+
+
+class Sizes(NamedTuple):
+    twist: float
+    span: float

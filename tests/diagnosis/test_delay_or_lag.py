@@ -1,0 +1,16 @@
+"""What has a memory before the drive: the balance of forces finds it, predictions say what it is."""
+
+import pytest
+
+from idloop.diagnosis import diagnose
+
+
+@pytest.mark.parametrize("effect", ["actuator_lag", "input_delay"])
+def test_a_lag_is_no_delay_and_a_delay_no_lag(effect: str) -> None:
+    from cases import singles
+    from experiment import experiment
+
+    data = experiment(next(case for case in singles() if case.id == f"single/{effect}/axis/input/dominant"))
+    (by_force,) = diagnose(data.start, data.training, criterion="force").set
+    assert by_force in ("actuator_lag@input", "input_delay@input")
+    assert diagnose(data.start, data.training).set == (f"{effect}@input",)

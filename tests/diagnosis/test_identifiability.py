@@ -1,0 +1,112 @@
+"""What the gate says of the data is what a comparison says of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idloop.diagnosis.evidence.detection_limit import DetectionLimit
+from idloop.diagnosis.identifiability import _reversals, gate, within
+from idloop.diagnosis.screening.proposals import proposals
+from idloop.diagnosis.screening.score_test import Screened, Trace
+from idloop.estimation.dataset import prepare
+from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
+from idloop.physics import load_model
+from idloop.records import Record
+from idloop.validation.operating_state import doing_of
+from idloop.validation.regions import since_reversal
+
+from .conftest import record_of
+
+TIME = np.arange(0.0, 10.0, 1e-3)
+
+
+@pytest.mark.parametrize("hidden", [None, 0, 1])
+@pytest.mark.parametrize("small", [0.0, 0.006])
+def test_reversals_are_counted_as_a_comparison_counts_them(hidden: int | None, small: float) -> None:
+    random = np.random.default_rng(0)
+    w = 0.4 * np.pi
+    # A motion that turns every 2.5 s, and swings of less than a hundredth of its range that turn it oftener.
+    position = -np.cos(w * TIME) / w + small * np.sin(5.0 * np.pi * TIME)
+    output = np.column_stack([position, np.gradient(position, TIME)]) + random.normal(size=(TIME.size, 2)) * [
+        1e-5,
+        1e-3,
+    ]
+    if hidden is not None:
+        output[:, hidden] = np.nan
+    model = load_model("dc_motor")
+    units = tuple(one.unit for one in model.outputs)
+    record = Record("r", TIME, np.sin(TIME), TIME, output, model.input.name, "V", model.output_names, units)
+    (data,) = prepare(model, [record])
+    direction = doing_of(model, data, "motor").direction
+    assert direction is not None
+    counted = len(since_reversal(data.time, direction)[1])
+    assert _reversals(model, data) == counted
+    assert (counted == 3) == (small == 0.0)
+
+
+@pytest.fixture(scope="module")
+def setting() -> Setting:
+    model = load_model("axis")
+    return prepare_setting(model, [record_of(model, 0, seconds=3.0)], "prediction")
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "power", "said"),
+    (
+        ("sensor_offset@position[axis]", {"offset": 1.0}, 1e-3, "larger than the whole travel of "),
+        ("dead_zone@input", {"width": 1.0}, 1e-3, "larger than the largest command of "),
+        ("gain_asymmetry@input", {"ratio": 0.1}, 1e-3, "larger than it can be, 0.95, so"),
+        ("coulomb_friction@axis", {"level": 1.0}, 1e-3, "it would show with level ≥ "),
+        ("dead_zone@input", {"width": 1e-3}, 1.0, "it would show with width ≥ "),
+    ),
+)
+def test_no_size_is_named_that_the_machine_cannot_have(
+    setting: Setting, name: str, size: dict[str, float], power: float, said: str
+) -> None:
+    model = load_model("axis")
+    (proposal,) = proposals(model, [name])
+    trace = Trace([size], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 0)), np.zeros(0), power)
+    found = gate(model, setting, [Screened(proposal, [trace])], 9.0)
+    assert found.testable[name] == "no"
+    assert said in found.why[name]
+    assert ("this experiment cannot show it" in found.why[name]) == ("≥" not in found.why[name])
+
+
+def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None:
+    limit = DetectionLimit("offset", "m", 0.1, 5.3)
+    assert within(limit, 0.128).short == "offset ≥ 0.1 m"
+    assert within(limit, np.inf) == limit
+    soft = replace(limit, at_most=True)
+    assert within(soft, 0.01) == soft
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "shown", "said"),
+    (
+        # The axis has 200 samples a second and an inertia of 0.01.
+        ("input_delay@input", {"delay": 0.005}, "delay", "a delay of one sample, 5 ms, would not show: excite faster"),
+        ("sensor_delay@velocity[axis]", {"delay": 0.005}, "delay", "a delay of one sample, 5 ms, would not show"),
+        (
+            "compliance@axis",
+            {"stiffness": 0.0025 * (2.0 * np.pi * 20.0) ** 2, "damping": 0.1, "split": 0.5, "viscous_split": 0.5},
+            "stiffness",
+            "a joint that swings at more than ",
+        ),
+    ),
+)
+def test_what_is_as_quick_as_the_samples_must_show_to_be_ruled_out(setting, name, shape, shown, said):
+    """The trace of a delay of one sample, and of a joint that swings once in ten, weak and strong."""
+    model = load_model("axis")
+    (proposal,) = proposals(model, [name])
+
+    def judged(power):
+        trace = Trace([shape], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 1)), np.zeros(1), power, worth=1e6)
+        return gate(model, setting, [Screened(proposal, [trace])], 20.0)
+
+    weak, strong = judged(1.0), judged(1e4)
+    assert (weak.testable[name], strong.testable[name]) == ("no", "yes")
+    assert weak.why[name].startswith(said)
+    assert weak.untestable == (name,)
+    assert weak.limits[name].parameter == shown
+    assert strong.untestable == ()

@@ -1,0 +1,52 @@
+"""Fits that leave the user's machine far behind, and what is found from near it."""
+
+import pytest
+
+from idloop.diagnosis import diagnose
+from idloop.diagnosis.search.non_local_search import left_behind
+from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.refit import refit
+from idloop.physics import Model, load_model
+
+from .conftest import record_of
+
+
+@pytest.mark.parametrize(("factor", "left"), [(0.19, True), (0.21, False), (1.0, False), (4.9, False), (5.1, True)])
+def test_a_mass_is_left_behind_from_a_factor_of_five_on(factor: float, left: bool) -> None:
+    axis = load_model("axis")
+    moved = axis.with_values({"axis.inertia": factor * axis.values["axis.inertia"]})
+    assert left_behind(moved, axis.values) == (["axis.inertia"] if left else [])
+
+
+def test_what_the_user_did_not_give_or_holds_is_not_left_behind() -> None:
+    axis = load_model("axis")
+    heavy = axis.with_values({"axis.inertia": 10.0 * axis.values["axis.inertia"]})
+    assert not left_behind(heavy, {"axis.viscous_friction": 0.05})
+    assert not left_behind(heavy.with_free(["axis.viscous_friction"]), axis.values)
+
+
+def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Model) -> None:
+    axis = load_model("axis")
+    machine = axis.with_effect("stribeck_friction", "axis", coulomb=0.2, static=0.4, velocity=0.7)
+    record = record_of(machine.with_effect("input_delay", "input", delay=0.01), 1, seconds=10.0, disturbance=0.02)
+    plain = refit(prepare_setting(start, [record], "prediction"), start)
+    assert plain.model.values["axis.inertia"] > 5.0 * axis.values["axis.inertia"]
+    found = diagnose(start, [record], criterion="prediction")
+    assert found.set == ("input_delay@input",)
+    assert found.best is not None
+    assert found.best.p_value < 1e-6
+    assert found.best.model is not None
+    assert found.best.model.values["input_delay@input.delay"] == pytest.approx(0.01, rel=0.02)
+    assert found.best.model.values["axis.inertia"] == pytest.approx(axis.values["axis.inertia"], rel=0.05)
+
+
+def test_a_long_delay_in_a_tight_loop_is_found_where_the_plain_model_has_left_the_axis_behind() -> None:
+    from cases import all_cases
+    from experiment import experiment
+
+    (case,) = (case for case in all_cases() if case.id == "single/input_delay/axis/input/dominant")
+    made = experiment(case)
+    found = diagnose(made.start, made.training, effects=["input_delay", "actuator_lag", "compliance"])
+    assert found.set == ("input_delay@input",)
+    assert found.best is not None
+    assert found.best.parameters["delay"]["value"] == pytest.approx(0.02, rel=0.01)

@@ -1,9 +1,0 @@
-from idloop.estimate.criterion import InitialStates
-from idloop.estimate.dataset import prepare
-from idloop.physics import Engine
-
-
-def test_sizes_of_initial_states_are_plain_numbers(motor, experiment):
-    data = prepare(motor, [experiment(motor)])
-    for force in (None, 2.0):
-        assert InitialStates(Engine(motor), data, force).scale.dtype == float

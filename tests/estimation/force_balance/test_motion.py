@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import welch
+
+from idloop.estimation.force_balance.motion import (
+    _spectrum,
+    differentiate,
+    excitation_band,
+    low_pass,
+    measured_motion,
+    uniform,
+)
+from idloop.estimation.observer.sensor_noise import noise_std, resolution
+from idloop.estimation.sensors import lagging_sensors
+from idloop.physics import load_model
+from idloop.records import Record
+
+
+@given(st.floats(0.5, 5.0), st.floats(0.0, 6.0))
+def test_derivative_of_a_sine(frequency: float, phase: float) -> None:
+    t = np.arange(0.0, 4.0, 1e-3)
+    w = 2.0 * np.pi * frequency
+    slope = differentiate(np.sin(w * t + phase), 1e-3)
+    assert slope[2:-2] == pytest.approx(w * np.cos(w * t + phase)[2:-2], abs=1e-6 * w)
+
+
+def test_low_pass_keeps_the_band_in_phase_and_stops_the_rest() -> None:
+    t = np.arange(0.0, 10.0, 1e-3)
+    slow, fast = np.sin(2 * np.pi * t), np.sin(2 * np.pi * 200.0 * t)
+    left = low_pass(slow + fast, 20.0, 1e-3)[1000:-1000]
+    assert left == pytest.approx(slow[1000:-1000], abs=1e-3)
+
+
+def test_excited_band_is_found_under_noise() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(0.0, 60.0, 1e-3)
+    position = np.sin(2 * np.pi * 3.0 * t) + 1e-4 * rng.normal(size=len(t))
+    assert 2.5 < excitation_band(np.diff(position) / 1e-3, 1e-3) < 5.0
+
+
+@given(st.integers(100, 3000), st.integers(64, 300), st.integers(0, 99))
+def test_the_spectrum_is_that_of_welch(samples: int, segment: int, seed: int) -> None:
+    walk = np.cumsum(np.random.default_rng(seed).normal(size=max(samples, segment)))
+    frequency, power = _spectrum(walk, segment, 1e-3)
+    expected, density = welch(walk, fs=1e3, nperseg=segment)
+    assert frequency == pytest.approx(expected)
+    # Only shares of it are used.
+    assert power / np.sum(power) == pytest.approx(density / np.sum(density))
+
+
+def test_uneven_stamps_are_resampled_and_big_holes_refused() -> None:
+    rng = np.random.default_rng(1)
+    t = np.cumsum(rng.uniform(0.008, 0.012, 500))
+    found = uniform(t, 3.0 * t)
+    assert found is not None
+    assert np.ptp(np.diff(found[0])) < 1e-9
+    assert found[1] == pytest.approx(3.0 * found[0])
+    holes = 3.0 * t
+    holes[100:200] = np.nan
+    assert uniform(t, holes) is None
+
+
+@given(st.floats(1e-6, 1e3), st.integers(0, 100))
+def test_noise_level_under_smooth_motion(std: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 10.0, 4000)
+    assert noise_std(50 * std * np.sin(t) + std * rng.normal(size=4000)) == pytest.approx(std, rel=0.12)
+
+
+def test_noise_of_a_quantised_sensor_is_that_of_rounding() -> None:
+    y = 0.01 * np.round(np.sin(np.linspace(0.0, 20.0, 5000)) / 0.01)
+    assert resolution(y) == pytest.approx(0.01)
+    assert noise_std(y) >= 0.01 / np.sqrt(12.0) * 0.999
+
+
+@given(st.integers(0, 99), st.floats(1e-5, 10.0))
+def test_a_scale_is_seen_though_the_motion_hardly_comes_back(seed: int, step: float) -> None:
+    rng = np.random.default_rng(seed)
+    sweep = np.cumsum(rng.uniform(0.5, 3.0, 2000))
+    assert resolution(step * np.round(sweep)) == pytest.approx(step, rel=1e-6)
+    assert resolution(step * sweep) == 0.0
+
+
+def test_a_sensor_that_lags_is_not_asked_where_another_sees_the_body() -> None:
+    t = np.arange(0.0, 4.0, 1e-3)
+    place, late = np.sin(6.0 * t), 6.0 * np.cos(6.0 * (t - 0.05))
+    model = load_model("axis")
+    names, units = model.output_names, tuple(o.unit for o in model.outputs)
+    record = Record("run", t, np.zeros_like(t), t, np.column_stack([place, late]), "effort", "N·m", names, units)
+    slow = model.with_effects(["velocity_filter@velocity[axis](time_constant=0.05)"])
+    assert lagging_sensors(model) == set()
+    assert lagging_sensors(slow) == {1}
+    trusting, knowing = measured_motion(model, record), measured_motion(slow, record)
+    assert trusting is not None
+    assert knowing is not None
+    truth = 6.0 * np.cos(6.0 * t)
+    assert np.max(np.abs(knowing.velocity[100:-100, 0] - truth[100:-100])) < 0.01
+    assert np.max(np.abs(trusting.velocity[100:-100, 0] - truth[100:-100])) > 1.0

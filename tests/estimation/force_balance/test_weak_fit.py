@@ -1,0 +1,189 @@
+"""Fits by the force balance: one answer from every start, and nothing gained by switching forces off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idloop.estimation import fit
+from idloop.estimation.dataset import prepare
+from idloop.estimation.force_balance.weak_fit import WeakFit, cost_at, fit_by_force, fit_weak
+from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.physics import load_model
+from idloop.records import Record
+
+from .test_weak_form import form_of, recorded
+
+MACHINE = load_model("axis").with_effects(["coulomb_friction@axis(level=0.2)"])
+
+
+@pytest.mark.parametrize("factor", [1.0 / 30.0, 0.3, 30.0])
+@pytest.mark.parametrize("name", ["axis.inertia", "axis.viscous_friction"])
+def test_a_start_far_off_gives_the_same_answer(name: str, factor: float) -> None:
+    record = recorded(MACHINE)
+    start = MACHINE.with_values({name: factor * MACHINE.values[name], "coulomb_friction@axis.level": 0.0})
+    near, far = (fit_by_force(RememberingEngine(m), prepare(m, [record]), m.theta) for m in (MACHINE, start))
+    assert near is not None
+    assert far is not None
+    np.testing.assert_allclose(far.theta, near.theta, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(far.theta, MACHINE.theta, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    ["saturation@input(limit=0.001)", "dead_zone@input(width=30.0)", "load_dependent_friction@axis(ratio=0.99)",
+     "actuator_lag@input(time_constant=10.0)"],
+)  # fmt: skip
+def test_switching_the_command_off_explains_nothing(effect: str) -> None:
+    plain = load_model("axis")
+    form = form_of(plain, recorded(MACHINE))
+    parent = fit_weak(form, plain.theta)
+    model = plain.with_theta(parent.theta).with_effects([effect])
+    weak = model.with_values({"axis.inertia": 1e-5 * model.values["axis.inertia"], "axis.viscous_friction": 0.0})
+    for one in (model, weak):
+        cost = cost_at(form.with_engine(RememberingEngine(one)), one.theta)
+        assert cost > cost_at(form, parent.point)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    plain = load_model("axis")
+    rng = np.random.default_rng(5)
+    inside, count = np.zeros(len(plain.theta)), 60
+    for seed in range(count):
+        record = recorded(plain, seed)
+        noisy = replace(record, output=record.output + rng.normal(size=record.output.shape) * (1e-3, 5e-2))
+        found = fit_weak(form_of(plain, noisy, 41), plain.theta)
+        spread = np.sqrt(np.diag(found.covariance))[: len(plain.theta)]
+        inside += np.abs(found.theta - plain.theta) < 1.96 * spread
+    # 95 % of 60: fewer than 51 or none outside in all has a chance of one in a hundred each.
+    assert np.all(inside >= 51), inside
+
+
+def test_fit_says_which_force_is_left() -> None:
+    plain = load_model("axis")
+    result = fit(plain, [recorded(MACHINE)])
+    assert result.criterion == "force"
+    assert "of the drive force" in result.why
+    assert result.residuals[0].names == ("force[axis]",)
+    assert len(result.residuals[0].time) == len(result.residuals[0].value) == result.samples
+
+
+def test_a_limit_far_below_the_command_explains_the_motion_beyond_it() -> None:
+    machine = load_model("axis").with_effects(["saturation@input(limit=0.5)"])
+    record, plain = recorded(machine), load_model("axis")
+    assert np.mean(np.abs(record.input) > 0.5) > 0.3
+    parent = fit_weak(form_of(plain, record), plain.theta)
+    found = fit_weak(form_of(machine, record), machine.theta)
+    assert np.sum(found.log_densities()) > np.sum(parent.log_densities()) + 100.0
+    assert found.model.values["saturation@input.limit"] == pytest.approx(0.5, rel=0.02)
+    assert found.model.values["axis.inertia"] == pytest.approx(plain.values["axis.inertia"], rel=0.02)
+
+
+def test_a_friction_is_told_by_the_rest_of_the_body_that_it_holds() -> None:
+    """A dead zone stops the drive, a friction the body: they differ where the body stands."""
+    record = recorded(MACHINE)
+    dead = load_model("axis").with_effects(["dead_zone@input(width=0.2)"])
+    stuck, free = (fit_weak(form_of(model, record), model.theta) for model in (MACHINE, dead))
+    assert np.sum(stuck.log_densities()) > np.sum(free.log_densities()) + 30.0
+
+
+def test_the_reliability_ratio_is_the_part_of_the_acceleration_that_is_no_noise() -> None:
+    plain = load_model("axis")
+    rng, record = np.random.default_rng(3), recorded(load_model("axis"))
+    shares = []
+    for level in (1e-3, 1e-1, 3.0):
+        noisy = replace(record, output=record.output + level * rng.normal(size=record.output.shape))
+        shares.append(form_of(plain, noisy).reliability)
+    assert shares[0] > 0.99
+    assert shares[0] > shares[1] > shares[2]
+    assert shares[2] < 0.5
+
+
+TRUE_INERTIA = load_model("axis").values["axis.inertia"]
+
+
+def recorded_with(noise: np.ndarray) -> Record:
+    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)"])
+    record = recorded(replace(machine, outputs=machine.outputs[:1]))
+    return replace(record, output=record.output + noise[: len(record.time), None])
+
+
+def noisy(noise: np.ndarray) -> WeakFit | None:
+    """The balance of an axis of which only the position is measured, with noise of its own."""
+    plain = load_model("axis")
+    plain = replace(plain, outputs=plain.outputs[:1])
+    return fit_by_force(RememberingEngine(plain), prepare(plain, [recorded_with(noise)]), plain.theta)
+
+
+def wandering(memory: float, size: float) -> np.ndarray:
+    """Noise of a sensor that keeps a part of itself from sample to sample."""
+    rng, noise = np.random.default_rng(2), np.zeros(5000)
+    for k in range(1, len(noise)):
+        noise[k] = memory * noise[k - 1] + size * rng.normal()
+    return noise
+
+
+@pytest.mark.parametrize(("memory", "size"), [(0.0, 2e-4), (0.8, 1e-3), (0.95, 1e-3)])
+def test_windows_are_wide_enough_for_the_inertia_to_be_right(memory: float, size: float) -> None:
+    found = noisy(noise := wandering(memory, size))
+    assert found is not None
+    assert found.reliable
+    narrow = fit_weak(form_of(found.form.engine.model, recorded_with(noise)), found.point)
+    assert found.form.width > narrow.form.width
+    assert found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.05)
+    assert abs(narrow.theta[0] / TRUE_INERTIA - 1.0) > abs(found.theta[0] / TRUE_INERTIA - 1.0)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8, 0.95, 0.99])
+@pytest.mark.parametrize("size", [3e-3, 1e-2, 3e-2, 1e-1])
+def test_no_balance_is_reliable_whose_inertia_is_the_noise_of_the_sensor(memory: float, size: float) -> None:
+    found = noisy(wandering(memory, size))
+    assert found is None or not found.reliable or found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.2)
+
+
+def test_what_windows_leave_out_of_the_motion_is_told() -> None:
+    machine = load_model("axis")
+    record = recorded(machine, seconds=8.0)
+    record = replace(record, output=record.output + 1e-4 * np.random.default_rng(3).normal(size=record.output.shape))
+    assert form_of(machine, record).left_out < 1.5
+    assert form_of(machine, record, 400).left_out > 10.0
+
+
+def test_a_prediction_that_has_the_force_in_its_disturbance_is_told() -> None:
+    plain = load_model("axis")
+    balance = fit_by_force(RememberingEngine(plain), prepare(plain, [recorded(MACHINE)]), plain.theta)
+    assert balance is not None
+    assert balance.serves
+    assert not balance.hides_from(balance.model)
+    assert balance.hides_from(plain.with_values({"axis.inertia": 30.0 * balance.model.values["axis.inertia"]}))
+
+
+def held_at_two_speeds(seed: int) -> Record:
+    """A loop that holds the speed against a friction which wanders: the command tells it, the acceleration does not."""
+    rng, model = np.random.default_rng(seed), load_model("axis")
+    inertia, viscous = model.values["axis.inertia"], model.values["axis.viscous_friction"]
+    step, count, substeps = 0.002, 5000, 5
+    velocity = position = integral = wander = 0.0
+    command, output = np.zeros(count), np.zeros((count, 2))
+    for k in range(count):
+        error = 2.0 * (-1) ** (k // 500) - velocity
+        output[k] = position, velocity
+        integral += error * step
+        command[k] = inertia * (60.0 * error + 600.0 * integral)
+        wander = 0.99 * wander + 0.02 * rng.normal()
+        for _ in range(substeps):
+            free = velocity + (command[k] - viscous * velocity) / inertia * step / substeps
+            velocity = np.sign(free) * max(abs(free) - (0.3 + wander) / inertia * step / substeps, 0.0)
+            position += velocity * step / substeps
+    time, names, units = step * np.arange(count), [o.name for o in model.outputs], [o.unit for o in model.outputs]
+    return Record("held", time, command, time, output, "axis.effort", model.input.unit, tuple(names), tuple(units))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_loop_that_holds_the_speed_does_not_make_it_likely_that_the_command_is_cut_off(seed: int) -> None:
+    record = held_at_two_speeds(seed)
+    limited = load_model("axis").with_effects(["coulomb_friction@axis(level=0.3)", "saturation@input(limit=0.3)"])
+    form = form_of(limited, record)
+    starts = [limited.with_values({"saturation@input.limit": limit}).theta for limit in (0.05, 0.2, 0.4)]
+    best = max((fit_weak(form, start) for start in starts), key=lambda found: found.log_likelihood)
+    assert best.model.values["saturation@input.limit"] > 0.5

@@ -1,0 +1,40 @@
+"""`fit`, `diagnose` and `refine` begin with the same values."""
+
+import numpy as np
+import pytest
+from tests.diagnosis.conftest import record_of
+
+from idloop.diagnosis import diagnose, refine
+from idloop.estimation import fit
+from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.physics import load_model
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.7])
+def test_fit_and_the_first_rung_agree_to_the_last_digit(factor: float) -> None:
+    machine = load_model("axis")
+    record = record_of(machine, 1, seconds=10.0, disturbance=0.02)
+    start = machine.with_values({name: factor * machine.values[name] for name in machine.free})
+    fitted = fit(start, [record])
+    ladder, found = refine(start, [record], most=0), diagnose(start, [record])
+    assert fitted.criterion == ladder.criterion == found.criterion == "prediction"
+    assert {name: ladder.steps[0].model.values[name] for name in start.free} == dict(
+        zip(fitted.names, fitted.values, strict=True)
+    )
+    assert found.model.values == ladder.steps[0].model.values
+
+
+def test_a_setting_is_thinned_to_stretches_of_its_records() -> None:
+    machine = load_model("axis")
+    records = [record_of(machine, seed, seconds=10.0, name=f"run {seed}") for seed in (1, 2)]
+    setting = prepare_setting(machine, records, "prediction")
+    total = sum(len(one.time) for one in setting.data)
+    some = setting.thinned(total // 5)
+    assert setting.thinned(total) is setting
+    assert sum(len(one.time) for one in some.data) == pytest.approx(total / 5, rel=0.01)
+    for stretch, record in zip(some.data, some.records, strict=True):
+        whole = next(one for one in setting.data if one.name == stretch.name)
+        place = np.searchsorted(whole.time, stretch.time)
+        np.testing.assert_array_equal(whole.output[place], stretch.output)
+        np.testing.assert_array_equal(whole.held_input()[place], stretch.held_input())
+        np.testing.assert_array_equal(record.time, stretch.time)

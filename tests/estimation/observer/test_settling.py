@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm, solve_discrete_are
+
+from idloop.estimation.observer.settling import settling_observer
+from idloop.physics import Engine, load_model
+from idloop.physics.engine import Linear
+
+STEP = 0.01
+# So many samples that the gain is held only when hardly anything is left to settle.
+ENDLESS = 10**7
+
+
+def augmented(linear: Linear, intensity: float, decay: float) -> tuple[np.ndarray, np.ndarray]:
+    """Transition and process noise of the motion with a force that is held, forgotten and renewed at each sample."""
+    n = len(linear.A)
+    rates, noise = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+    rates[:n, :n], rates[:n, n] = linear.A, linear.G
+    transition = expm(STEP * rates)
+    transition[n, n], noise[n, n] = decay, STEP * intensity
+    return transition, noise
+
+
+@pytest.mark.parametrize("decay", [1.0, 0.9, 0.0])
+@pytest.mark.parametrize(
+    ("name", "measured"), [("dc_motor", [0, 1]), ("dc_motor", [0]), ("axis", [0, 1]), ("torsion", [0, 3])]
+)
+@settings(max_examples=5)
+@given(exponent=st.floats(-2.0, 2.0))
+def test_it_settles_at_the_steady_kalman_gain(name: str, measured: list[int], decay: float, exponent: float) -> None:
+    model = load_model(name)
+    linear = Engine(model).linearise()
+    n, noise = len(linear.A), np.array([o.noise for o in model.outputs])
+    found = settling_observer(linear, measured, STEP, 10.0**exponent, noise, np.ones(n + 1), ENDLESS, decay)
+    transition, process = augmented(linear, 10.0**exponent, decay)
+    output = np.hstack([linear.C[measured], np.zeros((len(measured), 1))])
+    spread = solve_discrete_are(transition.T, output.T, process, np.diag(noise[measured] ** 2))
+    innovation = output @ spread @ output.T + np.diag(noise[measured] ** 2)
+    gain = np.zeros((n + 1, len(noise)))
+    gain[:, measured] = spread @ output.T @ np.linalg.inv(innovation)
+    assert found.gain[-n - 1 :] == pytest.approx(gain, rel=1e-4, abs=1e-6 * np.max(np.abs(gain)))
+    assert found.covariance[-1][np.ix_(measured, measured)] == pytest.approx(innovation, rel=1e-4)
+
+
+@given(decay=st.floats(0.0, 1.0), seed=st.integers(0, 1000))
+def test_the_first_gains_are_those_of_the_textbook_recursion(decay: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linear = Engine(load_model("dc_motor")).linearise()
+    noise, start, intensity = rng.uniform(0.01, 1.0, 2), rng.uniform(0.1, 10.0, 3), float(rng.uniform(0.1, 10.0))
+    found = settling_observer(linear, [0, 1], STEP, intensity, noise, start, 8, decay)
+    transition, process = augmented(linear, intensity, decay)
+    output = np.hstack([linear.C, np.zeros((2, 1))])
+    spread = np.diag(start**2)
+    for k in range(found.steps):
+        innovation = output @ spread @ output.T + np.diag(noise**2)
+        gain = spread @ output.T @ np.linalg.inv(innovation)
+        assert found.gain[3 * k : 3 * k + 3] == pytest.approx(gain, rel=1e-6, abs=1e-12)
+        assert found.covariance[k] == pytest.approx(innovation, rel=1e-6)
+        spread = transition @ (spread - gain @ output @ spread) @ transition.T + process
+    assert found.steps >= 5

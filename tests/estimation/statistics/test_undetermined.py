@@ -1,0 +1,151 @@
+"""Parameters that the motion shows only together."""
+
+import json
+
+import numpy as np
+import pytest
+
+from idloop.diagnosis import diagnose, refine
+from idloop.estimation import fit
+from idloop.estimation.dataset import prepare
+from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.statistics.undetermined import common_scale, effect_scales
+from idloop.physics import Model, load_model
+from idloop.physics.simulation import simulate
+from idloop.records import Record
+from idloop.validation import compare
+
+BASE = ("axis.inertia", "axis.viscous_friction", "drive.gain")
+# True ratios of the preset to its inertia of 0.01 kg·m².
+FRICTION, GAIN = 5.0, 100.0
+
+
+def moved(model: Model, seconds: float = 8.0, seed: int = 0) -> Record:
+    """Random steps of the command, measured with the sensors' noise."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 0.005)
+    command = rng.normal(size=int(4 * seconds) + 1)[(4.0 * time).astype(int)]
+    noise = np.column_stack([rng.normal(size=len(time)) * float(o.noise or 0.0) for o in model.outputs])
+    output = simulate(model, time, command, time, noise=noise).output
+    names, units = tuple(o.name for o in model.outputs), tuple(o.unit for o in model.outputs)
+    return Record("run", time, command, time, output, model.input.name, model.input.unit, names, units)
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return moved(load_model("axis"))
+
+
+@pytest.fixture(scope="module")
+def unknown() -> Model:
+    """Nothing of the drive is known, and everything is guessed too small."""
+    return load_model("axis").with_values(dict(zip(BASE, (0.004, 0.06, 0.5), strict=True))).with_free(BASE)
+
+
+@pytest.mark.parametrize("criterion", ["auto", "prediction", "simulation", "force"])
+def test_of_forces_that_are_all_free_only_ratios_are_told(unknown: Model, record: Record, criterion: str) -> None:
+    found = fit(unknown, [record], criterion)
+    assert found.names == BASE
+    assert np.all(np.isnan(found.stderr))
+    assert found.values[0] == unknown.values["axis.inertia"]
+    assert all(found.model.parameter(name).free and found.model.parameter(name).stderr is None for name in BASE)
+    friction, gain = found.ratios
+    assert abs(friction.value - FRICTION) < 4.0 * friction.stderr
+    assert abs(gain.value - GAIN) < 4.0 * gain.stderr
+    assert gain.stderr < 0.02 * GAIN
+    (warning,) = (text for text in found.warnings if "ratios" in text)
+    assert all(name in warning for name in BASE)
+    assert "fix one" in warning
+
+
+def test_a_fit_of_ratios_is_that_with_the_inertia_known(unknown: Model, record: Record) -> None:
+    known = fit(unknown.with_free(BASE[1:]), [record])
+    found = fit(unknown, [record])
+    assert (found.criterion, found.why) == (known.criterion, known.why)
+    assert [ratio.value * found.values[0] for ratio in found.ratios] == pytest.approx(known.values)
+    assert [ratio.stderr * found.values[0] for ratio in found.ratios] == pytest.approx(known.stderr)
+
+
+def test_ratios_are_printed_and_given_as_json(unknown: Model, record: Record) -> None:
+    found = fit(unknown, [record])
+    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    low, high = document["ratios"]["drive.gain / axis.inertia"]["interval"]
+    assert low < document["ratios"]["drive.gain / axis.inertia"]["value"] < high
+    assert all(document["parameters"][name]["interval"] == [None, None] for name in BASE)
+    assert "drive.gain / axis.inertia" in found.summary()
+    assert found.summary().count("not determined") == 3
+
+
+@pytest.mark.parametrize("known", [*BASE, "load_torque@axis.torque"])
+def test_one_known_force_sets_the_scale(unknown: Model, record: Record, known: str) -> None:
+    model = unknown.with_effect("load_torque", "axis", torque=0.1)
+    assert common_scale(RememberingEngine(model), prepare(model, [record])) is not None
+    model = model.with_free(name for name in model.free if name != known)
+    assert common_scale(RememberingEngine(model), prepare(model, [record])) is None
+
+
+def test_what_is_no_force_takes_no_part_in_the_scale(unknown: Model, record: Record) -> None:
+    model = unknown.with_effect("dead_zone", "input", width=0.1).with_effect("coulomb_friction", "axis", level=0.02)
+    found = common_scale(RememberingEngine(model), prepare(model, [record]))
+    assert found is not None
+    assert set(found.names) == {*BASE, "coulomb_friction@axis.level"}
+
+
+@pytest.mark.parametrize("criterion", ["simulation", "force"])
+def test_of_two_effects_that_are_one_equation_one_is_held(record: Record, criterion: str) -> None:
+    found = fit(_one_equation_twice(), [record], criterion)
+    told = dict(zip(found.names, found.stderr, strict=True))
+    assert np.isnan(told["input_offset@input.offset"])
+    assert np.isnan(told["load_torque@axis.torque"])
+    assert found.model.values["load_torque@axis.torque"] == 0.02
+    assert any("input_offset@input.offset" in text and "held" in text for text in found.warnings)
+    for name, true in (("axis.inertia", 0.01), ("axis.viscous_friction", 0.05)):
+        assert abs(found.model.values[name] - true) < 4.0 * told[name]
+
+
+def test_a_constant_force_is_told_beside_a_disturbance_that_drifts() -> None:
+    free = load_model("axis").with_effect("input_offset", "input", offset=0.01)
+    drifting = moved(load_model("axis").with_effect("load_torque", "axis", torque=0.05), seconds=4.0)
+    found = fit(free, [drifting])
+    offset = found.names.index("input_offset@input.offset")
+    assert abs(found.values[offset] - 0.05) < 4.0 * found.stderr[offset]
+    assert compare(found.model, drifting).fit["axis.position"] > 99.0
+
+
+def _one_equation_twice() -> Model:
+    model = load_model("axis").with_effect("input_offset", "input", offset=0.01)
+    return model.with_effect("load_torque", "axis", torque=0.02)
+
+
+def test_a_diagnosis_says_that_only_ratios_are_told(unknown: Model, record: Record) -> None:
+    effects = ["coulomb_friction", "dead_zone"]
+    found = diagnose(unknown, [record], effects=effects)
+    ladder = refine(unknown, [record], effects=effects)
+    assert any("only the ratios" in line for line in found.gate.findings)
+    assert any("only the ratios" in line for line in ladder.to_dict()["findings"])
+    assert ladder.model.values["axis.inertia"] == unknown.values["axis.inertia"]
+    assert found.verdict == ladder.verdict != "missing"
+
+
+LIMIT = "speed_limit_voltage@input"
+
+
+def test_of_a_supply_without_its_resistance_only_ratios_are_told() -> None:
+    cut = load_model("axis").with_effect("speed_limit_voltage", "input", supply=1.0, back_emf=0.1)
+    cut = cut.with_free(name for name in cut.free if name != f"{LIMIT}.resistance")
+    record = moved(cut)
+    (told,) = effect_scales(cut, [record])
+    assert told.names == (f"{LIMIT}.supply", f"{LIMIT}.back_emf", f"{LIMIT}.resistance")
+    assert f"only the ratios of {LIMIT}.supply" in told.text
+    assert f"{LIMIT}.resistance from the data sheet; here it is held at 1 Ω" in told.text
+    assert told.text.count("\n") == 0
+    # A resistance from the data sheet, and one that nothing depends on.
+    assert effect_scales(cut.with_values({f"{LIMIT}.resistance": 1.2}), [record]) == []
+    assert effect_scales(cut.with_values({f"{LIMIT}.supply": 1e6}), [record]) == []
+
+
+def test_what_is_held_and_no_ratio_is_not_said_to_be_one() -> None:
+    name = "presliding_friction@axis"
+    model = load_model("axis").with_effect("presliding_friction", "axis", level=0.05, stiffness=50.0)
+    model = model.with_free(free for free in model.free if free != f"{name}.velocity")
+    assert effect_scales(model, [moved(model, 2.0)]) == []

@@ -1,0 +1,47 @@
+"""Which criterion's answer is reported where prediction and free run differ."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from idloop.estimation.criterion_choice import between
+
+NAMES = ("motor.viscous_friction", "drive.gain")
+
+
+def fitted(values, stderr, error=0.01, converged=True):
+    residual = SimpleNamespace(value=np.full((100, 1), error))
+    return SimpleNamespace(
+        names=NAMES,
+        values=np.array(values),
+        stderr=np.array(stderr),
+        residuals=(residual,),
+        converged=converged,
+        why="w",
+    )
+
+
+DATA = [SimpleNamespace(output=np.linspace(-1.0, 1.0, 100)[:, None])]
+
+
+@pytest.mark.parametrize(
+    ("prediction", "simulation", "chosen"),
+    [
+        (fitted([2.0, 8.0], [0.1, 0.1]), fitted([2.0, 8.0], [0.1, 0.1]), "prediction"),
+        (fitted([2.0, 8.0], [2.0, 2.0]), fitted([2.0, 8.0], [0.1, 0.1]), "simulation"),
+        # A gain that may be nothing has not been seen, although the free run tells only its ratio to the friction.
+        (fitted([84.0, -24.0], [6.0, 150.0]), fitted([21000.0, 20000.0], [np.nan, np.nan]), "simulation"),
+        (fitted([84.0, -24.0], [6.0, 150.0]), fitted([21000.0, 20000.0], [np.nan, np.nan], error=1.0), "prediction"),
+        (fitted([84.0, -24.0], [6.0, 150.0]), fitted([2.0, 8.0], [np.nan, np.nan], converged=False), "prediction"),
+        # A friction that may be nothing is one.
+        (fitted([0.1, 8.0], [0.2, 0.1]), fitted([0.1, 8.0], [0.2, 0.1]), "prediction"),
+    ],
+)
+def test_the_free_run_answers_where_prediction_is_blind(prediction, simulation, chosen):
+    choice = between(prediction, simulation, DATA)
+    assert choice.criterion == chosen
+    if np.isnan(simulation.stderr).any() and chosen == "simulation":
+        assert "cannot tell drive.gain" in choice.why

@@ -1,0 +1,236 @@
+"""What the interactive figures hold: the numbers of the objects that they are drawn from, names and units."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bokeh.models.annotations import BoxAnnotation, Label, Legend, Span
+
+from idloop.reporting.effect_names import in_words, words
+from idloop.reporting.figures.candidates import (
+    ADDED,
+    MISSING,
+    TIED,
+    UNTESTABLE,
+    WEIGHED,
+    candidates_figure,
+    diagnosis_rows,
+    ladder_rows,
+)
+from idloop.reporting.figures.evidence import MOST, Decided, evidence_figure
+from idloop.reporting.figures.force import force_figures
+from idloop.reporting.figures.ladder import error_lines, force_lines, ladder_figures, step_names
+from idloop.reporting.figures.overlay import overlay
+from idloop.reporting.figures.residual import residual_figures
+from idloop.reporting.figures.theme import DARK, LIGHT
+from idloop.reporting.figures.unknown import unknown_figure
+from idloop.reporting.figures.where import bins, error_along
+from idloop.reporting.page.page_figures import page_figures, panel_of, where_places
+from idloop.validation.variables import VARIABLES
+
+
+def labels(plot):
+    return plot.xaxis[0].axis_label, plot.yaxis[0].axis_label
+
+
+def columns(plot, which=0):
+    return plot.renderers[which].data_source.data
+
+
+@pytest.fixture(scope="module")
+def judged(contents):
+    return contents.judged[0]
+
+
+@pytest.fixture(scope="module")
+def maps(judged):
+    return [(label, c.where["motor.velocity"]) for label, c in judged.rows]
+
+
+def test_overlay_draws_measured_models_residuals_and_the_command_on_one_time_axis(judged):
+    record, panel = judged.record, panel_of(judged)
+    plots = overlay(panel, record.output_names, record.output_units, record.input_name, record.input_unit)
+    assert [labels(plot)[1] for plot in plots] == [
+        "motor.position [rad]", "residual [rad]", "motor.velocity [rad/s]", "residual [rad/s]", "motor.effort [V]",
+    ]  # fmt: skip
+    assert labels(plots[-1])[0] == "time [s]"
+    assert len({plot.x_range.id for plot in plots}) == 1
+    np.testing.assert_allclose(columns(plots[2])["y"], record.output[:, 1], rtol=1e-6)
+    for index, modelled in enumerate(panel.modelled.values()):
+        np.testing.assert_allclose(columns(plots[2], index + 1)["y"], modelled[:, 1], rtol=1e-5, atol=1e-6)
+        left = record.output[:, 1] - modelled[:, 1]
+        np.testing.assert_allclose(columns(plots[3], index)["y"], left, rtol=1e-4, atol=1e-6)
+    (band,) = [one for one in plots[3].center if isinstance(one, BoxAnnotation)]
+    assert band.top == pytest.approx(1.96 * 5e-3)
+    said = [item.label["value"] for item in plots[0].above[0].items]
+    assert said[0] == "measured"
+    assert said[1].startswith("start (FIT ")
+
+
+def test_overlay_of_a_long_record_stays_small(judged):
+    panel = panel_of(judged)
+    time = np.arange(0.0, 600.0, 1e-3)
+    long = replace(
+        panel, time=time, output=np.sin(time)[:, None] * [1.0, 1.0], input_time=time, input=time,
+        modelled={"start": np.zeros((len(time), 2))},
+    )  # fmt: skip
+    for plot in overlay(long, ("a", "b"), ("rad", "rad"), "u", "V", buckets=400):
+        for drawn in plot.renderers:
+            assert len(drawn.data_source.data["x"]) <= 802
+            assert drawn.data_source.data["y"].dtype == np.float32
+
+
+@pytest.mark.parametrize("variable", VARIABLES)
+def test_the_error_along_every_variable_has_names_and_units(maps, variable):
+    plot = error_along(maps, variable, DARK)
+    across, up = labels(plot)
+    assert "[" in across
+    assert up.endswith("[rad/s]")
+    assert len(plot.above[0].items) == 2
+
+
+def test_bins_say_what_the_breakdown_says(maps):
+    breakdown = maps[0][1].along("velocity")
+    drawn = bins(breakdown)
+    np.testing.assert_allclose(0.5 * (drawn["low"] + drawn["high"]), breakdown.mean)
+    np.testing.assert_allclose(drawn["mean"] ** 2 + (drawn["high"] - drawn["mean"]) ** 2, breakdown.rms**2)
+    assert np.sum(drawn["error"]) == pytest.approx(100.0, abs=1.0)
+    np.testing.assert_allclose(columns(error_along(maps, "velocity"), 1)["mean"], breakdown.mean)
+
+
+def test_a_variable_that_was_left_out_has_no_figure(maps):
+    label, one = maps[0]
+    without = replace(one, breakdowns=tuple(b for b in one.breakdowns if b.variable != "position"))
+    assert error_along([(label, without)], "position") is None
+    assert error_along([], "time") is None
+
+
+def test_worst_stretches_are_marked_and_numbered(maps):
+    loud = maps[-1][1].loud_stretches[:3]
+    plot = error_along(maps, "time")
+    marks = [one for one in plot.center if isinstance(one, BoxAnnotation)]
+    assert [(mark.left, mark.right) for mark in marks] == [(stretch.start, stretch.stop) for stretch in loud]
+    numbers = [one.text for one in plot.center if isinstance(one, Label)]
+    assert numbers == [str(i) for i in range(1, len(loud) + 1)]
+
+
+def test_the_ladder_draws_the_numbers_of_its_document(contents):
+    document = contents.ladder.to_dict()["ladder"]
+    lines = {line.label: line.error for line in error_lines(contents.ladder)}
+    for kind, said in (("validation", "unseen data"), ("train", "fitted data")):
+        for name in ("motor.position", "motor.velocity"):
+            expected = [step[kind]["nrmse"][name] for step in document]
+            np.testing.assert_array_equal(lines[f"{name}, {said}"], expected)
+        (force,) = [line.error for line in force_lines(contents.ladder) if line.label == f"drive force, {said}"]
+        np.testing.assert_allclose(force, [100.0 * step[kind]["force"] for step in document])
+
+
+def test_the_ladder_names_its_steps_and_shows_the_noise_floor(contents):
+    assert step_names(contents.ladder) == ["0  start", "1  + Coulomb friction @ motor"]
+    force, outputs = ladder_figures(contents.ladder, contents.floor)
+    assert labels(force)[0] == "error of the drive force [%]"
+    assert labels(outputs)[0] == "NRMSE of the free run [-]"
+    floors = sorted(one.location for one in outputs.center if isinstance(one, Span))
+    assert floors == sorted(contents.floor.values())
+    names = [one for one in outputs.center if isinstance(one, Label)]
+    assert [one.text for one in names] == step_names(contents.ladder)
+    # A line from step to step goes behind the words.
+    assert {(one.level, one.background_fill_alpha) for one in names} == {("overlay", 1.0)}
+
+
+def test_effects_are_written_as_words():
+    assert words("stribeck_friction@load1") == "Stribeck friction @ load1"
+    assert words("dead_zone") == "dead zone"
+    assert in_words("it separates dead_zone@input and sensor_delay@position[motor]; stay below 3 V") == (
+        "it separates dead zone @ input and sensor delay @ position[motor]; stay below 3 V"
+    )
+
+
+def test_candidates_are_ranked_with_ties_as_ties_and_what_cannot_be_shown(contents):
+    rows = ladder_rows(contents.ladder)
+    assert [(row.name, row.standing) for row in rows] == [
+        ("coulomb_friction@motor", ADDED),
+        ("dead_zone@input", TIED),
+        ("backlash@position[motor]", WEIGHED),
+        ("saturation@input", UNTESTABLE),
+    ]
+    assert rows[1].evidence == "as likely as Coulomb friction @ motor"
+    assert rows[-1].text == "a limit beyond the data cannot show"
+    plot = candidates_figure(rows)
+    assert list(columns(plot)["share"]) == [80.0, 0.0, 1.0]
+    assert candidates_figure(rows[-1:]) is None
+
+
+def test_a_pair_that_shows_only_together_is_missing_both(missing_pair):
+    rows = diagnosis_rows(missing_pair)
+    assert [(row.name, row.standing) for row in rows] == [
+        ("gain_asymmetry@input", MISSING),
+        ("load_torque@axis", MISSING),
+    ]
+    tied = replace(missing_pair, pair=None, set=("gain_asymmetry@input", "load_torque@axis"))
+    assert [row.evidence for row in diagnosis_rows(tied)] == [
+        "missing, p = 0.001",
+        "as likely as gain asymmetry @ input",
+    ]
+
+
+def test_the_drive_side_shows_what_each_model_misses(judged):
+    forces = [(label, c.force) for label, c in judged.rows]
+    top, below = force_figures(forces, "N·m")
+    assert labels(top)[1] == "drive force [N·m]"
+    np.testing.assert_allclose(columns(top)["y"], forces[0][1].applied, rtol=1e-5)
+    for index, (_, one) in enumerate(forces):
+        np.testing.assert_allclose(columns(below, index)["y"], one.applied - one.required, rtol=1e-4, atol=1e-5)
+    assert force_figures([], "N") == []
+
+
+def test_the_unknown_curve_has_its_band(contents):
+    plot = unknown_figure(contents.ladder.unknown)
+    assert labels(plot) == ("motor.velocity [rad/s]", "remaining force [N·m]")
+    drawn = columns(plot)
+    np.testing.assert_allclose(drawn["high"] - drawn["low"], 0.2)
+
+
+def test_residual_tests_are_drawn_with_their_bands(judged):
+    test = judged.rows[-1][1].residual_tests()[0]
+    own, cross = residual_figures(test)
+    assert labels(own) == ("lag [samples]", "autocorrelation [-]")
+    np.testing.assert_allclose(columns(own)["y"], test.autocorrelation)
+    np.testing.assert_allclose(columns(cross)["high"], test.cross_correlation_band)
+
+
+def test_the_evidence_has_a_line_for_each_effect_its_threshold_and_marks_what_is_decided():
+    lines = {"slip@motor": (1.0, 2.0), "dead_zone@input": (4.0, 12.0)} | {
+        f"cogging@load{index}": (-1.0, -float(index)) for index in range(MOST)
+    }
+    plot = evidence_figure((5.0, 10.0), lines, 7.9, {"dead_zone@input": Decided(10.0, 1000, 12.0)}, DARK)
+    assert labels(plot) == ("new samples [s]", "log E [-]")
+    (span,) = plot.select(Span)
+    assert (span.location, span.dimension) == (7.9, "width")
+    marks = [one.data_source.data for one in plot.renderers if one.name == "decided"]
+    assert [(one["x"], one["y"], one["samples"]) for one in marks] == [([10.0], [12.0], [1000])]
+    drawn = [one for one in plot.renderers if one.name == "looks"]
+    assert len(drawn) == MOST, "those with most evidence"
+    assert list(drawn[0].data_source.data["y"]) == [1.0, 2.0]
+    assert plot.y_range.start < -1.0
+    assert plot.y_range.end > 12.0
+    (legend,) = plot.select(Legend)
+    assert len(legend.items) == MOST + 1
+    assert "7.9" in legend.items[-1].label.value
+
+
+def test_every_figure_of_the_page_has_labelled_axes_and_the_colours_of_its_theme(contents):
+    places = page_figures(contents, DARK)
+    assert {"ladder", "candidates", "unknown", "overlay-0", "overlay-1", "force-0"} <= set(places)
+    assert "effect-coulomb_friction@motor" in places
+    assert all(f"where-{name}-{variable}" in places for name, variable in where_places(contents))
+    for place, plots in places.items():
+        for plot in plots:
+            assert plot.background_fill_color == DARK.surface
+            for axis in (*plot.xaxis, *plot.yaxis):
+                # Only what lists steps or effects has no quantity: its rows are named.
+                listed = not axis.visible or (place in {"ladder", "candidates"} and axis in plot.yaxis)
+                assert listed or axis.axis_label.endswith("]"), place
+    assert LIGHT.surface not in str([plot.border_fill_color for plots in places.values() for plot in plots])

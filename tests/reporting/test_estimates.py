@@ -1,0 +1,100 @@
+"""Numbers with as many digits as their interval lets stand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idloop.cli.verbs.refine import print_ladder, print_parameters
+from idloop.diagnosis import Candidate, Ladder, Step
+from idloop.diagnosis.candidate import effect_parameters
+from idloop.diagnosis.screening.proposals import proposals
+from idloop.physics import load_model
+from idloop.reporting.estimates import figure_text, fit_text, held_parameters, read_off_parameters, with_interval
+from idloop.reporting.page.page_words import page_words
+
+
+@pytest.mark.parametrize(
+    ("value", "stderr", "text"),
+    (
+        (20.3421, 0.20435, "20.34 ± 0.40"),
+        (94.99, 0.2, "94.99 ± 0.39"),
+        (-36.8, 2.1, "−36.8 ± 4.1"),
+        (204.6, 20.0, "205 ± 39"),
+        (3.11e-7, 1e-9, "(3.110 ± 0.020) · 10⁻⁷"),
+        (5.0, None, "5"),
+        (5.0, 0.0, "5"),
+        (0.0, None, "0"),
+    ),
+)
+def test_two_digits_of_the_interval(value, stderr, text):
+    assert with_interval(value, stderr) == text
+
+
+@given(st.floats(-1e5, 1e5), st.floats(1e-4, 1e3))
+def test_the_text_is_within_a_tenth_of_the_interval(value, stderr):
+    text = with_interval(value, stderr).replace("−", "-")
+    factor = 1.0
+    if "·" in text:
+        text, _, power = text.partition(" · 10")
+        factor = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")))
+    said, half = (float(part.strip("()")) * factor for part in text.split(" ± "))
+    assert abs(said - value) <= 0.1 * 1.96 * stderr + 1e-9
+    assert half == pytest.approx(1.96 * stderr, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    (
+        (83.66, 3, "83.7"), (99.94, 3, "99.9"), (99.96, 3, "99.96"), (99.9996, 4, "99.9996"), (100.0, 3, "100"),
+        (-12.34, 3, "−12.3"), (None, 3, "–"), (math.nan, 3, "–"), (math.inf, 3, "∞"), (100.0 - 1e-12, 3, "100"),
+    ),
+)  # fmt: skip
+def test_a_fit_is_not_rounded_up_to_a_perfect_one(value, digits, text):
+    assert fit_text(value, digits) == text
+
+
+def test_what_is_no_number_is_said():
+    assert figure_text(None) == figure_text(math.nan) == "–"
+    assert figure_text(math.inf) == "∞"
+    assert figure_text(-1.5e-9, 2) == "−1.5 · 10⁻⁹"
+
+
+def test_what_was_held_is_no_estimate_and_what_was_chosen_is_none_of_it(contents, capsys):
+    start = load_model("dc_motor")
+    (sliding,) = proposals(start, ["presliding_friction@motor"])
+    (waves,) = proposals(start, ["cogging@motor"])
+    model = sliding.model({"level": 0.2, "stiffness": 500.0})
+    entries = waves.model({"amplitude": 0.1, "harmonic": 7.0, "phase": 0.3})
+    assert not effect_parameters(entries, waves.name)["harmonic"]["held"]
+    given = effect_parameters(model, sliding.name)
+    assert [name for name, entry in given.items() if entry["held"]] == ["velocity", "damping"]
+    added = Candidate("presliding_friction", "motor", "yes", "", "It gives.", model=model, parameters=given)
+    ladder = Ladder((Step(None, start), Step(added, model, set=(sliding.name,))), verdict="adequate")
+    assert list(held_parameters(ladder)) == [f"{sliding.name}.velocity", f"{sliding.name}.damping"]
+    print_ladder(ladder)
+    print_parameters(ladder)
+    said = capsys.readouterr().out
+    assert "velocity 0.1 rad/s (held), damping 0 N·m·s/rad (held)" in said
+    assert f"held, not estimated: {sliding.name}.velocity 0.1 rad/s, {sliding.name}.damping 0 N·m·s/rad\n" in said
+    told = page_words(replace(contents, ladder=ladder))
+    kinds = {row["key"]: row["kind"] for row in told["parameters"]}
+    assert kinds[f"{sliding.name}.velocity"] == "held"
+    assert [row["held"] for row in told["steps"][0]["parameters"]] == [False, False, True, True]
+
+
+def test_a_resolution_that_was_read_off_is_told_by_itself(capsys):
+    start = load_model("dc_motor")
+    name = "sensor_quantisation@position[motor]"
+    model = start.with_effects([f"{name}(resolution=0.000314159265)"])
+    given = {"resolution": {"value": 0.000314159265, "stderr": 0.0, "unit": "rad"}}
+    added = Candidate("sensor_quantisation", "position[motor]", "yes", "", "It steps.", model=model, parameters=given)
+    ladder = Ladder((Step(None, start), Step(added, model, set=(name,))), verdict="adequate")
+    assert list(read_off_parameters(ladder)) == [f"{name}.resolution"]
+    assert held_parameters(ladder) == {}
+    print_parameters(ladder)
+    assert f"read off the readings: {name}.resolution 0.000314159 rad\n" in capsys.readouterr().out

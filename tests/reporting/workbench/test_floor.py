@@ -1,0 +1,49 @@
+"""The line of what noise alone leaves: drawn under the ladder until a step goes below it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
+
+from bokeh.document import Document
+from bokeh.models import Span
+from fake import FRICTION, FakeSource
+
+from idloop.diagnosis import Ladder
+from idloop.reporting.workbench.page import Page, judged_spread
+
+
+def floors(page):
+    """Number of the lines of noise in the figure of the ladder."""
+    return sum(isinstance(one, Span) for plot in page.roots["ladder"].children for one in plot.center)
+
+
+def test_a_floor_that_the_ladder_goes_below_is_none():
+    source = FakeSource()
+    source.feed(3000)
+    page = Page(Document(), source, "light")
+    assert floors(page) == 2
+    source.signals.noise[:] = 0.7, 0.02  # of a motion of about 0.7: the position was said to be all noise
+    source.order("add", FRICTION.name)  # and is known to 2 %
+    page.tick()
+    assert floors(page) == 1
+
+
+def test_the_floor_is_that_of_the_data_that_judge_the_ladder():
+    source = FakeSource()
+    source.feed(3000)
+    start = source.board.snapshot.ladder.steps[0]
+    # Judged on a motion of 4 rad; what is shown meanwhile is one of about 0.7.
+    judged = {"nrmse": {"motor.position": 0.2, "motor.velocity": 0.4}, "rmse": {"motor.position": 0.8}}
+    ladder = Ladder((replace(start, validation=judged),))
+    assert judged_spread(ladder, "motor.position") == pytest.approx(4.0)
+    assert judged_spread(ladder, "motor.velocity") == 0.0
+    source.signals.noise[:] = 0.04, 0.02
+    source.board.change(ladder=ladder)
+    page = Page(Document(), source, "light")
+    drawn = [one.location for plot in page.roots["ladder"].children for one in plot.center if isinstance(one, Span)]
+    assert min(drawn) == pytest.approx(0.01)
+    assert max(drawn) == pytest.approx(0.02 / 0.7, rel=0.1)

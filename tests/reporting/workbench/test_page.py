@@ -1,0 +1,446 @@
+"""The page in a real browser, on a source that only pretends."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
+
+from fake import DEAD_ZONE, FRICTION, MISSING, FakeSource
+
+from idloop.diagnosis import Ladder
+from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.workbench.server import Place, Site
+from idloop.reporting.workbench.source import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate
+from idloop.reporting.workbench.source import STALE as SILENT
+
+PEAK = "peak => strips.values('measured').includes(peak)"
+
+
+@pytest.fixture
+def source():
+    one = FakeSource()
+    one.feed(3000)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def site(source):
+    one = Site(source, Place())
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def empty_site():
+    source = FakeSource()
+    one = Site(source, Place())
+    yield one
+    one.close()
+    source.close()
+
+
+def held(condition, seconds=200.0):
+    """Wait for something in this process."""
+    waited = threading.Event()
+    for _ in range(int(seconds / 0.02)):
+        if condition():
+            return
+        waited.wait(0.02)
+    raise AssertionError("condition not met in time")
+
+
+def test_it_shows_the_streams_as_they_come_and_no_peak_is_lost(site, source, visit):
+    visitor = visit(site.address)
+    first = visitor.page.evaluate("() => strips.pictures")
+    source.feed(5000, peak=7.5)
+    visitor.until("before => strips.pictures > before", first)
+    visitor.until(PEAK, 7.5)
+    points, buckets = visitor.page.evaluate("() => [strips.values('measured').length, (strips.width - 90) / 2]")
+    assert points <= 2 * 2 * (buckets + 20), "two outputs, two points a bucket"
+    assert visitor.page.inner_text("#state") == "live"
+    assert visitor.page.evaluate("() => strips.strips.map((one) => `${one.name} [${one.unit}]`)") == [
+        "motor.position [rad]", "residual [rad]", "motor.velocity [rad/s]", "residual [rad/s]", "motor.effort [V]",
+    ]  # fmt: skip
+
+
+def test_memory_of_the_page_is_bounded_however_long_it_follows(site, source, visit):
+    visitor = visit(site.address)
+    for part in range(1, 5):
+        source.feed(15_000, peak=10.0 + part)
+        visitor.until(f"() => strips.stop > {15 * part + 2.9}")
+        held, buckets = visitor.page.evaluate("() => [strips.bytes, (strips.width - 90) / 2]")
+        # Two points a bucket, half as much again to grow into; time in eight bytes, each value in four.
+        points = 1.5 * 2 * (buckets + 20) + 64
+        assert held <= points * sum(8 + 4 * columns for columns in (2, 2, 2, 1, 1)), "three streams, command, reference"
+    assert visitor.page.evaluate("() => strips.times('measured')[1]") > 62.9 - 10.5
+
+
+def test_figures_follow_new_findings_and_the_page_keeps_no_old_ones(site, source, visit):
+    visitor = visit(site.address)
+    models = "() => Bokeh.documents[0].all_models.size"
+    drawn = "value => [...Bokeh.documents[0].all_models].some((one) => one.data?.x?.includes?.(value))"
+    start = source.board.snapshot.ladder.steps[0]
+    before = None
+    for error in (0.31, 0.32, 0.33):
+        nrmse = dict.fromkeys(start.train["nrmse"], error)
+        step = replace(start, validation={**start.validation, "nrmse": nrmse})
+        source.board.change(ladder=Ladder((step,)))
+        visitor.until(drawn, error)
+        before = before or visitor.page.evaluate(models)
+        assert visitor.page.evaluate(models) == before
+
+
+def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    assert page.is_hidden("#evidence-panel")
+    estimate = TrustedEstimate("drive.gain", "8.26 ± 0.02 N·m/V", False, "not decided yet")
+    first = Evidence("nothing decided", (), (5.0,), {FRICTION.name: (3.25,)}, 7.9, {}, (estimate,))
+    source.board.change(evidence=first)
+    drawn = "value => [...Bokeh.documents[0].all_models].some((one) => one.data?.y?.includes?.(value))"
+    visitor.until(drawn, 3.25)
+    decided = {FRICTION.name: Decided(10.0, 1000, 21.5)}
+    values = {FRICTION.name: (3.25, 21.5), DEAD_ZONE.name: (float("nan"), 1.5)}
+    last = replace(
+        first, line="decided: coulomb_friction@motor", seconds=(5.0, 10.0), lines=values, decided=decided,
+        estimates=(replace(estimate, trusted=True, why="nothing is missing"),), ended="decided: coulomb_friction@motor",
+    )  # fmt: skip
+    source.board.change(evidence=last)
+    visitor.until(drawn, 1.5)
+    page.wait_for_selector("#trust-rows b:text('yes')")
+    assert "Coulomb friction @ motor" in page.inner_text("#evidence-line")
+    assert "was ended" in page.inner_text("#evidence-line")
+    assert page.text_content("#evidence-effects tr:first-child").endswith("10 s, 1000 samples")
+    assert page.get_attribute("#trust-rows th", "scope") == "row"
+    labels = "() => [...Bokeh.documents[0].all_models].map((one) => one.axis_label).filter(Boolean)"
+    assert {"new samples [s]", "log E [-]"} <= set(page.evaluate(labels))
+
+
+def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    assert "cannot tell which" in page.inner_text("#verdict")
+    assert page.locator(".tie .card").count() == 2
+    assert "cogging @ motor" in page.text_content("#cannot")
+    page.click("[data-effect='dead_zone@input']")
+    page.wait_for_selector("[data-step='1']")
+    assert source.orders == [("add", "dead_zone@input")]
+    assert "97.0 %" in page.inner_text("[data-step='1']")
+    assert "dead zone @ input" in page.inner_text("#model")
+    page.click("#undo")
+    page.wait_for_selector("[data-step='1']", state="detached")
+    assert source.orders[-1] == ("undo", "")
+    assert page.is_disabled("#undo")
+
+
+def test_through_a_tunnel_that_passes_on_the_pages_port_alone_the_page_stops(source, visit):
+    site = Site(source, Place())
+    site._stop.close()
+    visitor = visit(site.address)
+    visitor.page.click("#stop")
+    held(lambda: source.stops == 1)
+    visitor.page.goto("about:blank")
+    site.close()
+    visitor.complaints.clear()  # of the port that does not answer
+
+
+def colour(page, selector):
+    return page.eval_on_selector(selector, "one => getComputedStyle(one).backgroundColor")
+
+
+def test_a_page_that_has_lost_the_workbench_does_not_say_that_the_motor_is_stopped(site, source, visit):
+    visitor = visit(site.address)
+    source.board.change(stop=STOPPED)
+    visitor.page.wait_for_selector("#stopped[data-stop=stopped]")
+    visitor.page.context.set_offline(True)
+    visitor.page.wait_for_selector("#stopped[data-stop=unknown]")
+    assert "switch the drive off by hand" in visitor.page.inner_text("#stopped")
+    visitor.page.context.set_offline(False)
+    visitor.page.wait_for_selector("#stopped[data-stop=stopped]")
+    visitor.complaints.clear()  # of requests without a network
+
+
+def test_a_release_that_is_not_confirmed_is_said(site, source, visit):
+    page = visit(site.address).page
+    source.board.change(stop=RELEASING)
+    page.wait_for_selector("#stopped[data-stop=releasing]")
+    assert page.inner_text("#stop-state") == "Release sent, not confirmed."
+
+
+@pytest.mark.parametrize("how", ["button", "key"])
+def test_stop_is_one_click_or_one_key(site, source, visit, how):
+    visitor = visit(site.address)
+    page = visitor.page
+    assert "Esc" in page.inner_text("#stop")
+    if how == "button":
+        page.click("#stop")
+    else:
+        page.focus("#span")
+        page.keyboard.press("Escape")
+    page.wait_for_selector("#stopped:not([hidden])")
+    assert source.stops == 1
+    assert page.inner_text("#stop-state") == "Stop sent, not confirmed."
+    assert "switch the drive off by hand" in page.inner_text("#stopped")
+    sent = colour(page, "#stopped")
+    source.board.change(stop=STOPPED)
+    page.wait_for_selector("#stopped[data-stop=stopped]")
+    assert page.inner_text("#stop-state") == "Motor stopped."
+    assert "by hand" not in page.inner_text("#stopped")
+    assert colour(page, "#stopped") != sent
+    page.click("#reset")
+    page.wait_for_selector("#stopped", state="hidden")
+    assert source.orders == [("reset", "")]
+
+
+def test_an_experiment_shows_its_limits_and_asks_once(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    page.click("#experiment")
+    assert "at most 5 V" in page.inner_text("#confirm")
+    page.click("#confirm-no")
+    assert source.orders == []
+    page.click("#experiment")
+    page.click("#confirm-yes")
+    held(lambda: source.orders == [("experiment", "")])
+
+
+def many_that_tie(count):
+    names = [c.name for c in (FRICTION, DEAD_ZONE)]
+    more = tuple(replace(FRICTION, effect=f"effect_{number}") for number in range(count - len(names)))
+    tied = (FRICTION, DEAD_ZONE, *more)
+    return replace(MISSING, candidates=tied, set=tuple(c.name for c in tied))
+
+
+def test_a_tie_of_many_has_the_way_on_and_all_its_effects_before_the_readers_eyes(site, source, visit):
+    source.board.change(missing=many_that_tie(7))
+    page = visit(site.address).page
+    assert "One of these 7 effects is missing" in page.inner_text("#verdict")
+    go = page.locator("#experiment")
+    assert go.inner_text() == "Run the experiment that tells them apart …"
+    # The one thing to do next; whichever is added by hand would be a guess.
+    assert page.evaluate("() => getComputedStyle(document.querySelector('#experiment')).backgroundColor") not in {
+        page.evaluate("e => getComputedStyle(e).backgroundColor", button)
+        for button in page.query_selector_all(".tie button")
+    }
+    verdict, box = page.locator("#verdict").bounding_box(), go.bounding_box()
+    assert 0.0 <= box["y"] - verdict["y"] - verdict["height"] <= 20.0
+    assert page.locator(".tie .card").count() == 7
+    last = page.locator(".tie .card").last.bounding_box()
+    assert last["y"] + last["height"] < page.viewport_size["height"]
+
+
+def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_confirmed(site, source, visit):
+    page = visit(site.address).page
+    page.wait_for_selector("[data-candidate]")
+    assert not page.is_visible("#automatic")  # nobody has said what it does
+    source.board.change(automatic=("add",))
+    page.wait_for_selector("#automatic >> text=adds what it finds")
+    page.wait_for_selector("[data-automatic='add']:checked")
+    assert not page.is_checked("[data-automatic='experiment']")
+    page.locator("[data-automatic='add']").click()
+    page.wait_for_selector("[data-automatic='add']:not(:checked)")
+    assert source.orders == [("automatic", "add off")]
+    page.locator("[data-automatic='experiment']").click()
+    assert "at most 5 V" in page.inner_text("#confirm")
+    assert source.orders == [("automatic", "add off")]
+    page.click("#confirm-no")
+    assert not page.is_checked("[data-automatic='experiment']")
+    page.locator("[data-automatic='experiment']").click()
+    page.click("#confirm-yes")
+    page.wait_for_selector("[data-automatic='experiment']:checked")
+    assert source.orders[-1] == ("automatic", "experiment on")
+    assert "you see the limits first" in page.inner_text("#onward-words")
+    source.board.change(activity=Activity("working out the next experiment"))
+    page.wait_for_selector("#onward-words >> text=without being asked")
+
+
+def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):
+    source.board.change(missing=replace(MISSING, set=(FRICTION.name,)))
+    page = visit(site.address).page
+    assert page.inner_text("#verdict") == "Missing: Coulomb friction @ motor."
+    assert page.is_hidden("#experiment")
+    assert page.inner_text(f"[data-effect='{FRICTION.name}']") == "Add it"
+
+
+def test_escape_in_the_question_stops_and_does_not_run(site, source, visit):
+    visitor = visit(site.address)
+    visitor.page.click("#experiment")
+    visitor.page.keyboard.press("Escape")
+    visitor.page.wait_for_selector("#confirm", state="hidden")
+    held(lambda: source.stops == 1)
+    assert source.orders == []
+
+
+def test_two_browsers_see_one_state_and_look_as_they_like(site, source, visit):
+    one, other = visit(site.address), visit(site.address)
+    one.page.click("#theme")
+    one.page.wait_for_selector("body.dark")
+    one.page.click("[data-effect='coulomb_friction@motor']")
+    other.page.wait_for_selector("[data-step='1']")
+    assert "dark" not in other.page.get_attribute("body", "class")
+    other.page.reload()
+    other.ready()
+    other.page.wait_for_selector("[data-step='1']")
+    one.page.reload()
+    one.ready()
+    one.page.wait_for_selector("body.dark")
+
+
+def test_pause_holds_the_picture_and_follow_goes_on(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    page.click("#follow")
+    visitor.until("() => document.querySelector('#follow').textContent === 'Follow'")
+    before = page.evaluate("() => [strips.start, strips.stop]")
+    source.feed(4000, peak=9.0)
+    held(lambda: source.signals.span[1] > 6.9)
+    asked = page.evaluate("() => performance.getEntriesByType('resource').length")
+    visitor.until("asked => performance.getEntriesByType('resource').length > asked + 3", asked)
+    assert page.evaluate("() => [strips.start, strips.stop]") == before
+    assert not page.evaluate(PEAK, 9.0)
+    page.click("#follow")
+    visitor.until(PEAK, 9.0)
+
+
+def test_the_readers_zoom_pauses_links_all_axes_and_shows_more_detail(site, source, visit):
+    visitor = visit(site.address)
+    page = visitor.page
+    source.feed(9000)
+    visitor.until("() => strips.stop > 11.9")
+    box = page.locator("#strips canvas").bounding_box()
+    y = box["y"] + 60
+    page.mouse.move(box["x"] + 0.5 * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.55 * box["width"], y, steps=5)
+    page.mouse.up()
+    visitor.until("() => document.querySelector('#follow').textContent === 'Follow'")
+    # Half a second is shown: every sample of it, at 1 kHz.
+    visitor.until(
+        "() => { const t = strips.times('measured'); return t.length > 100 && Math.abs(t[11] - t[10] - 0.001) < 1e-6; }"
+    )
+    span = page.evaluate("() => strips.stop - strips.start")
+    assert 0.4 < span < 0.8
+    page.focus("#strips canvas")
+    page.keyboard.press("-")
+    visitor.until("span => Math.abs(strips.stop - strips.start - 2 * span) < 1e-6", span)
+    start = page.evaluate("() => strips.start")
+    page.keyboard.press("ArrowLeft")
+    visitor.until("at => strips.start < at[0] - at[1] / 3", [start, span])
+
+
+def test_a_lost_server_is_said_and_the_page_comes_back_by_itself(source, browser):
+    from visitor import Visitor
+
+    site = Site(source, Place())
+    visitor = Visitor(browser, site.address)
+    try:
+        port = int(site.address.rsplit(":", 1)[1].strip("/"))
+        site.close()
+        visitor.page.wait_for_selector("#lost:not([hidden])")
+        assert "Connection lost" in visitor.page.inner_text("#lost")
+        site = Site(source, Place(port=port))
+        visitor.page.wait_for_selector("#lost", state="hidden")
+        visitor.page.wait_for_selector(f"body[data-run='{site.run}'][data-ready]")
+        assert visitor.foreign == []
+    finally:
+        visitor.close()
+        site.close()
+
+
+def test_a_node_that_is_heard_no_more_is_said_in_the_head(site, source, visit):
+    page = visit(site.address).page
+    assert page.inner_text("#state") == "live"
+    source.board.change(health=(Health("plant: loop", SILENT, "nothing heard any more"), Health("estimator: fits")))
+    page.wait_for_selector("#state.bad >> text=plant: silent")
+    source.board.change(health=(Health("plant: loop"), Health("estimator: fits")))
+    page.wait_for_selector("#state.running >> text=live")
+
+
+def test_without_measurements_the_page_says_so(empty_site, visit):
+    visitor = visit(empty_site.address)
+    visitor.page.evaluate("() => { window.said = []; strips.say = (text) => said.push(text); strips.repaint(); }")
+    visitor.until("() => said.includes('No measurements yet')")
+
+
+def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visit):
+    page = visit(site.address).page
+    page.set_viewport_size({"width": 1500, "height": 300})
+    page.wait_for_function("() => strips.streams.measured?.count > 0")
+    with page.expect_download() as download:
+        page.click("#save")
+    assert download.value.suggested_filename == "workbench.png"
+    surface, lowest = page.evaluate(
+        "() => { const c = strips.canvas, [r, g, b] = strips.context.getImageData(2, c.height - 3, 1, 1).data;"
+        " const asHex = (v) => v.toString(16).padStart(2, '0');"
+        " return [strips.colours.surface, `#${asHex(r)}${asHex(g)}${asHex(b)}`]; }"
+    )
+    assert lowest == surface
+
+
+def test_the_model_can_be_left_alone_and_the_newest_data_are_taken(site, source, visit):
+    page = visit(site.address).page
+    assert "even a poor one looks good" in page.inner_text("#corrected")
+    page.click("#alone")
+    page.wait_for_selector("#corrected", state="hidden")
+    assert page.input_value("#shown") == "free_run"
+    assert page.input_value("#span") == "20"
+    held(lambda: source.orders == [("assess", "")])
+
+
+def test_an_axis_has_three_numbers_at_least(site, source, visit):
+    page = visit(site.address).page
+    page.wait_for_function("() => strips.streams.measured?.count > 0")
+    numbers = page.evaluate(
+        "() => { const found = {}; const g = strips.context, write = g.fillText.bind(g);"
+        " g.fillText = (text, x, y) => { if (g.textAlign === 'right' && x < 100) (found[Math.round("
+        "strips.strips.findIndex((s) => y <= s.top + s.height + 1))] ??= []).push(text); write(text, x, y); };"
+        " strips.paint(performance.now(), true); delete g.fillText; return found; }"
+    )
+    assert len(numbers) == 5
+    assert min(len(set(one)) for one in numbers.values()) >= 3, numbers
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_words_stand_out_from_what_is_behind_them(site, visit, theme):
+    page = visit(site.address).page
+    if theme == "dark":
+        page.click("#theme")
+        page.wait_for_selector("body.dark")
+    colours = page.evaluate(
+        "() => { const s = getComputedStyle(document.body); return Object.fromEntries("
+        "['--page','--surface','--text','--muted','--found','--good','--warn','--bad','--accent','--on-accent','--stop',"
+        "'--on-stop','--on-warn','--tint','--found-tint'].map(n => [n.slice(2), s.getPropertyValue(n).trim()])); }"
+    )
+    pairs = [(ink, paper) for ink in ("text", "muted") for paper in ("page", "surface", "tint", "found-tint")]
+    pairs += [(ink, "surface") for ink in ("found", "good", "warn", "bad")]
+    pairs += [("found", "found-tint"), ("on-accent", "accent"), ("on-stop", "stop"), ("on-warn", "warn")]
+    weak = {pair: contrast(colours[pair[0]], colours[pair[1]]) for pair in pairs}
+    assert {pair: ratio for pair, ratio in weak.items() if ratio < 4.5} == {}
+
+
+def contrast(one, other):
+    """Ratio of luminances as WCAG 2 defines it."""
+
+    def luminance(colour):
+        parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_every_control_can_be_reached_by_the_keyboard(site, visit):
+    page = visit(site.address).page
+    page.evaluate("() => document.activeElement.blur()")
+    reached = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("() => document.activeElement.id || document.activeElement.dataset.effect || ''"))
+    wanted = {"stop", "theme", "follow", "span", "shown", "diagnose", "experiment", *MISSING.set}
+    assert wanted <= reached
