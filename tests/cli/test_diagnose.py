@@ -25,7 +25,7 @@ def words(*arguments: object) -> list[str]:
 def test_it_names_the_hidden_effect_in_one_document(hidden, capsys):
     assert main.run(words("diagnose", hidden.model, hidden.levels, "--json")) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == "idloop/diagnosis/1"
+    assert document["schema"] == "idloop/diagnose/1"
     assert document["verdict"] == "missing"
     assert document["set"] == ["dead_zone@input"]
     best = document["candidates"][0]

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from idloop.cli import main
-from idloop.export import FORMATS
+from idloop.exporters import FORMATS
 from idloop.physics import load_model
 
 

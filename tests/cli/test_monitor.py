@@ -50,7 +50,7 @@ def run(machine, *arguments):
 def test_growth_alarms_and_health_does_not(machine, capsys):
     assert run(machine, "MODEL", "HEALTHY", "WORN", "--reference", "REFERENCE", "--json") == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["schema"] == "idloop/monitoring/1"
+    assert found["schema"] == "idloop/monitor/1"
     assert found["false_alarm_hours"] == 1000.0
     assert found["may_vary"] == ["motor.viscous_friction"]
     (watch,) = found["watches"]

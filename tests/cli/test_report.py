@@ -44,7 +44,7 @@ def test_the_report_is_written_again_alike(run, refined, capsys):
     (run / "report.html").unlink()
     assert main.run(words("report", run, "--json")) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == "idloop/reporting/1"
+    assert document["schema"] == "idloop/report/1"
     assert document["added"] == ["dead_zone@input"]
     assert document["bytes"] == (run / "report.html").stat().st_size < 5_000_000
     before, after = page_of(refined), page_of(run)

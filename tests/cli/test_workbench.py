@@ -50,7 +50,7 @@ def test_it_says_where_the_page_is_and_ends_cleanly(bag, number):
                     break
             assert text, process.stderr.read()
             document = json.loads(text)
-            assert document["schema"] == "idloop/reporting/workbench/1"
+            assert document["schema"] == "idloop/workbench/1"
             with urllib.request.urlopen(document["address"], timeout=200) as page:
                 assert "What is missing" in page.read().decode()
             process.send_signal(number)

@@ -14,7 +14,7 @@ from idloop.control import build_controller
 from idloop.control.compensation import Compensation
 from idloop.control.step import smooth_sign
 from idloop.errors import InputError
-from idloop.export.compensator import export_compensation
+from idloop.exporters.compensator import export_compensation
 from idloop.physics import load_model
 from idloop.physics.effect import INPUT, built_in
 from idloop.physics.model_file import build_model

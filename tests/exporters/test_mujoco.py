@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idloop.export import export
+from idloop.exporters import export
 from idloop.physics import load_model, simulate
 
 mujoco = pytest.importorskip("mujoco", reason="no mujoco: install the extra 'benchmark'")

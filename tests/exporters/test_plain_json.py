@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from idloop.export import FORMATS, export
+from idloop.exporters import FORMATS, export
 from idloop.physics import catalogue, load_model
 
 

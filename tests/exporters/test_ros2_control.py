@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from idloop.export import export
-from idloop.export.ros2_control import FORWARD, IDENTIFIED, PID, TRAJECTORY
+from idloop.exporters import export
+from idloop.exporters.ros2_control import FORWARD, IDENTIFIED, PID, TRAJECTORY
 from idloop.physics import load_model
 
 

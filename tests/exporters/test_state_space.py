@@ -10,8 +10,8 @@ import pytest
 
 import control
 from idloop.errors import InputError
-from idloop.export import export
-from idloop.export.state_space import from_document, state_space
+from idloop.exporters import export
+from idloop.exporters.state_space import from_document, state_space
 from idloop.physics import load_model, simulate
 
 

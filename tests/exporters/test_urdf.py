@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from idloop.errors import InputError
-from idloop.export import export
+from idloop.exporters import export
 from idloop.physics import load_model
 from idloop.physics.model_file import from_text
 

@@ -107,9 +107,9 @@ class Diagnosis:
         return tuple(name for name in self.gate.untestable if name not in shown)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON, schema ``idloop/diagnosis/1``."""
+        """Plain values for JSON, schema ``idloop/diagnose/1``."""
         return {
-            "schema": "idloop/diagnosis/1",
+            "schema": "idloop/diagnose/1",
             "model": self.model.name,
             "criterion": self.criterion,
             "level": self.level,

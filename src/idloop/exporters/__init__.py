@@ -6,7 +6,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
-from idloop.export.exported import Exported
+from idloop.exporters.exported import Exported
 from idloop.spelling import did_you_mean_or_known
 
 if TYPE_CHECKING:
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 # Format: the module with its function `export`.
 FORMATS = {
-    "urdf": "idloop.export.urdf",
-    "mujoco": "idloop.export.mujoco",
-    "control": "idloop.export.state_space",
-    "ros2_control": "idloop.export.ros2_control",
-    "compensator": "idloop.export.compensator",
-    "json": "idloop.export.plain_json",
+    "urdf": "idloop.exporters.urdf",
+    "mujoco": "idloop.exporters.mujoco",
+    "control": "idloop.exporters.state_space",
+    "ros2_control": "idloop.exporters.ros2_control",
+    "compensator": "idloop.exporters.compensator",
+    "json": "idloop.exporters.plain_json",
 }
 
 __all__ = ["FORMATS", "Exported", "export"]

@@ -9,8 +9,8 @@ from idloop.control.check import check_controller
 from idloop.control.compensation import Compensation, plan_compensation
 from idloop.control.compensation_settings import choose_settings
 from idloop.errors import InputError
-from idloop.export.exported import Exported, file_name
-from idloop.export.left_out import comment_lines
+from idloop.exporters.exported import Exported, file_name
+from idloop.exporters.left_out import comment_lines
 from idloop.physics.model import Model
 
 NOTES = (

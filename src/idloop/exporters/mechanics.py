@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.export.left_out import acts, values_of
+from idloop.exporters.left_out import acts, values_of
 from idloop.physics.effect import Effect, parameter_as
 from idloop.physics.engine import Engine
 from idloop.physics.layout import Layout

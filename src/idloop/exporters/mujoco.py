@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from idloop.export.exported import Exported, file_name
-from idloop.export.left_out import (
+from idloop.exporters.exported import Exported, file_name
+from idloop.exporters.left_out import (
     acts,
     comment_lines,
     controller_left_out,
@@ -16,8 +16,8 @@ from idloop.export.left_out import (
     statistics_left_out,
     values_of,
 )
-from idloop.export.mechanics import Mechanics, digits, mechanics, scale_notes
-from idloop.export.xml_text import xml_text
+from idloop.exporters.mechanics import Mechanics, digits, mechanics, scale_notes
+from idloop.exporters.xml_text import xml_text
 from idloop.physics.effect import INPUT
 from idloop.physics.engine import Engine
 from idloop.physics.model import Model

@@ -6,8 +6,8 @@ import json
 import math
 from typing import Any
 
-from idloop.export.exported import Exported, file_name
-from idloop.export.left_out import parameters_of
+from idloop.exporters.exported import Exported, file_name
+from idloop.exporters.left_out import parameters_of
 from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter
 

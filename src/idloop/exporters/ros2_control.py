@@ -7,8 +7,8 @@ from typing import Any
 import yaml
 
 from idloop.control import check_controller
-from idloop.export.exported import Exported, file_name
-from idloop.export.left_out import acts, comment_lines, effects_left_out, quantity, statistics_left_out, values_of
+from idloop.exporters.exported import Exported, file_name
+from idloop.exporters.left_out import acts, comment_lines, effects_left_out, quantity, statistics_left_out, values_of
 from idloop.physics.model import Model
 from idloop.reporting.estimates import parameter_estimates
 

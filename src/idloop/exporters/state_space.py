@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
-from idloop.export.exported import Exported, file_name
-from idloop.export.left_out import acts, controller_left_out, effects_left_out, statistics_left_out
-from idloop.export.mechanics import body_names
+from idloop.exporters.exported import Exported, file_name
+from idloop.exporters.left_out import acts, controller_left_out, effects_left_out, statistics_left_out
+from idloop.exporters.mechanics import body_names
 from idloop.physics.effect import BODY
 from idloop.physics.engine import Engine
 from idloop.physics.model import Model

@@ -18,7 +18,7 @@ class Findings:
     Attributes
     ----------
     diagnoses : tuple of dict
-        Documents of schema idloop/diagnosis/1, each with ``where`` (lines) and ``windows`` (first and last stamp
+        Documents of schema idloop/diagnose/1, each with ``where`` (lines) and ``windows`` (first and last stamp
         of each stretch of data in nanoseconds); ``error`` where there was none.
     experiments : tuple of dict
         Experiments that were suggested, as `idloop suggest` writes them.

@@ -138,7 +138,7 @@ def command(
         with progress("following the reference") as update:
             loops = runs.simulate_loops(machine, compensation, section, path, progress=update, **options)
     if output is not None:
-        from idloop.export.compensator import export_compensation
+        from idloop.exporters.compensator import export_compensation
 
         write_text(output, export_compensation(compensation).text)
         log(f"written: {output}")

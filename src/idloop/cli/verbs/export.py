@@ -19,7 +19,7 @@ from idloop.cli._places import force_option, make_folder, probe_file, probe_fold
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.export import Exported
+    from idloop.exporters import Exported
     from idloop.physics import Model
 
 SCHEMA = "idloop/export/1"
@@ -92,7 +92,7 @@ def command(
 
 
 def _write_all(model: Model, forms: tuple[str, ...]) -> list[Exported]:
-    from idloop.export import FORMATS, export
+    from idloop.exporters import FORMATS, export
 
     if forms:
         return [export(model, form) for form in dict.fromkeys(forms)]

@@ -207,7 +207,7 @@ def document(
         }
         watches.append({**fields, "reference": reference})
     return {
-        "schema": "idloop/monitoring/1",
+        "schema": "idloop/monitor/1",
         "model": baseline.model.name,
         "false_alarm_hours": baseline.false_alarm_hours,
         "block": baseline.block,

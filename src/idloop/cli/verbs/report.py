@@ -91,7 +91,7 @@ def command(
         _print(page, pdf, picture)
     if as_json:
         document = {
-            "schema": "idloop/reporting/1",
+            "schema": "idloop/report/1",
             "run": run,
             "report": page,
             "bytes": size,

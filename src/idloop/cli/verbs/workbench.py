@@ -130,7 +130,7 @@ def _keeper(
 def _tell(address: str, *, no_browser: bool, as_json: bool) -> None:
     """Print the address, and open it."""
     if as_json:
-        print_json({"schema": "idloop/reporting/workbench/1", "address": address})
+        print_json({"schema": "idloop/workbench/1", "address": address})
     else:
         click.echo(address)
     log("Ctrl-C ends it")

@@ -122,7 +122,7 @@ class MissingSummary:
     windows : tuple of (int, int)
         First and last stamp of each stretch of data in nanoseconds.
     document : str
-        All of it as `idloop diagnose` writes it (JSON, schema idloop/diagnosis/1).
+        All of it as `idloop diagnose` writes it (JSON, schema idloop/diagnose/1).
     error : str
         Why there is no diagnosis, one line; empty when there is one.
     pair : tuple of str
