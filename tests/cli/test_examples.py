@@ -37,12 +37,17 @@ def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) 
     assert fit(seeing) < 20.0
 
 
-@pytest.mark.parametrize(("name", "outputs"), [("mapping-file.md", 5), ("robustness.md", 1), ("evidence.md", 1)])
+@pytest.mark.parametrize(
+    ("name", "outputs"),
+    [("reference/mapping-file.md", 5), ("explanation/robustness.md", 1), ("explanation/evidence.md", 1)],
+)
 def test_the_examples_of_a_page_print_what_it_shows(name: str, outputs: int, tmp_path: Path) -> None:
     page = (DOCS / name).read_text(encoding="utf-8")
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     printed, compared = "", 0
-    for language, file, block in re.findall(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE):
+    for language, file, block in re.findall(
+        r"^```(\w+)(?: title=\"(\S+)\")?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE
+    ):
         if file:
             (tmp_path / file).write_text(block, encoding="utf-8")
         elif language == "sh":
@@ -64,11 +69,11 @@ def test_an_example_in_python_prints_what_it_says_and_is_the_one_on_the_page(exa
     run = subprocess.run([sys.executable, example], cwd=tmp_path, text=True, check=True, stdout=subprocess.PIPE)
     assert run.stdout
     assert "".join(f"# {line}\n" for line in run.stdout.splitlines()) == said
-    assert f"```python\n{text}```\n" in (DOCS / "identification.md").read_text(encoding="utf-8")
+    assert f"```python\n{text}```\n" in (DOCS / "how-to" / "black-box.md").read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_mapping_file_names_every_key_and_every_unit() -> None:
-    page = (DOCS / "mapping-file.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference" / "mapping-file.md").read_text(encoding="utf-8")
     codes = re.findall(r"`([^`\n]+)`", page)
     known = set(codes).union(*(re.findall(r"\w+", code) for code in codes))
     words = mapping._WORDS - {"schema_name"} | base_units._BASE.keys() | base_units._ALIASES.keys() - {""}
@@ -76,7 +81,9 @@ def test_the_page_of_the_mapping_file_names_every_key_and_every_unit() -> None:
 
 
 def test_every_test_that_a_page_calls_a_proof_is_there() -> None:
-    proofs = re.findall(r"`(tests/\S+\.py) -k (\w+)`", (DOCS / "robustness.md").read_text(encoding="utf-8"))
+    proofs = re.findall(
+        r"`(tests/\S+\.py) -k (\w+)`", (DOCS / "explanation" / "robustness.md").read_text(encoding="utf-8")
+    )
     assert len(proofs) > 40
     for file, word in proofs:
         names = re.findall(r"def (test_\w+)", (DOCS.parent / file).read_text(encoding="utf-8"))

@@ -89,7 +89,7 @@ def test_what_is_wrong_is_one_line_and_exit_code_2(arguments, word, capsys):
 
 
 def test_the_page_shows_what_the_command_prints(capsys):
-    page = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
     shown = re.findall(
         r"```sh\n\.venv/bin/idloop (export [^\n]*--format[^\n]*)\n```\n\n```\w+\n(.*?)```", page, re.DOTALL
     )

@@ -552,7 +552,7 @@ def test_the_documentation_shows_what_its_commands_print(data_dir: Path, tmp_pat
     for name in ("dcmotor_fra233", "silverbox"):
         if not (data_dir / name).is_dir():
             pytest.skip(f"no {data_dir / name}: set IDLOOP_DATA to the folder of the measured data")
-    page = (Path(__file__).parents[2] / "docs" / "identification.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "black-box.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bags").mkdir()
     printed = ""

@@ -18,15 +18,15 @@ name (`motor`), a coupling (`motor-load`), the coupling inside a body that `comp
 `{force}` N·m or N, `{position}` rad or m, `{output}` of the sensor. Add an effect in a model file
 (`- {effect: dead_zone, at: input, width: {value: 0.1}}`), on the
 command line (`--effect "dead_zone@input(width=0.1)"`) or on a running node (parameter `effects`). Effects
-[of your own](examples/own_effect/README.md) are Python files in a folder `effects` beside a model file, which run only
+[of your own](how-to/own-effect.md) are Python files in a folder `effects` beside a model file, which run only
 after `idloop trust`, or with `--trust-effects`.
 
 In the equations q, v, F and J are position, velocity, force and inertia (θ, ω, T and J of a rotary axis, x, v, F and
 m of a linear one), u is the command and y a reading. No sign and no corner is smoothed; where dry friction stops or
 turns a body, however shortly, and where the two sides of a gap touch or part, the simulator finds the instant.
 
-Θ and U_s are a temperature and a supply that were [measured beside the axis](conditions.md). An effect that depends on
-one is looked for only in records that hold it, and does nothing where a simulation is given none.
+Θ and U_s are a temperature and a supply voltage, [measured beside the axis](how-to/conditions.md). An effect that
+depends on one of them is a candidate only in records that contain it; a simulation without it leaves the effect out.
 
 """
 PLACES = {INPUT: "the command", BODY: "a body", COUPLING: "a coupling", OUTPUT: "a sensor"}

@@ -21,7 +21,7 @@ ABOUT = {
     "the robot, within limits that no message and no service can widen. Lifecycle node: inactive, after an emergency "
     "stop or a breach of a limit, while a stream is silent, not finite or its clock jumps, and at its end the motor is "
     "told to stay. All limits are in our units, and ours = scale × the robot's + offset. [Which fault ends how "
-    "soon](bridge.md).",
+    "soon](how-to/bridge.md).",
     "guardian": "Watches the process of the bridge through a Unix socket. When the bridge ends, whatever ends it, or "
     "gives no sign of life, the guardian sends the robot the message that stops the motor, which the bridge has told "
     "it before. When the guardian ends or hangs, the bridge stops the motor. It runs on the machine of the bridge.",
@@ -36,11 +36,11 @@ ABOUT = {
     "`recursion` a black-box model of each output follows every sample beside the prediction: measurements that are "
     "NaN, and samples that never came, are predicted and teach nothing; a bag gives the same in `idloop identify`. "
     "With `monitor` it watches wear: an alarm is an error on `/diagnostics` and on `estimator/wear`, at the rate of "
-    "false ones that is asked for. [How it decides](monitoring.md).",
+    "false ones that is asked for. [How it decides](how-to/monitor.md).",
     "replay": "Plays a recording into the live graph, byte for byte.",
     "workbench": "Serves a browser page on this machine: measured and model, where the model fails, what is missing, "
     "the ladder, the health of the graph, and a button that stops the motor. Passes orders on to the services of the "
-    "other nodes; only looks on, so that the graph starts and runs without it. [What the page shows](workbench.md).",
+    "other nodes; only looks on, so that the graph starts and runs without it. [What the page shows](how-to/workbench.md).",
 }
 SERVICES = {
     "excitation": {

@@ -7,7 +7,7 @@ The records are dealt into folds of stretches that interleave. Each fold is scor
 
 Nothing is maximised on the samples that judge, whatever the effect's shape or bounds. Where folds are scored by earlier
 ones only, P(E of any of m effects ≥ m/α) ≤ α where nothing is missing (Wasserman, Ramdas and Balakrishnan, PNAS 117,
-2020); with all others the same threshold is kept, and docs/diagnosis.md counts how often it is passed. Where the errors
+2020); with all others the same threshold is kept, and docs/explanation/diagnosis.md counts how often it is passed. Where the errors
 are coloured or model error rules, the densities are tempered by how much more the sums over stretches vary than
 independent samples would.
 """
