@@ -186,6 +186,11 @@ class ParameterSpec:
         return InputError(f"{where}: {self.name} must be {_WORDS[self.type]}{self._unit_hint()}, got {shown}")
 
 
+def positive(name: str, default: Any, description: str, unit: str = "") -> ParameterSpec:
+    """Row of a number above zero."""
+    return ParameterSpec(name, "float", default, description, unit, minimum=0.0, exclusive=True)
+
+
 def check_values(specs: Sequence[ParameterSpec], given: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Validate a mapping against a table and fill in the defaults.
 

@@ -24,7 +24,7 @@ EXCEPTIONS = {
     "exporters/mujoco.py": "MJCF has fields for the range, the bias and the lag of a drive, and for a gap",
     "exporters/urdf.py": "URDF has fields for an effort limit and a velocity limit",
     "exporters/ros2_control.py": "a PID has fields for a limit and for viscous friction; a law's own `velocity_filter`",
-    "control/catalogue.py": "a law's own setting is called `velocity_filter`, too",
+    "physics/controller_section.py": "a law's own setting is called `velocity_filter`, too",
     "control/packing.py": "a law's own setting is called `velocity_filter`, too",
 }
 # An effect alone or at a site, such as "dead_zone", "dead_zone@", "dead_zone@input.width"; not within a sentence.

@@ -10,8 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from idloop.control.build import build_controller
-from idloop.control.catalogue import CONTROLLERS, ControllerKind
-from idloop.control.check import check_controller
+from idloop.physics.controller_section import CONTROLLERS, ControllerKind, check_controller
 
 if TYPE_CHECKING:
     from idloop.control.controller import Controller

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from idloop.control.check import check_controller
+from idloop.physics.controller_section import check_controller
 
 if TYPE_CHECKING:
     from idloop.control.compensation import Compensation

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from idloop.control.check import controller_inputs, joint_and_field
 from idloop.errors import InputError
+from idloop.physics.controller_section import controller_inputs, joint_and_field
 from idloop.physics.effect import COUPLING, INPUT, OUTPUT
 from idloop.physics.hooks import Hook
 from idloop.physics.model import ActiveEffect, Model, OutputSignal, values_of

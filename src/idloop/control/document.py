@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import sys
 
-from idloop.control.catalogue import CONTROLLERS, ControllerKind
 from idloop.parameter_table import ParameterSpec
+from idloop.physics.controller_section import CONTROLLERS, ControllerKind
 
 HEAD = """\
 # The types of controllers
 
-Written by `python -m idloop.control.document` from `src/idloop/control/catalogue.py`.
+Written by `python -m idloop.control.document` from `src/idloop/physics/controller_section.py`.
 
-The section `controller` of a [model file](model-file.md) says which law made the command while the data was recorded:
-`type`, and the keys of that type. The controller node runs the same law, `idloop compensate` simulates it,
-`idloop identify --method vodma` must know it, and `idloop export` writes its gains. `idloop identify --controller FILE`
-also takes a file that holds only this section.
+The section `controller` of a [model file](reference/model-file.md) describes the control law that computed the
+command during the recording: `type`, and the keys of that type. The controller node runs the same law,
+`idloop compensate` simulates it, `idloop identify --method vodma` uses it, and `idloop export` writes its gains.
+`idloop identify --controller FILE` also accepts a file with this section alone.
 
 In the units `u` is that of the command and `y` that of the controlled output. r is the reference, y the measured output
-times `feedback_gain`, v the velocity, e the error. Once in each `sample_time` the law is worked out from the newest
-measurements, and
+times `feedback_gain`, v the velocity, e the error. At each `sample_time` the law is evaluated with the newest
+measurements, and the command
 
     u = (law + feedforward - linearisation.offset) / linearisation.gain, at most ±limit
 
-is held until the next; feedforward is what the excitation adds to the command. Without `limit` nothing bounds it.
+is held until the next sample. `feedforward` is the excitation signal. Without `limit` the command is not bounded.
 
 """
 EXAMPLES = {

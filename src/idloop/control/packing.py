@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.control import step
-from idloop.control.check import controller_inputs, joint_and_field
 from idloop.control.linear_quadratic import linear_quadratic_gains
+from idloop.physics.controller_section import controller_inputs, joint_and_field
 
 _WINDUP = {
     "none": step.WINDUP_FREE,

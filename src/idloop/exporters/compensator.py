@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from idloop.control.check import check_controller
 from idloop.control.compensation import Compensation, plan_compensation
 from idloop.control.compensation_settings import choose_settings
 from idloop.errors import InputError
 from idloop.exporters.exported import Exported, file_name
 from idloop.exporters.left_out import comment_lines
+from idloop.physics.controller_section import check_controller
 from idloop.physics.model import Model
 
 NOTES = (

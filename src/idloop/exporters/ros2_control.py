@@ -10,7 +10,6 @@ from idloop.control import check_controller
 from idloop.exporters.exported import Exported, file_name
 from idloop.exporters.left_out import acts, comment_lines, effects_left_out, quantity, statistics_left_out, values_of
 from idloop.physics.model import Model
-from idloop.reporting.estimates import parameter_estimates
 
 PID, FORWARD, TRAJECTORY = "idloop_pid_controller", "idloop_effort_controller", "idloop_trajectory_controller"
 IDENTIFIED = "idloop_identified"
@@ -150,13 +149,11 @@ def _trajectory(model: Model, law: dict[str, Any], pid: dict[str, Any]) -> dict[
 
 def _identified(model: Model) -> dict[str, Any]:
     """Every number of the model with its unit, and the 95 % interval of those that a fit gave one."""
-    estimates = parameter_estimates(model)
     found: dict[str, Any] = {}
     for parameter in model.parameters:
         entry: dict[str, Any] = {"value": float(parameter.value), "unit": parameter.unit}
-        low, high = estimates.get(parameter.name, {}).get("interval", (None, None))
-        if low is not None and high is not None:
-            entry["interval_95"] = [float(low), float(high)]
+        if parameter.interval is not None:
+            entry["interval_95"] = [float(end) for end in parameter.interval]
         # A dot in the name of a ROS parameter is one more level.
         place = found
         *above, last = parameter.name.replace("@", ".").split(".")

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from idloop.control.check import check_controller
 from idloop.documents import read_text
 from idloop.errors import InputError
+from idloop.physics.controller_section import check_controller
 from idloop.physics.effect import catalogue
 from idloop.physics.model import ConditionSource, InputSignal, Model, OutputSignal
 from idloop.physics.parameter import Parameter

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+# Half-width of the 95 % interval of a normal variable, in standard deviations.
+NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -35,3 +39,10 @@ class Parameter:
     stderr: float | None
     unit: str
     stated: tuple[float | None, float | None] = (None, None)
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """95 % confidence interval of the estimate; None where there is no standard error."""
+        if not self.free or self.stderr is None or not math.isfinite(self.stderr):
+            return None
+        return self.value - NORMAL_95 * self.stderr, self.value + NORMAL_95 * self.stderr

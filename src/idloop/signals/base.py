@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -16,9 +15,9 @@ from idloop.parameter_table import ParameterSpec
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# An edge that falls on a sample up to rounding must count as on it, or square waves flicker.
-# 50 million samples are 14 hours at 1 kHz and 400 MB: more is a slip of the unit.
+# Most samples of a signal: 14 hours at 1 kHz, 400 MB; a request for more is a wrong unit.
 LONGEST = 50_000_000
+# An edge that falls on a sample up to rounding counts as on it: otherwise square waves would flicker.
 CYCLE_TOLERANCE = 1e-9
 
 
@@ -190,34 +189,3 @@ class SignalKind:
     generate: Callable[..., Shape]
     amplitude_means: Literal["peak", "standard deviation"] = "peak"
     natural_length: bool = False
-
-
-def cycle_fraction(request: Request, frequency: float, phase: float) -> FloatArray:
-    """Position within the cycle, in [0, 1), of a periodic wave.
-
-    Parameters
-    ----------
-    request : Request
-        The sampling grid.
-    frequency : float
-        Hz, at most half the sample rate.
-    phase : float
-        Radians.
-    """
-    request.check_frequency("frequency", frequency)
-    period = whole_period(request, frequency)
-    index = np.arange(request.length)
-    cycles = (index % period) / period if period else index * (frequency * request.sample_time)
-    cycles = cycles + phase / (2.0 * math.pi)
-    return np.maximum(cycles - np.floor(cycles + CYCLE_TOLERANCE), 0.0)
-
-
-def whole_period(request: Request, frequency: float) -> int | None:
-    """Period in samples where it is a whole number of them."""
-    period = request.rate / frequency
-    nearest = round(period)
-    return nearest if nearest > 0 and abs(period - nearest) <= CYCLE_TOLERANCE * period else None
-
-
-FREQUENCY = ParameterSpec("frequency", "float", 1.0, "Frequency of the wave.", unit="Hz", minimum=0.0, exclusive=True)
-PHASE = ParameterSpec("phase", "float", 0.0, "Phase at time zero.", unit="rad")

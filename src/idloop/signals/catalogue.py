@@ -2,45 +2,15 @@
 
 from __future__ import annotations
 
-from idloop.parameter_table import REQUIRED, ParameterSpec
-from idloop.signals import (
-    chirp,
-    coast_down,
-    constant,
-    multilevel,
-    multisine,
-    prbs,
-    rgs,
-    saw,
-    sine,
-    smooth,
-    square,
-    step,
-    stepped_sine,
-    triangle,
-    zero,
-)
+from idloop.parameter_table import REQUIRED, ParameterSpec, positive
+from idloop.signals import chirp, coast_down, multilevel, multisine, prbs, rgs, smooth, stepped_sine
 from idloop.signals.base import SignalKind
+from idloop.signals.levels import CONSTANT, STEP, ZERO
+from idloop.signals.waves import SAW, SINE, SQUARE, TRIANGLE
 
 COMMON_PARAMETERS: tuple[ParameterSpec, ...] = (
-    ParameterSpec(
-        "sample_time",
-        "float",
-        REQUIRED,
-        "Time between samples.",
-        unit="s",
-        minimum=0.0,
-        exclusive=True,
-    ),
-    ParameterSpec(
-        "duration",
-        "float",
-        None,
-        "Length of the signal; some kinds choose their own when it is left out.",
-        unit="s",
-        minimum=0.0,
-        exclusive=True,
-    ),
+    positive("sample_time", REQUIRED, "Time between samples.", "s"),
+    positive("duration", None, "Length of the signal; some kinds choose their own when it is left out.", "s"),
     ParameterSpec("amplitude", "float", 1.0, "Peak about the offset (rgs: standard deviation).", minimum=0.0),
     ParameterSpec("offset", "float", 0.0, "Added to the whole signal."),
     ParameterSpec("seed", "int", 0, "Equal seeds give equal signals.", minimum=0, maximum=2**53),
@@ -55,22 +25,10 @@ COMMON_PARAMETERS: tuple[ParameterSpec, ...] = (
 )
 
 SIGNALS: dict[str, SignalKind] = {
-    module.KIND.name: module.KIND
-    for module in (
-        zero,
-        constant,
-        step,
-        sine,
-        square,
-        saw,
-        triangle,
-        stepped_sine,
-        chirp,
-        prbs,
-        rgs,
-        multilevel,
-        multisine,
-        coast_down,
-        smooth,
+    kind.name: kind
+    for kind in (
+        *(ZERO, CONSTANT, STEP, SINE, SQUARE, SAW, TRIANGLE),
+        *(stepped_sine.KIND, chirp.KIND, prbs.KIND, rgs.KIND, multilevel.KIND, multisine.KIND),
+        *(coast_down.KIND, smooth.KIND),
     )
 }

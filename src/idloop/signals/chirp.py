@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import Request, Shape, SignalKind
 
 
@@ -41,40 +41,12 @@ KIND = SignalKind(
     "chirp",
     "Swept sine.",
     (
+        positive("frequency_start", 0.1, "Frequency at the start.", "Hz"),
+        positive("frequency_end", None, "Frequency at the end; left out, a tenth of the sample rate.", "Hz"),
         ParameterSpec(
-            "frequency_start",
-            "float",
-            0.1,
-            "Frequency at the start.",
-            unit="Hz",
-            minimum=0.0,
-            exclusive=True,
+            "sweep", "str", "logarithmic", "How the frequency grows with time.", choices=("linear", "logarithmic")
         ),
-        ParameterSpec(
-            "frequency_end",
-            "float",
-            None,
-            "Frequency at the end; left out, a tenth of the sample rate.",
-            unit="Hz",
-            minimum=0.0,
-            exclusive=True,
-        ),
-        ParameterSpec(
-            "sweep",
-            "str",
-            "logarithmic",
-            "How the frequency grows with time.",
-            choices=("linear", "logarithmic"),
-        ),
-        ParameterSpec(
-            "sweep_time",
-            "float",
-            None,
-            "Length of one sweep, repeated; left out, one sweep fills the duration.",
-            unit="s",
-            minimum=0.0,
-            exclusive=True,
-        ),
+        positive("sweep_time", None, "Length of one sweep, repeated; left out, one sweep fills the duration.", "s"),
     ),
     generate,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import Request, Segment, Shape, SignalKind
 
 
@@ -42,23 +42,10 @@ KIND = SignalKind(
     "coast_down",
     "Drive at a level, then zero command; the segments' settled part is the coasting.",
     (
-        ParameterSpec("drive_time", "float", 1.0, "Time at the level.", unit="s", minimum=0.0, exclusive=True),
+        positive("drive_time", 1.0, "Time at the level.", "s"),
+        positive("coast_time", 2.0, "Time at zero command.", "s"),
         ParameterSpec(
-            "coast_time",
-            "float",
-            2.0,
-            "Time at zero command.",
-            unit="s",
-            minimum=0.0,
-            exclusive=True,
-        ),
-        ParameterSpec(
-            "fractions",
-            "floats",
-            (1.0,),
-            "Levels in turn, as shares of the amplitude.",
-            minimum=-1.0,
-            maximum=1.0,
+            "fractions", "floats", (1.0,), "Levels in turn, as shares of the amplitude.", minimum=-1.0, maximum=1.0
         ),
         ParameterSpec("alternate", "bool", True, "Drive every level in both directions."),
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import Request, Segment, Shape, SignalKind
 
 
@@ -44,32 +44,9 @@ KIND = SignalKind(
     "multilevel",
     "Random steps between many levels, each held for a random time.",
     (
-        ParameterSpec(
-            "levels",
-            "int",
-            0,
-            "Number of evenly spaced levels; 0: any level.",
-            minimum=0,
-            maximum=10_000,
-        ),
-        ParameterSpec(
-            "hold_min",
-            "float",
-            0.1,
-            "Shortest time at one level.",
-            unit="s",
-            minimum=0.0,
-            exclusive=True,
-        ),
-        ParameterSpec(
-            "hold_max",
-            "float",
-            0.5,
-            "Longest time at one level.",
-            unit="s",
-            minimum=0.0,
-            exclusive=True,
-        ),
+        ParameterSpec("levels", "int", 0, "Number of evenly spaced levels; 0: any level.", minimum=0, maximum=10_000),
+        positive("hold_min", 0.1, "Shortest time at one level.", "s"),
+        positive("hold_max", 0.5, "Longest time at one level.", "s"),
     ),
     generate,
 )

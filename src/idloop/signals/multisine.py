@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import FloatArray, IntArray, LineGrid, Request, Shape, SignalKind
 
 
@@ -122,32 +122,10 @@ KIND = SignalKind(
     "multisine",
     "Random-phase multisine; odd grids leave lines empty that show nonlinearity.",
     (
-        ParameterSpec(
-            "period",
-            "float",
-            None,
-            "Length of one period; left out, the whole duration.",
-            unit="s",
-            minimum=0.0,
-            exclusive=True,
-        ),
+        positive("period", None, "Length of one period; left out, the whole duration.", "s"),
         ParameterSpec("frequency_min", "float", 0.0, "Lower edge of the band.", unit="Hz", minimum=0.0),
-        ParameterSpec(
-            "frequency_max",
-            "float",
-            None,
-            "Upper edge of the band; left out, a tenth of the sample rate.",
-            unit="Hz",
-            minimum=0.0,
-            exclusive=True,
-        ),
-        ParameterSpec(
-            "grid",
-            "str",
-            "full",
-            "Which harmonics are excited.",
-            choices=("full", "odd", "odd_random"),
-        ),
+        positive("frequency_max", None, "Upper edge of the band; left out, a tenth of the sample rate.", "Hz"),
+        ParameterSpec("grid", "str", "full", "Which harmonics are excited.", choices=("full", "odd", "odd_random")),
         ParameterSpec(
             "group",
             "int",
@@ -157,14 +135,7 @@ KIND = SignalKind(
             maximum=1000,
         ),
         ParameterSpec("phases", "str", "random", "How the phases are chosen.", choices=("random", "schroeder")),
-        ParameterSpec(
-            "crest_iterations",
-            "int",
-            0,
-            "Rounds of crest factor reduction.",
-            minimum=0,
-            maximum=10_000,
-        ),
+        ParameterSpec("crest_iterations", "int", 0, "Rounds of crest factor reduction.", minimum=0, maximum=10_000),
     ),
     generate,
     natural_length=True,

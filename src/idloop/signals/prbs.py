@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import Request, Shape, SignalKind
 
 # Exponents of a primitive feedback polynomial for each register length; the tests prove each one.
@@ -135,27 +135,12 @@ KIND = SignalKind(
             minimum=2,
             maximum=31,
         ),
-        ParameterSpec(
-            "clock_divider",
-            "int",
-            None,
-            "Samples for which each bit is held (1 when left out).",
-            minimum=1,
+        ParameterSpec("clock_divider", "int", None, "Samples for which each bit is held (1 when left out).", minimum=1),
+        positive(
+            "band_hz", None, "Upper edge of the band, in place of clock_divider; the nearest divider is taken.", "Hz"
         ),
         ParameterSpec(
-            "band_hz",
-            "float",
-            None,
-            "Upper edge of the band, in place of clock_divider; the nearest divider is taken.",
-            unit="Hz",
-            minimum=0.0,
-            exclusive=True,
-        ),
-        ParameterSpec(
-            "inverse_repeat",
-            "bool",
-            False,
-            "Invert every second bit: twice the period, odd harmonics only.",
+            "inverse_repeat", "bool", False, "Invert every second bit: twice the period, odd harmonics only."
         ),
     ),
     generate,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import Request, Shape, SignalKind
 
 
@@ -41,15 +41,7 @@ KIND = SignalKind(
     "Random Gaussian signal, band-limited; the amplitude is its standard deviation.",
     (
         ParameterSpec("frequency_min", "float", 0.0, "Lower edge of the band.", unit="Hz", minimum=0.0),
-        ParameterSpec(
-            "frequency_max",
-            "float",
-            None,
-            "Upper edge of the band; left out, half the sample rate.",
-            unit="Hz",
-            minimum=0.0,
-            exclusive=True,
-        ),
+        positive("frequency_max", None, "Upper edge of the band; left out, half the sample rate.", "Hz"),
     ),
     generate,
     amplitude_means="standard deviation",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import FloatArray, Request, Segment, Shape, SignalKind
 
 # Largest slope and curvature of 10 s^3 - 15 s^4 + 6 s^5 on [0, 1].
@@ -99,24 +99,8 @@ KIND = SignalKind(
             minimum=-1.0,
             maximum=1.0,
         ),
-        ParameterSpec(
-            "velocity_limit",
-            "float",
-            1.0,
-            "Largest velocity.",
-            unit="1/s",
-            minimum=0.0,
-            exclusive=True,
-        ),
-        ParameterSpec(
-            "acceleration_limit",
-            "float",
-            10.0,
-            "Largest acceleration.",
-            unit="1/s^2",
-            minimum=0.0,
-            exclusive=True,
-        ),
+        positive("velocity_limit", 1.0, "Largest velocity.", "1/s"),
+        positive("acceleration_limit", 10.0, "Largest acceleration.", "1/s^2"),
         ParameterSpec("dwell", "float", 0.2, "Rest at each point.", unit="s", minimum=0.0),
     ),
     generate,

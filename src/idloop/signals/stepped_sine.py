@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from idloop.parameter_table import ParameterSpec
+from idloop.parameter_table import ParameterSpec, positive
 from idloop.signals.base import FloatArray, Request, Segment, Shape, SignalKind
 
 
@@ -35,12 +35,7 @@ def generate(
         measured = max(round(periods * request.rate / frequency), 2 * periods)
         settling = -(-settle_periods * measured // periods)
         segments.append(
-            Segment(
-                start,
-                start + settling,
-                start + settling + measured,
-                periods * request.rate / measured,
-            )
+            Segment(start, start + settling, start + settling + measured, periods * request.rate / measured)
         )
         increments.append(np.full(settling + measured, periods / measured))
         start += settling + measured
@@ -87,48 +82,12 @@ KIND = SignalKind(
             minimum=0.0,
             exclusive=True,
         ),
-        ParameterSpec(
-            "frequency_min",
-            "float",
-            1.0,
-            "First frequency of the grid.",
-            unit="Hz",
-            minimum=0.0,
-            exclusive=True,
-        ),
-        ParameterSpec(
-            "frequency_max",
-            "float",
-            None,
-            "Last frequency of the grid; left out, a tenth of the sample rate.",
-            unit="Hz",
-            minimum=0.0,
-            exclusive=True,
-        ),
+        positive("frequency_min", 1.0, "First frequency of the grid.", "Hz"),
+        positive("frequency_max", None, "Last frequency of the grid; left out, a tenth of the sample rate.", "Hz"),
         ParameterSpec("steps", "int", 5, "Number of frequencies of the grid.", minimum=1, maximum=10_000),
-        ParameterSpec(
-            "spacing",
-            "str",
-            "logarithmic",
-            "Spacing of the grid.",
-            choices=("linear", "logarithmic"),
-        ),
-        ParameterSpec(
-            "periods",
-            "int",
-            3,
-            "Periods to be measured at each frequency.",
-            minimum=1,
-            maximum=100_000,
-        ),
-        ParameterSpec(
-            "settle_periods",
-            "int",
-            1,
-            "Periods left for settling before them.",
-            minimum=0,
-            maximum=100_000,
-        ),
+        ParameterSpec("spacing", "str", "logarithmic", "Spacing of the grid.", choices=("linear", "logarithmic")),
+        ParameterSpec("periods", "int", 3, "Periods to be measured at each frequency.", minimum=1, maximum=100_000),
+        ParameterSpec("settle_periods", "int", 1, "Periods left for settling before them.", minimum=0, maximum=100_000),
     ),
     generate,
     natural_length=True,
