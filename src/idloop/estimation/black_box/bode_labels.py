@@ -11,12 +11,7 @@ def bode_labels(
 ) -> tuple[str | None, list[list[str]]]:
     """Unit of the magnitude, where all curves have the same, and the text of each curve.
 
-    Returns
-    -------
-    unit : str or None
-        None where the curves have several; then each has its own in its text.
-    texts : list of list of str
-        By output and input.
+    Returns `unit`: none where the curves have several; then each has its own in its text; `texts`: by output and input.
     """
     units = [[ratio_unit(out, given) for given in input_units] for out in output_units]
     shared = len({unit for row in units for unit in row}) == 1

@@ -79,10 +79,7 @@ def identify(
 def information(found: Identified, data: Sequence[SampledData]) -> Information:
     """Loss and criteria of a model on the data that it was identified from.
 
-    Raises
-    ------
-    InputError
-        A response, which predicts nothing.
+    Raises InputError: a response, which predicts nothing.
     """
     import numpy as np
 

@@ -71,21 +71,12 @@ class Choices:
 
 @dataclass(frozen=True)
 class Trial:
-    """One order and delay that were tried.
-
-    Attributes
-    ----------
-    order : int or "auto"
-    delay : int
-    bic : float
-    error : str
-        Why there is no model; empty where there is one.
-    """
+    """One order and delay that were tried."""
 
     order: int | Literal["auto"]
     delay: int
     bic: float = float("nan")
-    error: str = ""
+    error: str = ""  # why there is no model; empty where there is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +85,6 @@ class Identified:
 
     Attributes
     ----------
-    method : Method
-    model : LinearModel, NarxModel, FrequencyResponse or ImpulseResponse
     order : int or "auto"
         That the method was given: number of states, or degree of the polynomials.
     delay : int or None
@@ -160,7 +149,6 @@ class Method:
     kind : "response", "linear", "recursive" or "network"
     loop : str
         Which loop its theory allows: "open", "any", or "closed, controller known".
-    source : str
     needs : tuple of str
         Names of the `Choices` that it reads.
     run : callable

@@ -26,17 +26,9 @@ def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[S
     The plant between filtered signals is the plant between the signals (Ljung, System Identification, 2nd ed.,
     eq. 7.13 and 8.71). The filter starts at rest at the first sample; its transient is cut off.
 
-    Parameters
-    ----------
-    data : sequence of SampledData
-    prefilter : (numerator, denominator), python-control system or None
-        Coefficients of 1, q^-1, ..., or a discrete system; None leaves the data as they are.
-
-    Raises
-    ------
-    InputError
-        An unstable filter, one of another sample time or with several inputs or outputs, or a record that is
-        shorter than the filter's memory.
+    `prefilter`: coefficients of 1, q^-1, ..., or a discrete system; None leaves the data as they are. Raises
+    InputError: an unstable filter, one of another sample time or with several inputs or outputs, or a record that is
+    shorter than the filter's memory.
     """
     if prefilter is None:
         return list(data)
@@ -68,17 +60,8 @@ def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[S
 def band_filter(low: float, high: float, sample_time: float) -> Filter:
     """Butterworth filter of second order that weighs a fit towards a band.
 
-    Parameters
-    ----------
-    low, high : float
-        Edges [Hz]; 0 and infinity leave a side open.
-    sample_time : float
-        [s].
-
-    Raises
-    ------
-    InputError
-        An empty band, or one that half the sample rate does not hold.
+    `low`, `high`: edges [Hz]; 0 and infinity leave a side open; `sample_time`: [s]. Raises InputError: an empty band,
+    or one that half the sample rate does not hold.
     """
     from scipy.signal import butter
 

@@ -220,10 +220,7 @@ def together(data: SampledData | Sequence[SampledData]) -> list[SampledData]:
 def check_fits(data: SampledData, method: str, inputs: int, outputs: int, sample_time: float) -> None:
     """Check that a model's signals and sample time are those of the data.
 
-    Raises
-    ------
-    InputError
-        Other numbers of signals or another sample time than the model's.
+    Raises InputError: other numbers of signals or another sample time than the model's.
     """
     if (data.input.shape[1], data.output.shape[1]) != (inputs, outputs):
         raise InputError(

@@ -48,10 +48,7 @@ class ClosedForm(Element, Protocol):
 def positive_amplitudes(amplitude: ArrayLike, where: str) -> Floats:
     """Check amplitudes, any shape.
 
-    Raises
-    ------
-    InputError
-        One of them is not above zero, or not finite.
+    Raises InputError: one of them is not above zero, or not finite.
     """
     values = np.asarray(amplitude, dtype=np.float64)
     if values.size == 0 or not np.all(np.isfinite(values)) or np.any(values <= 0.0):

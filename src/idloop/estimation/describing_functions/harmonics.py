@@ -12,19 +12,8 @@ Complexes = NDArray[np.complex128]
 def period_harmonics(value: Floats, phase: Floats, count: int) -> Complexes:
     """Harmonics of one period that is sampled evenly.
 
-    Parameters
-    ----------
-    value : ndarray, shape (n,)
-        Samples of a whole number of periods.
-    phase : ndarray, shape (n,)
-        Phase of each [rad].
-    count : int
-        Highest harmonic.
-
-    Returns
-    -------
-    ndarray, shape (count + 1,)
-        Mean, then Y_k of value = mean + Σ Im(Y_k exp(j k phase)): A of A·sin(phase) is real.
+    `value` (n,): samples of a whole number of periods; `phase` (n,): phase of each [rad]; `count`: highest harmonic.
+    Returns shape (count + 1,): mean, then Y_k of value = mean + Σ Im(Y_k exp(j k phase)): A of A·sin(phase) is real.
     """
     order = np.arange(count + 1)
     phasors: Complexes = 2j / value.size * (np.exp(-1j * np.outer(order, phase)) @ value)
@@ -35,10 +24,7 @@ def period_harmonics(value: Floats, phase: Floats, count: int) -> Complexes:
 def distortion(value: Floats, fundamental: complex) -> float:
     """Total harmonic distortion of whole periods: rms of all harmonics above the first over that of the first.
 
-    Returns
-    -------
-    float
-        0 for a sine, 0.483 for a square wave, infinite without a fundamental; NaN for a constant.
+    Returns: 0 for a sine, 0.483 for a square wave, infinite without a fundamental; NaN for a constant.
     """
     power, first = 2.0 * float(np.var(value)), abs(fundamental) ** 2
     # what rounding leaves of a constant is no oscillation

@@ -17,10 +17,7 @@ _EDGE = 1e-9
 class Exact:
     """Gain of an element in closed form, the same at every frequency.
 
-    Parameters
-    ----------
-    element : ClosedForm
-        The element.
+    `element`: the element.
     """
 
     two_dimensional = False
@@ -42,15 +39,7 @@ class Interpolated:
 
     A table of one frequency counts for all. Beyond the table the gain is NaN.
 
-    Parameters
-    ----------
-    table : DescribingFunction
-        At least two amplitudes at each frequency.
-
-    Raises
-    ------
-    InputError
-        Fewer than two amplitudes at a frequency.
+    `table`: at least two amplitudes at each frequency. Raises InputError: fewer than two amplitudes at a frequency.
     """
 
     def __init__(self, table: DescribingFunction) -> None:

@@ -21,21 +21,11 @@ PADE_ORDER = 6
 
 @dataclass(frozen=True, eq=False)
 class LinearPart:
-    """Single-input single-output system with a delay.
+    """Single-input single-output system with a delay."""
 
-    Attributes
-    ----------
-    system : control.TransferFunction or control.StateSpace
-        As given.
-    space : control.StateSpace
-        The same as a state space.
-    delay : float
-        Delay in series [s].
-    """
-
-    system: Any
-    space: Any
-    delay: float = 0.0
+    system: Any  # as given
+    space: Any  # the same as a state space
+    delay: float = 0.0  # delay in series [s]
 
     @property
     def sample_time(self) -> float:
@@ -119,10 +109,7 @@ class LinearPart:
     def whole_delay(self) -> int:
         """Delay in samples of a sampled system.
 
-        Raises
-        ------
-        InputError
-            It is no whole number of samples.
+        Raises InputError: it is no whole number of samples.
         """
         samples = round(self.delay / self.sample_time)
         if abs(samples * self.sample_time - self.delay) > 1e-6 * self.sample_time:
@@ -148,17 +135,8 @@ class LinearPart:
 def linear_part(system: Any, delay: float = 0.0) -> LinearPart:
     """Read a python-control system.
 
-    Parameters
-    ----------
-    system : control.TransferFunction or control.StateSpace
-        One input, one output, continuous or sampled.
-    delay : float
-        Delay in series [s].
-
-    Raises
-    ------
-    InputError
-        Not such a system, improper, of unknown sample time, or a delay that is negative.
+    `system`: one input, one output, continuous or sampled; `delay`: delay in series [s]. Raises InputError: not such a
+    system, improper, of unknown sample time, or a delay that is negative.
     """
     import control
 

@@ -16,38 +16,23 @@ from idloop.spelling import did_you_mean_or_known
 class RecordedSignal:
     """Stamps and values of one signal, what was not measured left out.
 
-    Attributes
-    ----------
-    name, unit : str
-        As in the record; the unit of a reference or excitation is not recorded.
-    time, value : ndarray, shape (n,)
-        Stamps [s] and values.
-    held : bool
-        Held from each stamp to the next (command, reference, excitation), or sampled (outputs).
+    `name`, `unit`: as in the record; the unit of a reference or excitation is not recorded; `time`, `value` (n,):
+    stamps [s] and values.
     """
 
     name: str
     unit: str
     time: Floats
     value: Floats
-    held: bool
+    held: bool  # held from each stamp to the next (command, reference, excitation), or sampled (outputs)
 
 
 def recorded_signal(record: Record, name: str) -> RecordedSignal:
     """Find a signal: the command, an output, or a column of the reference or the excitation.
 
-    Parameters
-    ----------
-    record : Record
-        The experiment.
-    name : str
-        ``record.input_name``, one of ``record.output_names``, ``reference.position``,
-        ``reference.velocity``, ``excitation.position`` or ``excitation.effort``.
-
-    Raises
-    ------
-    InputError
-        No such signal, or it was never measured.
+    `record`: the experiment; `name`: ``record.input_name``, one of ``record.output_names``, ``reference.position``,
+    ``reference.velocity``, ``excitation.position`` or ``excitation.effort``. Raises InputError: no such signal, or it
+    was never measured.
     """
     known: dict[str, tuple[Floats, Floats, str, bool]] = {
         record.input_name: (record.input_time, record.input, record.input_unit, True)

@@ -13,15 +13,8 @@ _EDGE = 1e-9
 def grid_roots(value: Complexes) -> Floats:
     """Zeros of the function that is linear on each half of every cell of a grid.
 
-    Parameters
-    ----------
-    value : ndarray of complex, shape (m, k)
-        Values at the grid's points; cells with a value that is not finite hold no zero.
-
-    Returns
-    -------
-    ndarray, shape (r, 2)
-        Fractional row and column of each zero; one on an edge may appear twice.
+    `value` (m, k): values at the grid's points; cells with a value that is not finite hold no zero. Returns shape (r,
+    2): fractional row and column of each zero; one on an edge may appear twice.
     """
     if min(value.shape) < 2:
         return np.zeros((0, 2))

@@ -12,21 +12,11 @@ from idloop.estimation.describing_functions.harmonics import Complexes, Floats
 
 @dataclass(frozen=True, eq=False)
 class SineFit:
-    """Harmonics of one signal over whole periods.
+    """Harmonics of one signal over whole periods."""
 
-    Attributes
-    ----------
-    phasors : ndarray of complex, shape (m,)
-        Of harmonics 1..m: the signal is Σ Im(Y_k exp(2πj k f t)) and its mean and trend.
-    mean : float
-        Signal's mean, the harmonics apart.
-    beside : ndarray of complex, shape (q,)
-        What is left at the frequencies beside the fundamental that were asked for.
-    """
-
-    phasors: Complexes
-    mean: float
-    beside: Complexes
+    phasors: Complexes  # shape (m,): of harmonics 1..m: the signal is Σ Im(Y_k exp(2πj k f t)) and its mean and trend
+    mean: float  # signal's mean, the harmonics apart
+    beside: Complexes  # shape (q,): what is left at the frequencies beside the fundamental that were asked for
 
     @property
     def distortion(self) -> float:
@@ -87,14 +77,8 @@ def held_sine_fit(
 
     A held sine lags its samples by half a sample and is a little smaller: the axis sees the held one.
 
-    Parameters
-    ----------
-    time, value : ndarray, shape (n,)
-        Stamps [s] and values; the first not after `start`.
-    start, stop : float
-        Whole periods [s].
-    frequency, harmonics, beside
-        As in `sine_fit`.
+    `time`, `value` (n,): stamps [s] and values; the first not after `start`; `start`, `stop`: whole periods [s];
+    `frequency`, `harmonics`, `beside`: as in `sine_fit`.
     """
     first = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
     after = int(np.searchsorted(time, stop, side="left"))

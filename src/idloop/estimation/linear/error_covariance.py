@@ -18,17 +18,8 @@ Focus = Literal["prediction", "simulation"]
 def error_covariance(model: LinearModel, experiments: Sequence[SampledData], focus: Focus = "prediction") -> Array:
     """Mean product of the errors, the first state of each experiment estimated.
 
-    Parameters
-    ----------
-    model : LinearModel
-    experiments : sequence of SampledData
-    focus : "prediction" or "simulation"
-        Errors one step ahead or of the free run.
-
-    Returns
-    -------
-    ndarray, shape (p, p)
-        [output units squared]; infinite where the errors overflow.
+    `focus`: errors one step ahead or of the free run. Returns shape (p, p): [output units squared]; infinite where the
+    errors overflow.
     """
     p = model.c.shape[0]
     total, count = np.zeros((p, p)), 0

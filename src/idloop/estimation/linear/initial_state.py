@@ -22,17 +22,9 @@ def initial_state(a: Array, c: Array, rest: Array) -> Array:
     Each output counts in units of its own errors, so that a noisy one does not spoil what a quiet one tells of a
     mode that never dies away, such as an integrator's.
 
-    Parameters
-    ----------
-    a, c : ndarray, shapes (n, n), (p, n)
-        Of the model; of the predictor (A - K C) for prediction.
-    rest : ndarray, shape (N, p)
-        Measured output minus the response from the zero state.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Of smallest norm where the outputs do not show the whole state.
+    `a`, `c` (n, n), (p, n): of the model; of the predictor (A - K C) for prediction; `rest` (N, p): measured output
+    minus the response from the zero state. Returns shape (n,): of smallest norm where the outputs do not show the whole
+    state.
     """
     order = a.shape[0]
     if order == 0 or rest.shape[0] == 0:

@@ -12,10 +12,7 @@ _UNSTABLE = 1.001
 def instability_notes(a: NDArray[np.float64]) -> tuple[str, ...]:
     """One note where the free run grows, none otherwise.
 
-    Parameters
-    ----------
-    a : ndarray, shape (n, n)
-        State matrix.
+    `a` (n, n): state matrix.
     """
     if not np.all(np.isfinite(a)):
         return ()

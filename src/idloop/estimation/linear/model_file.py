@@ -112,12 +112,7 @@ def load(path: Path | str) -> LinearModel:
 
 
 def check_suffix(path: Path) -> Path:
-    """Return `path` when its suffix is one of `SUFFIXES`.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return `path` when its suffix is one of `SUFFIXES`."""
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: a linear model is a file with the suffix {' or '.join(SUFFIXES)}")
     return path

@@ -136,19 +136,8 @@ def finished(
 ) -> LinearModel:
     """Model at the end of a search, with its errors, coefficients and what there is to say of it.
 
-    Parameters
-    ----------
-    shape : LinearModel
-        Whose method, signals and sample time the model has.
-    matrices : Matrices
-    found : Found
-    names : sequence of str
-        Of the parameters that are coefficients.
-    kept : ndarray of int
-        Which parameters these are.
-    experiments : sequence of SampledData
-    focus : "prediction" or "simulation"
-    prefilter : python-control system, (numerator, denominator) or None
+    `shape`: whose method, signals and sample time the model has; `names`: of the parameters that are coefficients;
+    `kept`: which parameters these are.
     """
     notes = [] if found.converged else [f"not converged after {found.iterations} iterations"]
     if prefilter is not None:

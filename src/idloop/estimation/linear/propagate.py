@@ -56,22 +56,9 @@ def ahead(
     The state is corrected by every measurement up to `steps` samples before the predicted one
     (Ljung, System Identification, 2nd ed., section 3.2).
 
-    Parameters
-    ----------
-    a, b, c, d : ndarray, shapes (n, n), (n, m), (p, n), (p, m)
-    gain : ndarray, shape (n, p)
-    state : ndarray, shape (n,)
-        Predicted state at the first sample.
-    inputs : ndarray, shape (N, m)
-    outputs : ndarray, shape (N, p)
-        Measurements.
-    steps : int
-        At least 1.
-
-    Returns
-    -------
-    ndarray, shape (N, p)
-        The first `steps - 1` rows are predicted from the first state alone.
+    `a`, `b`, `c`, `d` (n, n), (n, m), (p, n), (p, m); `gain` (n, p); `state` (n,): predicted state at the first sample;
+    `inputs` (N, m); `outputs` (N, p): measurements; `steps`: at least 1. Returns shape (N, p): the first `steps - 1`
+    rows are predicted from the first state alone.
     """
     samples = inputs.shape[0]
     predicted = np.zeros((samples, c.shape[0]))

@@ -12,20 +12,13 @@ Array = NDArray[np.float64]
 
 
 def autoregressive_covariance(series: Sequence[Array]) -> Array:
-    """Covariance of the sum of a stationary series of mean zero, per sample.
+    """Covariance of the sum of a stationary series of mean zero, per sample, shape (k, k).
 
     A vector autoregression whose order minimises the Bayesian criterion is fitted; its spectral density at zero
     frequency is the answer (VARHAC; den Haan and Levin, Handbook of Statistics 15, 1997). The quadratic spectral
     kernel of `idloop.estimation.statistics.covariance` suits scores that die out without swinging.
 
-    Parameters
-    ----------
-    series : sequence of ndarray, shape (n_i, k)
-        Of each experiment.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
+    `series` (n_i, k): of each experiment.
     """
     k = series[0].shape[1]
     scale = np.sqrt(sum(np.sum(one**2, axis=0) for one in series) / sum(len(one) for one in series))

@@ -27,42 +27,22 @@ _SAME_WEIGHTS = 1e-2
 class Parametrisation:
     """How numbers make a model.
 
-    Attributes
-    ----------
-    build : callable
-        Parameters, shape (k,), to the matrices.
-    slope : callable
-        Parameters to the derivatives of `Matrices.flat`, shape (entries, k).
-    free : callable
-        Parameters to a basis of the directions in which they are searched, shape (k, f).
-    settle : callable
-        Parameters to others that describe the same signals and whose predictor is stable, where there are such.
+    `settle`: parameters to others that describe the same signals and whose predictor is stable, where there are such.
     """
 
-    build: Callable[[Array], Matrices]
-    slope: Callable[[Array], Array]
-    free: Callable[[Array], Array]
+    build: Callable[[Array], Matrices]  # parameters, shape (k,), to the matrices
+    slope: Callable[[Array], Array]  # parameters to the derivatives of `Matrices.flat`, shape (entries, k)
+    free: Callable[[Array], Array]  # parameters to a basis of the directions in which they are searched, shape (k, f)
     settle: Callable[[Array], Array] = lambda point: point
 
 
 @dataclass(frozen=True)
 class Found:
-    """Where the search ended.
+    """Where the search ended."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (k,)
-    covariance : ndarray, shape (k, k)
-        Of the parameters; NaN where the data do not show one.
-    free : int
-        Directions that were searched.
-    iterations : int
-    converged : bool
-    """
-
-    parameters: Array
-    covariance: Array
-    free: int
+    parameters: Array  # shape (k,)
+    covariance: Array  # shape (k, k): of the parameters; NaN where the data do not show one
+    free: int  # directions that were searched
     iterations: int
     converged: bool
 
@@ -83,20 +63,10 @@ def search(
     coordinates in which the Jacobian is orthonormal, and Levenberg-Marquardt takes a few steps (data-driven local
     coordinates: McKelvey, Helmersson and Ribarits, Automatica 40, 2004).
 
-    Parameters
-    ----------
-    parametrisation : Parametrisation
-    start : ndarray, shape (k,)
-    experiments : sequence of (inputs, outputs)
-    initial : bool
-        Whether the first states are estimated.
-    white : bool
-        Whether the errors are taken for white; else they are weighed one by one, and the parameters' covariance
-        allows for their colour.
-    stable : bool
-        Whether the predictor must not forget its first state slower than never: with that state estimated, errors
-        of an unstable predictor can be small on the data and are without bound beyond.
-    max_iterations : int
+    `start` (k,); `initial`: whether the first states are estimated; `white`: whether the errors are taken for white;
+    else they are weighed one by one, and the parameters' covariance allows for their colour; `stable`: whether the
+    predictor must not forget its first state slower than never: with that state estimated, errors of an unstable
+    predictor can be small on the data and are without bound beyond.
     """
     point, iterations, converged = start.copy(), 0, False
     limit = stability_limit(experiments) if stable else np.inf
@@ -153,11 +123,7 @@ def mirrored(model: Matrices, covariance: Array) -> Matrices:
     The spectrum of the outputs stays what it is (spectral factorisation; Anderson and Moore, Optimal Filtering,
     section 9.4), and near the circle so does the gain: a search passes over without a jump.
 
-    Parameters
-    ----------
-    model : Matrices
-    covariance : ndarray, shape (p, p)
-        Of the innovations.
+    `covariance` (p, p): of the innovations.
     """
     if not predictor_radius(model) > 1.0 or not np.all(np.isfinite(model.flat())):
         return model

@@ -20,10 +20,8 @@ _MOST_SCORES = 50_000  # rows: longer records are summed in stretches first
 class Matrices:
     """A model x(k+1) = A x + B u + K e, y = C x + D u + e, or a direction in the space of such models.
 
-    Attributes
-    ----------
-    a, b, c, d, gain : ndarray
-        Shapes (n, n), (n, m), (p, n), (p, m), (n, p); a stack of k directions has a last axis of length k.
+    `a`, `b`, `c`, `d`, `gain`: shapes (n, n), (n, m), (p, n), (p, m), (n, p); a stack of k directions has a last axis
+    of length k.
     """
 
     a: Array
@@ -119,23 +117,9 @@ def compressed_errors(
     What is returned has the sums of squares and products of the full arrays, in as many rows as columns. Cost is
     linear in the length of the record and memory does not depend on it.
 
-    Parameters
-    ----------
-    model : Matrices
-    directions : Matrices or None
-        Stack of k directions in which the derivatives are wanted.
-    experiments : sequence of (inputs, outputs)
-        Shapes (N, m) and (N, p).
-    whitener : ndarray, shape (p, p)
-        Applied to each error.
-    initial : bool
-        Whether the first state of each experiment is estimated; else it is zero.
-
-    Returns
-    -------
-    residual : ndarray, shape (r,)
-    jacobian : ndarray, shape (r, k)
-        Infinite where the model's predictor overflows.
+    `directions`: stack of k directions in which the derivatives are wanted; `experiments`: shapes (N, m) and (N, p);
+    `whitener` (p, p): applied to each error; `initial`: whether the first state of each experiment is estimated; else
+    it is zero. Returns `residual` (r,); `jacobian` (r, k): infinite where the model's predictor overflows.
     """
     moves = directions if directions is not None else _still(model)
     first, k = (model.a.shape[0] if initial else 0), moves.a.shape[2]

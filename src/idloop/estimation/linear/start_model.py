@@ -18,16 +18,8 @@ if TYPE_CHECKING:
 def start_model(start: LinearModel | control.StateSpace | control.TransferFunction, data: SampledData) -> LinearModel:
     """A model with the signals of the data; one that is a LinearModel already as it is.
 
-    Parameters
-    ----------
-    start : LinearModel or python-control StateSpace or TransferFunction
-        Of a python-control system the Kalman gain is zero; a continuous one is sampled, its commands held.
-    data : SampledData
-
-    Raises
-    ------
-    InputError
-        Neither of these, or a system with other numbers of inputs and outputs than the data.
+    `start`: of a python-control system the Kalman gain is zero; a continuous one is sampled, its commands held. Raises
+    InputError: neither of these, or a system with other numbers of inputs and outputs than the data.
     """
     import control
 

@@ -69,12 +69,7 @@ class Split:
 def divide(division: Division, rows: Sequence[int], random: np.random.Generator) -> Split:
     """Share out the rows of several experiments.
 
-    Parameters
-    ----------
-    division : Division
-    rows : sequence of int
-        Of each experiment.
-    random : numpy.random.Generator
+    `rows`: of each experiment.
     """
     parts: tuple[list[Indices], list[Indices], list[Indices]] = ([], [], [])
     start = 0

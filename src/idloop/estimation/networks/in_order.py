@@ -16,17 +16,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class InOrder:
-    """A network on the samples of some experiments.
-
-    Attributes
-    ----------
-    data : TrainingData
-    parallel : bool
-        Whether the network runs freely (parallel form) or predicts one step ahead (series-parallel form).
-    """
+    """A network on the samples of some experiments."""
 
     data: TrainingData
-    parallel: bool
+    parallel: bool  # whether the network runs freely (parallel form) or predicts one step ahead (series-parallel form)
 
     def errors(self, network: Network) -> Array:
         """Measured outputs less the network's, scaled, shape (n, p)."""

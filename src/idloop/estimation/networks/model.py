@@ -33,19 +33,14 @@ class NarxModel:
         ``"narx-wavelet"`` or ``"narx-neural"``.
     form : {"series-parallel", "parallel"}
         Trained to predict one step ahead from measurements, or in free run from its own past outputs.
-    delays : TappedDelays
-    network : Network
     low, high : ndarray, shape (p,)
         A free run is held between these: fifty times the range of the training data about its middle [output units].
     sample_time : float
         [s].
-    input_names, input_units, output_names, output_units : tuple of str
     samples : int
         Training samples.
     split : Split
         Which rows of the regressors served training, validation and test.
-    history : TrainingHistory
-    notes : tuple of str
     """
 
     method: str

@@ -63,12 +63,7 @@ def load(path: Path | str) -> NarxModel:
 
 
 def check_suffix(path: Path) -> Path:
-    """Return `path` when it ends with ``.json``.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return `path` when it ends with ``.json``."""
     if path.suffix.lower() != ".json":
         raise InputError(f"{path}: a network is a file with the suffix .json")
     return path

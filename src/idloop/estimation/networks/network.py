@@ -23,40 +23,20 @@ SIGMOID, SCALING, WAVELET = 0, 1, 2
 class Network(NamedTuple):
     """All numbers of a network, in the form that the compiled functions read.
 
-    Attributes
-    ----------
-    source, lag : ndarray of int, shape (r,)
-        Signal and delay of each regressor (``TappedDelays.taps``).
-    center : ndarray, shape (r,)
-        Subtracted from the regressors [their units].
-    width : ndarray, shape (r,)
-        By which what is left is divided: z = (regressors - center) / width.
-    kind : ndarray of int, shape (h,)
-        Of each unit.
-    direction : ndarray, shape (h, r)
-        Weights w of a sigmoid, centre t of a radial unit.
-    scale : ndarray, shape (h,)
-        Bias b of a sigmoid, dilation a of a radial unit.
-    weight : ndarray, shape (p, h)
-        Output weights c.
-    constant : ndarray, shape (p,)
-        d.
-    linear : ndarray, shape (p, r)
-        L; zero in a neural network.
-    output_center, output_width : ndarray, shape (p,)
-        The outputs are center + width f(z) [output units].
+    `source`, `lag` (r,): signal and delay of each regressor (``TappedDelays.taps``); `output_center`, `output_width`
+    (p,): the outputs are center + width f(z) [output units].
     """
 
     source: NDArray[np.int64]
     lag: NDArray[np.int64]
-    center: Array
-    width: Array
-    kind: NDArray[np.int64]
-    direction: Array
-    scale: Array
-    weight: Array
-    constant: Array
-    linear: Array
+    center: Array  # shape (r,): subtracted from the regressors [their units]
+    width: Array  # shape (r,): by which what is left is divided: z = (regressors - center) / width
+    kind: NDArray[np.int64]  # shape (h,): of each unit
+    direction: Array  # shape (h, r): weights w of a sigmoid, centre t of a radial unit
+    scale: Array  # shape (h,): bias b of a sigmoid, dilation a of a radial unit
+    weight: Array  # shape (p, h): output weights c
+    constant: Array  # shape (p,): d
+    linear: Array  # shape (p, r): L; zero in a neural network
     output_center: Array
     output_width: Array
 
@@ -145,20 +125,9 @@ def activations(network: Network, z: Array) -> Array:
 def ahead(network: Network, inputs: Array, outputs: Array, first: int, steps: int, low: Array, high: Array) -> Array:
     """Prediction `steps` samples ahead: 1 is the series-parallel form, all that follow `first` the parallel one.
 
-    Parameters
-    ----------
-    network : Network
-    inputs, outputs : ndarray, shapes (N, m) and (N, p)
-    first : int
-        First sample that is predicted; those before are copied from `outputs`.
-    steps : int
-        Samples since the last measurement that a prediction knows.
-    low, high : ndarray, shape (p,)
-        The model's outputs are held between these, so that a run that diverges stays finite.
-
-    Returns
-    -------
-    ndarray, shape (N, p)
+    `inputs`, `outputs` (N, m) and (N, p); `first`: first sample that is predicted; those before are copied from
+    `outputs`; `steps`: samples since the last measurement that a prediction knows; `low`, `high` (p,): the model's
+    outputs are held between these, so that a run that diverges stays finite. Returns shape (N, p).
     """
     samples, p = outputs.shape
     predicted: Array = outputs.copy()
@@ -224,25 +193,13 @@ def _slopes(network: Network, with_linear: bool, z: Array, by_parameter: Array, 
 def slopes(
     network: Network, with_linear: bool, inputs: Array, past: Array, begin: int, end: int, carry: Array, feedback: bool
 ) -> Array:
-    """Slopes of the scaled outputs by the parameters at samples `begin` to `end` - 1.
+    """Slopes of the scaled outputs by the parameters at samples `begin` to `end` - 1, shape (end - begin, p, k).
 
-    Parameters
-    ----------
-    network : Network
-    with_linear : bool
-        Whether the linear part is adjustable.
-    inputs, past : ndarray, shapes (N, m) and (N, p)
-        Past outputs as the network sees them: measured (series-parallel) or its own free run (parallel).
-    begin, end : int
-        Samples; with feedback in the order of time and without a gap.
-    carry : ndarray, shape (longest lag, p, k)
-        With feedback, the slopes of the samples before, sample by sample modulo its length; updated.
-    feedback : bool
-        Whether past outputs depend on the parameters as well (parallel form).
-
-    Returns
-    -------
-    ndarray, shape (end - begin, p, k)
+    `with_linear`: whether the linear part is adjustable; `inputs`, `past` (N, m) and (N, p): past outputs as the
+    network sees them: measured (series-parallel) or its own free run (parallel); `begin`, `end`: samples; with feedback
+    in the order of time and without a gap; `carry` (longest lag, p, k): with feedback, the slopes of the samples
+    before, sample by sample modulo its length; updated; `feedback`: whether past outputs depend on the parameters as
+    well (parallel form).
     """
     p, depth = past.shape[1], carry.shape[0]
     found = np.empty((end - begin, p, carry.shape[2]))

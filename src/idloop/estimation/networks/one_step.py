@@ -20,19 +20,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class OneStep:
-    """Scaled regressors and outputs of all samples.
+    """Scaled regressors and outputs of all samples."""
 
-    Attributes
-    ----------
-    regressors : ndarray, shape (n, r)
-    outputs : ndarray, shape (n, p)
-    training : ndarray of bool, shape (n,)
-        Samples that the slopes are wanted of.
-    """
-
-    regressors: Array
-    outputs: Array
-    training: NDArray[np.bool_]
+    regressors: Array  # shape (n, r)
+    outputs: Array  # shape (n, p)
+    training: NDArray[np.bool_]  # shape (n,): samples that the slopes are wanted of
 
     @classmethod
     def of(cls, network: Network, data: TrainingData) -> OneStep:

@@ -16,20 +16,8 @@ def select(base: Array, candidates: Array, targets: Array, count: int) -> NDArra
     In each step the candidate is taken whose part orthogonal to all the chosen columns lowers the sum of squares
     most (Chen, Billings and Luo, Int. J. Control 50, 1989), over all targets together.
 
-    Parameters
-    ----------
-    base : ndarray, shape (n, b)
-        Columns that are in the model anyway.
-    candidates : ndarray, shape (n, c)
-        Changed in place.
-    targets : ndarray, shape (n, p)
-    count : int
-        Most candidates to take.
-
-    Returns
-    -------
-    ndarray of int
-        In the order of their choice; fewer where the others depend on them.
+    `base` (n, b): columns that are in the model anyway; `candidates` (n, c): changed in place; `targets` (n, p);
+    `count`: most candidates to take. Returns: in the order of their choice; fewer where the others depend on them.
     """
     basis = np.linalg.qr(base)[0]
     left = targets - basis @ (basis.T @ targets)

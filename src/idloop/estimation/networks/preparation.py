@@ -29,18 +29,8 @@ _RANGES = 50.0  # a free run that leaves so many times the range of the training
 class Preparation:
     """Training data with its regressors and scales.
 
-    Attributes
-    ----------
-    experiments : list of SampledData
-    delays : TappedDelays
-    source, lag : ndarray of int, shape (r,)
-        Of the regressors.
-    split : Split
-    data : TrainingData
-    train : ndarray, shape (n, r)
-        Regressors of the training samples.
-    output_center, output_width : ndarray, shape (p,)
-        Middle and half range of the outputs of the training samples [output units].
+    `source`, `lag` (r,): of the regressors; `output_center`, `output_width` (p,): middle and half range of the outputs
+    of the training samples [output units].
     """
 
     experiments: list[SampledData]
@@ -49,7 +39,7 @@ class Preparation:
     lag: NDArray[np.int64]
     split: Split
     data: TrainingData
-    train: Array
+    train: Array  # shape (n, r): regressors of the training samples
     output_center: Array
     output_width: Array
 
@@ -90,20 +80,9 @@ def prepare(
 ) -> Preparation:
     """Check the data, build its regressors and share out its samples.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-    delays : TappedDelays
-    division : Division
-    random : numpy.random.Generator
-    free : callable
-        How many numbers will be estimated, from the numbers of regressors and outputs.
-
-    Raises
-    ------
-    InputError
-        No data, records shorter than the delays, fewer training samples than numbers to estimate, an output
-        that stands still, or no command that moves.
+    `free`: how many numbers will be estimated, from the numbers of regressors and outputs. Raises InputError: no data,
+    records shorter than the delays, fewer training samples than numbers to estimate, an output that stands still, or no
+    command that moves.
     """
     several = together(data)
     source, lag = delays.taps(several[0].input.shape[1], several[0].output.shape[1])

@@ -13,13 +13,7 @@ _FLAT = 1e-13  # spread of a column over its mean that is rounding
 def by_range(values: Array) -> tuple[Array, Array]:
     """Centre and half width of the range of each column; the half width of a constant column is 1.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n, c)
-
-    Returns
-    -------
-    center, width : ndarray, shape (c,)
+    `values` (n, c). Returns `center, width` (c,).
     """
     low, high = np.min(values, axis=0), np.max(values, axis=0)
     width = 0.5 * (high - low)
@@ -29,13 +23,7 @@ def by_range(values: Array) -> tuple[Array, Array]:
 def by_spread(values: Array) -> tuple[Array, Array]:
     """Mean and standard deviation of each column; the standard deviation of a constant column is given as 1.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n, c)
-
-    Returns
-    -------
-    center, width : ndarray, shape (c,)
+    `values` (n, c). Returns `center, width` (c,).
     """
     center = np.mean(values, axis=0)
     width = np.std(values, axis=0)

@@ -86,15 +86,8 @@ class TappedDelays:
 def regressors(source: NDArray[np.int64], lag: NDArray[np.int64], inputs: Array, outputs: Array) -> Array:
     """Regressors of one experiment from the first sample on for which all of them are known.
 
-    Parameters
-    ----------
-    source, lag : ndarray of int, shape (r,)
-        Of ``TappedDelays.taps``.
-    inputs, outputs : ndarray, shapes (N, m) and (N, p)
-
-    Returns
-    -------
-    ndarray, shape (N - longest lag, r)
+    `source`, `lag` (r,): of ``TappedDelays.taps``; `inputs`, `outputs` (N, m) and (N, p). Returns shape (N - longest
+    lag, r).
     """
     first, p = int(np.max(lag)), outputs.shape[1]
     columns = [

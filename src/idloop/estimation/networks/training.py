@@ -138,22 +138,9 @@ def train(
 ) -> tuple[Network, TrainingHistory]:
     """Train all adjustable numbers of a network.
 
-    Parameters
-    ----------
-    network : Network
-        Start.
-    data : TrainingData
-    rules : TrainingRules
-    parallel : bool
-        Fit the free run (parallel form) instead of the prediction one step ahead (series-parallel form).
-    with_linear : bool
-        Whether the linear part is trained as well.
-
-    Returns
-    -------
-    network : Network
-        The one with the least validation error; without validation data, the last.
-    history : TrainingHistory
+    `network`: start; `parallel`: fit the free run (parallel form) instead of the prediction one step ahead
+    (series-parallel form); `with_linear`: whether the linear part is trained as well. Returns `network`: the one with
+    the least validation error; without validation data, the last; `history`.
     """
     point, mu = parameters(network, with_linear), rules.mu
     course = _errors_of(network, data, parallel)

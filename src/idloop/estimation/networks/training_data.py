@@ -16,21 +16,11 @@ BLOCK = 1024  # samples whose slopes are held at a time: as many as the cache ha
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """Experiments and what each sample serves.
+    """Experiments and what each sample serves."""
 
-    Attributes
-    ----------
-    experiments : sequence of (inputs, outputs)
-        Shapes (N, m) and (N, p).
-    purpose : ndarray of int
-        0, 1 or 2 (training, validation, test) for each row of the regressors of all experiments.
-    first : int
-        First sample of each experiment that is predicted.
-    """
-
-    experiments: Sequence[tuple[Array, Array]]
-    purpose: Indices
-    first: int
+    experiments: Sequence[tuple[Array, Array]]  # shapes (N, m) and (N, p)
+    purpose: Indices  # 0, 1 or 2 (training, validation, test) for each row of the regressors of all experiments
+    first: int  # first sample of each experiment that is predicted
 
     def pieces(self) -> Iterator[tuple[Array, Array, Indices]]:
         """Inputs, outputs and purposes of each experiment."""

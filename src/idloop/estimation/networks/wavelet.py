@@ -99,20 +99,8 @@ def narx_wavelet(
 def dyadic_grid(z: Array, levels: int, cells: int) -> tuple[Indices, Array, Array]:
     """Candidates on a dyadic grid, only where there are samples.
 
-    Parameters
-    ----------
-    z : ndarray, shape (n, d)
-        Scaled regressors.
-    levels : int
-    cells : int
-        Most cells of a level; those that hold most samples are kept.
-
-    Returns
-    -------
-    kind : ndarray of int, shape (c,)
-    center : ndarray, shape (c, d)
-    dilation : ndarray, shape (c,)
-        The coarsest is one over the radius that holds nearly all samples.
+    `z` (n, d): scaled regressors; `cells`: most cells of a level; those that hold most samples are kept. Returns `kind`
+    (c,); `center` (c, d); `dilation` (c,): the coarsest is one over the radius that holds nearly all samples.
     """
     radius = max(float(np.percentile(np.linalg.norm(z, axis=1), 99.0)), 1e-12)
     kinds, centers, dilations = [], [], []

@@ -217,13 +217,8 @@ def fast_best_linear_approximation(
 def _relative(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> tuple[Complex, Complex, Array]:
     """Response over all realisations, each one's deviation from it and its noise variance.
 
-    Returns
-    -------
-    response : ndarray of complex, shape (f, p)
-    own : ndarray of complex, shape (experiments, f, p)
-        Deviation of each realisation, in units of the response.
-    noise : ndarray, shape (experiments, f, p)
-        Variance of the mean over the periods of each realisation, in the same units.
+    Returns `response` (f, p); `own` (experiments, f, p): deviation of each realisation, in units of the response;
+    `noise` (experiments, f, p): variance of the mean over the periods of each realisation, in the same units.
     """
     excited = spectra.excited[:, kept]
     driver = np.where(excited, spectra.driver[:, kept], 1.0)[:, :, None]

@@ -144,16 +144,9 @@ def _smoothing_notes(found: FrequencyResponse, finer: FrequencyResponse, window:
 
 
 def covariances(values: Array, lags: int) -> Array:
-    """Sums of products Σ_t z_i(t + τ) z_j(t) for τ = −lags..lags, by fast convolution.
+    """Sums of products Σ_t z_i(t + τ) z_j(t) for τ = −lags..lags, by fast convolution, shape (2 lags + 1, c, c).
 
-    Parameters
-    ----------
-    values : ndarray, shape (n, c)
-    lags : int
-
-    Returns
-    -------
-    ndarray, shape (2 lags + 1, c, c)
+    `values` (n, c).
     """
     from scipy.fft import irfft, next_fast_len, rfft
 

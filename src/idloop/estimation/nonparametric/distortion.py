@@ -67,7 +67,6 @@ class Distortion:
     excited, odd, even : LineLevels or None
         The outputs at the excited lines and at those that are left empty, where odd and even nonlinearity
         show (odd random harmonic grid).
-    output_names, output_units : tuple of str
     """
 
     frequency: Array
@@ -209,19 +208,9 @@ def combined_p_value(total: Array, noise: Array, degrees: Array, noise_degrees: 
     combined by Fisher's method (-2 ln p of independent ones adds up to a chi-square), so that a few clear lines are not
     lost among noisy ones.
 
-    Parameters
-    ----------
-    total, noise : ndarray, shape (g, p)
-        Variance with the distortion, and of noise alone.
-    degrees, noise_degrees : ndarray, shape (g, 1)
-        Degrees of freedom of each.
-    size : ndarray, shape (g, p) or (1, p)
-        Of the signal, for its rounding.
-
-    Returns
-    -------
-    ndarray, shape (p,)
-        NaN where there is no line.
+    `total`, `noise` (g, p): variance with the distortion, and of noise alone; `degrees`, `noise_degrees` (g, 1):
+    degrees of freedom of each; `size` (g, p) or (1, p): of the signal, for its rounding. Returns shape (p,): NaN where
+    there is no line.
     """
     from scipy.stats import chi2, f
 

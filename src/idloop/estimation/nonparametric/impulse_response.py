@@ -22,7 +22,6 @@ class ImpulseResponse:
 
     Attributes
     ----------
-    method : str
     lag : ndarray of int, shape (l,)
         [samples]; at negative lags only feedback shows.
     response : ndarray, shape (l, p)
@@ -33,12 +32,8 @@ class ImpulseResponse:
         Standard deviation of the estimate at a lag that carries no response.
     sample_time : float
         [s].
-    input_name, input_unit : str
-    output_names, output_units : tuple of str
-    samples : int
     feedback_p : ndarray, shape (p,)
         p-value of the negative lags under an open loop: small where the input answers to the output.
-    notes : tuple of str
     """
 
     method: str

@@ -26,26 +26,15 @@ _EXCITED = 1e-4  # a line with this share of the greatest line's power is meant,
 class PeriodicSpectra:
     """Complex peak amplitudes of the lines of all experiments.
 
-    Attributes
-    ----------
-    data : tuple of SampledData
-    frequency : ndarray, shape (k,)
-        Lines above zero and below half the sample rate [Hz].
-    output : tuple of ndarray of complex, shapes (periods, k, p)
-        For each experiment and period.
-    input : tuple of ndarray of complex, shapes (periods, k)
-    driver : ndarray of complex, shape (experiments, k)
-        What is free of the plant's noise: the reference, or the input of an open loop.
-    excited : ndarray of bool, shape (experiments, k)
-        Where the driver carries power.
+    `driver` (experiments, k): what is free of the plant's noise: the reference, or the input of an open loop.
     """
 
     data: tuple[SampledData, ...]
-    frequency: Array
-    output: tuple[Complex, ...]
-    input: tuple[Complex, ...]
+    frequency: Array  # shape (k,): lines above zero and below half the sample rate [Hz]
+    output: tuple[Complex, ...]  # shape (periods, k, p): for each experiment and period
+    input: tuple[Complex, ...]  # shape (periods, k)
     driver: Complex
-    excited: Mask
+    excited: Mask  # shape (experiments, k): where the driver carries power
 
     @property
     def periods(self) -> int:
@@ -69,27 +58,12 @@ def by_period(
 ) -> PeriodicSpectra:
     """Cut records into periods and transform each of them.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-        One input; each experiment is a realisation of the excitation.
-    period : int
-        [samples].
-    lines : LineGrid, or one for each experiment, optional
-        What was excited; read off the driver's spectrum by default.
-    skip : int
-        Periods at the start that are left to the transient.
-    by_reference : bool
-        Whether the reference drives the experiment (closed loop) or the input (open loop).
-    drift : bool
-        Take off the straight line by which each signal moves from period to period, as the position of an axis
-        without a stop does; it would leak into every line.
-
-    Raises
-    ------
-    InputError
-        Fewer than two periods, more than one input, no reference where one is needed, or a driver that does not
-        repeat with the period.
+    `data`: one input; each experiment is a realisation of the excitation; `period`: [samples]; `lines`: what was
+    excited; read off the driver's spectrum by default; `skip`: periods at the start that are left to the transient;
+    `by_reference`: whether the reference drives the experiment (closed loop) or the input (open loop); `drift`: take
+    off the straight line by which each signal moves from period to period, as the position of an axis without a stop
+    does; it would leak into every line. Raises InputError: fewer than two periods, more than one input, no reference
+    where one is needed, or a driver that does not repeat with the period.
     """
     several = together(data)
     first = several[0]

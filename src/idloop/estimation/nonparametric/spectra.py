@@ -25,34 +25,20 @@ _TOGETHER = 1e-8  # inputs whose coherence matrix is closer to singular than thi
 class CrossSpectra:
     """Averaged spectra of several signals.
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (f,)
-        [Hz].
-    matrix : ndarray of complex, shape (f, c, c)
-        One-sided cross power densities ``E[Z Zᴴ]`` [product of the signals' units / Hz].
-    averages : float
-        Number of independent averages that the estimate is worth.
-    samples : int
-        That it rests on.
-    resolution : float, optional
-        Width of what is averaged over, at half its height [Hz]; None where every line is its own.
+    `resolution`: width of what is averaged over, at half its height [Hz]; None where every line is its own.
     """
 
-    frequency: Array
-    matrix: Complex
-    averages: float
-    samples: int
+    frequency: Array  # shape (f,): [Hz]
+    matrix: Complex  # shape (f, c, c): one-sided cross power densities ``E[Z Zᴴ]`` [product of the signals' units / Hz]
+    averages: float  # number of independent averages that the estimate is worth
+    samples: int  # that it rests on
     resolution: float | None = None
 
 
 def without_trend(values: Array, trend: Trend) -> Array:
     """Columns without their mean or their straight line, shape (n, c).
 
-    Raises
-    ------
-    InputError
-        A trend that is not known.
+    Raises InputError: a trend that is not known.
     """
     if trend == "none":
         return values
@@ -73,19 +59,8 @@ def response_from(
     The mean square of the complex error of an entry is the disturbance's density times the entry of S_uu⁻¹ over
     the number of averages, the disturbance's with the degrees of freedom that the response has used up.
 
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        Of outputs and inputs, in this order.
-    data : sequence of SampledData
-        Where they come from.
-    method : str
-    notes : tuple of str
-
-    Raises
-    ------
-    InputError
-        An input that stands still, or inputs that move together.
+    `spectra`: of outputs and inputs, in this order; `data`: where they come from. Raises InputError: an input that
+    stands still, or inputs that move together.
     """
     first = data[0]
     p, m = first.output.shape[1], first.input.shape[1]

@@ -53,10 +53,7 @@ def welch(
 def segment_length(data: Sequence[SampledData], segment: int | None, overlap: float) -> int:
     """Length of the segments after checks; unless it is given, so that a longer record tells more of every line.
 
-    Raises
-    ------
-    InputError
-        Too long for the data, too short for a spectrum, or an overlap out of range.
+    Raises InputError: too long for the data, too short for a spectrum, or an overlap out of range.
     """
     shortest = min(len(one) for one in data)
     if segment is None:
@@ -78,22 +75,9 @@ def usual_segment(data: Sequence[SampledData]) -> int:
 def averaged(signals: Sequence[Array], length: int, overlap: float, sample_time: float) -> CrossSpectra:
     """Average the periodograms of the segments of all experiments.
 
-    Parameters
-    ----------
-    signals : sequence of ndarray, shape (n, c)
-        One for each experiment.
-    length : int
-        Of a segment [samples].
-    overlap : float
-        Share of a segment.
-    sample_time : float
-        [s].
-
-    Returns
-    -------
-    CrossSpectra
-        At the segments' lines above zero and below half the sample rate. The number of averages allows for what
-        overlapping segments have in common (Welch 1967, section III).
+    `signals` (n, c): one for each experiment; `length`: of a segment [samples]; `overlap`: share of a segment;
+    `sample_time`: [s]. Returns: at the segments' lines above zero and below half the sample rate. The number of
+    averages allows for what overlapping segments have in common (Welch 1967, section III).
     """
     # Periodic, so that its lines are the segment's own.
     window = 0.5 * (1.0 - np.cos(2 * np.pi * np.arange(length) / length))

@@ -23,16 +23,10 @@ Errors = Literal["white", "coloured"]
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """What one output's model reads of one experiment.
+    """What one output's model reads of one experiment."""
 
-    Attributes
-    ----------
-    output : ndarray, shape (n,)
-    inputs : ndarray, shape (n, m)
-    """
-
-    output: Array
-    inputs: Array
+    output: Array  # shape (n,)
+    inputs: Array  # shape (n, m)
 
 
 def channels(data: Sequence[SampledData], column: int, coupled: bool = False) -> list[Channel]:
@@ -67,10 +61,7 @@ def regression_blocks(data: Sequence[Channel], orders: Orders, first: int) -> It
 def least_squares(data: Sequence[Channel], orders: Orders, initial: Initial = "estimate") -> Solution:
     """ARX coefficients in the order of `Orders.names`.
 
-    Raises
-    ------
-    InputError
-        Fewer rows than coefficients.
+    Raises InputError: fewer rows than coefficients.
     """
     first = first_row(orders, initial)
     rows = sum(max(len(c.output) - first, 0) for c in data)

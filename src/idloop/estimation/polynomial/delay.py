@@ -24,8 +24,6 @@ class DelayEstimate:
 
     Attributes
     ----------
-    output_name : str
-    input_names : tuple of str
     sample_time : float
         Period [s].
     delay : tuple of int

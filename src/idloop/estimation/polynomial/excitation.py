@@ -20,16 +20,8 @@ _SOME = 20_000  # samples that nearly always tell
 def excited_order(commands: Sequence[Array], most: int) -> int:
     """Order of which a command is persistently exciting (Ljung, 2nd ed., definition 13.1), `most` or less.
 
-    Parameters
-    ----------
-    commands : sequence of ndarray, shapes (n_i,)
-        The same command in several experiments.
-    most : int
-
-    Returns
-    -------
-    int
-        Independent directions of its windows of `most` samples.
+    `commands` (n_i,): the same command in several experiments. Returns: independent directions of its windows of `most`
+    samples.
     """
     for few in (True, False):
         used = [command[:_SOME] if few else command for command in commands]
@@ -54,13 +46,8 @@ def excitation_notes(
 
     Outputs excite A by their noise, whatever the command is.
 
-    Parameters
-    ----------
-    data : sequence of SampledData
-    polynomials : sequence of Polynomials
-        Of each output.
-    instruments : bool
-        Whether instruments keep noise out, so that A needs the command as well.
+    `polynomials`: of each output; `instruments`: whether instruments keep noise out, so that A needs the command as
+    well.
     """
     notes = []
     for column, name in enumerate(data[0].input_names):

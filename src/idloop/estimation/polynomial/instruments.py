@@ -110,22 +110,8 @@ def four_steps(
 ) -> tuple[Array, Array, float, NDArray[np.bool_]]:
     """Instruments, the solution by them, whitening of what is left, instruments again.
 
-    Parameters
-    ----------
-    data : sequence of Channel
-    orders : Orders
-    clean : sequence of Channel
-        Signals without noise to make the instruments from.
-    initial : "estimate" or "zero"
-
-    Returns
-    -------
-    coefficients : ndarray, shape (k,)
-    factor : ndarray, shape (k, r)
-        W with covariance `variance` W W^T.
-    variance : float
-        Of the whitened equation errors.
-    undetermined : ndarray of bool, shape (k,)
+    `clean`: signals without noise to make the instruments from. Returns `coefficients` (k,); `factor` (k, r): W with
+    covariance `variance` W W^T; `variance`: of the whitened equation errors; `undetermined` (k,).
     """
     from scipy.signal import lfilter
 
@@ -144,18 +130,7 @@ def refined(data: Sequence[Channel], orders: Orders, start: Array, rounds: int =
     Young, Recursive Estimation and Time-Series Analysis, 2nd ed., section 7.4: instruments and signals go
     through 1 / A, and all is repeated until A stays.
 
-    Parameters
-    ----------
-    data : sequence of Channel
-    orders : Orders
-        na, nb and nk.
-    start : ndarray, shape (k,)
-    rounds : int
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        With the roots of A inside the unit circle or on it.
+    `orders`: na, nb and nk; `start` (k,). Returns shape (k,): with the roots of A inside the unit circle or on it.
     """
     first = first_row(orders, "estimate")
     coefficients = start.copy()

@@ -48,17 +48,8 @@ def assemble(
 ) -> PolynomialModel:
     """Put the outputs' polynomials together to one model.
 
-    Parameters
-    ----------
-    method : str
-    data : sequence of SampledData
-    polynomials : sequence of Polynomials
-        Of each output.
-    errors : sequence of sequence of ndarray
-        Prediction errors of each output in each experiment, up to its end.
-    notes : sequence of str
-    realization : Realization, optional
-        By default that of the polynomials side by side.
+    `polynomials`: of each output; `errors`: prediction errors of each output in each experiment, up to its end;
+    `realization`: by default that of the polynomials side by side.
     """
     from scipy.linalg import block_diag
 

@@ -42,16 +42,8 @@ class Objective:
     responses of F and C, which carry the rest of the past, are fitted by projection (variable projection: Golub
     and Pereyra, SIAM J. Numer. Anal. 10, 1973; the slopes have Kaufman's form, whose gradient is exact).
 
-    Parameters
-    ----------
-    data : sequence of Channel
-    orders : Orders
-    initial : "estimate" or "zero"
-    spread : ndarray, shape (k, r), optional
-        The k coefficients are `offset` + `spread` @ x: ties or fixes some of them.
-    offset : ndarray, shape (k,), optional
-    integrating : bool
-        Whether C, too, may have roots on the unit circle.
+    `spread` (k, r): the k coefficients are `offset` + `spread` @ x: ties or fixes some of them; `offset` (k,);
+    `integrating`: whether C, too, may have roots on the unit circle.
     """
 
     def __init__(

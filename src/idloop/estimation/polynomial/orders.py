@@ -99,10 +99,7 @@ class Orders:
 def per_input(value: int | Sequence[int], inputs: int, name: str) -> tuple[int, ...]:
     """Spread one number over all inputs, or check that there is one for each.
 
-    Raises
-    ------
-    InputError
-        Another count than that of the inputs.
+    Raises InputError: another count than that of the inputs.
     """
     values = (int(value),) * inputs if isinstance(value, int) else tuple(int(v) for v in value)
     if len(values) != inputs:

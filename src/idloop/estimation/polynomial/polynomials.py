@@ -38,8 +38,6 @@ class Polynomials:
         [samples]
     sample_time : float
         Period [s].
-    input_names : tuple of str
-    output_name : str
     variance : float
         Of the innovations e [output unit squared].
     covariance : ndarray, shape (k, k), or None

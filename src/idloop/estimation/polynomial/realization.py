@@ -15,9 +15,7 @@ Array = NDArray[np.float64]
 class Realization:
     """x(k+1) = A x + B u + K e, y = C x + D u + e.
 
-    Attributes
-    ----------
-    a, b, c, d, gain : ndarray, shapes (n, n), (n, m), (p, n), (p, m), (n, p)
+    `a`, `b`, `c`, `d`, `gain` (n, n), (n, m), (p, n), (p, m), (n, p).
     """
 
     a: Array
@@ -30,16 +28,8 @@ class Realization:
 def observer_form(denominator: Array, numerators: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
     """State space of y = sum_i N_i(q) / P(q) v_i (Ljung, System Identification, 2nd ed., eq. 4.87 to 4.90).
 
-    Parameters
-    ----------
-    denominator : ndarray
-        P, coefficients of 1, q^-1, ...; the first is 1.
-    numerators : sequence of ndarray
-        N_i, coefficients of 1, q^-1, ...
-
-    Returns
-    -------
-    a, b, c, d : ndarray, shapes (n, n), (n, m), (1, n), (1, m)
+    `denominator`: P, coefficients of 1, q^-1, ...; the first is 1; `numerators`: N_i, coefficients of 1, q^-1, .
+    Returns `a, b, c, d` (n, n), (n, m), (1, n), (1, m).
     """
     order = max([len(denominator), *(len(n) for n in numerators)]) - 1
     low = np.zeros(order + 1)
@@ -57,12 +47,7 @@ def observer_form(denominator: Array, numerators: Sequence[Array]) -> tuple[Arra
 def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[Array]) -> Realization:
     """State space of A y = sum_i B_i / F_i u_i + C / D e for one output.
 
-    Parameters
-    ----------
-    a, c, d : ndarray
-        Polynomials, first coefficient 1.
-    b, f : sequences of ndarray
-        Of each input; B with its delay as leading zeros.
+    `a`, `c`, `d`: polynomials, first coefficient 1; `b`, `f`: of each input; B with its delay as leading zeros.
     """
     # What has a denominator of its own is a subsystem in front; the rest drives 1/A directly.
     paths = [(num, den, column) for column, (num, den) in enumerate(zip(b, f, strict=True))] + [(c, d, len(b))]
@@ -88,12 +73,7 @@ def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[A
 def matrix_form(a: Array, b: Array) -> Realization:
     """State space of y(t) + A_1 y(t-1) + ... = B_0 u(t) + B_1 u(t-1) + ... + e(t), with matrices.
 
-    Parameters
-    ----------
-    a : ndarray, shape (na, p, p)
-        A_1, A_2, ...
-    b : ndarray, shape (nb, p, m)
-        B_0, B_1, ...
+    `a` (na, p, p): A_1, A_2, ; `b` (nb, p, m): B_0, B_1, .
     """
     p, m = b.shape[1:]
     order = max(a.shape[0], b.shape[0] - 1)

@@ -20,17 +20,7 @@ _RANK = 1e-13
 def lagged(signal: Array, lags: Sequence[int], first: int, last: int | None = None) -> Array:
     """Columns signal(t - lag) for t = first..last-1; what lies before the record is 0.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-    lags : sequence of int
-        0 or more [samples].
-    first, last : int
-        Rows.
-
-    Returns
-    -------
-    ndarray, shape (last - first, number of lags)
+    `signal` (n,); `lags`: 0 or more [samples]; `first`, `last`: rows. Returns shape (last - first, number of lags).
     """
     stop = len(signal) if last is None else last
     columns = np.zeros((stop - first, len(lags)))
@@ -44,14 +34,7 @@ def lagged(signal: Array, lags: Sequence[int], first: int, last: int | None = No
 def triangle(blocks: Iterable[Array]) -> Array:
     """Triangular factor R of the QR factorisation of blocks of rows on top of each other.
 
-    Parameters
-    ----------
-    blocks : iterable of ndarray, shape (n_i, k)
-
-    Returns
-    -------
-    ndarray, shape (k, k)
-        Upper triangular, with the lengths and the inner products of the columns.
+    `blocks` (n_i, k). Returns shape (k, k): upper triangular, with the lengths and the inner products of the columns.
     """
     factor: Array | None = None
     for block in blocks:
@@ -68,32 +51,20 @@ def triangle(blocks: Iterable[Array]) -> Array:
 class Solution:
     """Least-squares solution from a triangular factor.
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (k,)
-        Of smallest norm (in units of the columns) where the data leave some undetermined.
-    squares : float
-        Sum of squares that is left.
-    factor : ndarray, shape (k, r)
-        W with W W^T the pseudo-inverse of the normal matrix, so that the covariance for white errors of
-        variance v is v W W^T.
-    undetermined : ndarray of bool, shape (k,)
-        Which coefficients the data leave open.
+    `factor` (k, r): W with W W^T the pseudo-inverse of the normal matrix, so that the covariance for white errors of
+    variance v is v W W^T.
     """
 
-    coefficients: Array
-    squares: float
+    coefficients: Array  # shape (k,): of smallest norm (in units of the columns) where the data leave some undetermined
+    squares: float  # sum of squares that is left
     factor: Array
-    undetermined: NDArray[np.bool_]
+    undetermined: NDArray[np.bool_]  # shape (k,): which coefficients the data leave open
 
 
 def solve(factor: Array) -> Solution:
     """Solve for the last column of a triangular factor from the others.
 
-    Parameters
-    ----------
-    factor : ndarray, shape (k + 1, k + 1)
-        Of `triangle`, from the rows [regressors, target].
+    `factor` (k + 1, k + 1): of `triangle`, from the rows [regressors, target].
     """
     k = factor.shape[1] - 1
     inverse, undetermined = inverse_factor(factor[:k, :k])
@@ -106,10 +77,7 @@ def solve(factor: Array) -> Solution:
 def inverse_factor(factor: Array) -> tuple[Array, NDArray[np.bool_]]:
     """W with W W^T the pseudo-inverse of R^T R, and which coordinates it leaves open.
 
-    Parameters
-    ----------
-    factor : ndarray, shape (n, k)
-        R, or any matrix with as many columns as coefficients.
+    `factor` (n, k): R, or any matrix with as many columns as coefficients.
     """
     scale = _scale(factor)
     _, values, right = np.linalg.svd(factor / scale, full_matrices=False)

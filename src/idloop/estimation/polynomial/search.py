@@ -26,54 +26,26 @@ _FLOOR = 1e-11  # errors below this part of the output are rounding
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Where the search ended.
+    """Where the search ended."""
 
-    Attributes
-    ----------
-    free : ndarray, shape (r,)
-        Free coefficients.
-    squares : float
-        Sum of squared errors.
-    converged : bool
-    """
-
-    free: Array
-    squares: float
+    free: Array  # shape (r,): free coefficients
+    squares: float  # sum of squared errors
     converged: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What the data say of the coefficients at the minimum.
+    """What the data say of the coefficients at the minimum."""
 
-    Attributes
-    ----------
-    factor : ndarray, shape (r, s)
-        W with W W^T the inverse of the sum of psi psi^T.
-    undetermined : ndarray of bool, shape (r,)
-        Coefficients that the data leave open.
-    scores : list of ndarray, shape (n_i, s)
-        psi(t)^T W e(t) of each experiment.
-    """
-
-    factor: Array
-    undetermined: NDArray[np.bool_]
-    scores: list[Array]
+    factor: Array  # shape (r, s): W with W W^T the inverse of the sum of psi psi^T
+    undetermined: NDArray[np.bool_]  # shape (r,): coefficients that the data leave open
+    scores: list[Array]  # shape (n_i, s): psi(t)^T W e(t) of each experiment
 
 
 def best(objective: Objective, starts: Sequence[Array]) -> Found:
     """Follow the most promising starts to their minima and keep the lowest.
 
-    Parameters
-    ----------
-    objective : Objective
-    starts : sequence of ndarray, shape (r,)
-        Free coefficients.
-
-    Raises
-    ------
-    IdloopError
-        When no start gives a predictor that stays finite.
+    `starts` (r,): free coefficients. Raises IdloopError: when no start gives a predictor that stays finite.
     """
     draft = _shortened(objective)
     valued = sorted(

@@ -22,17 +22,8 @@ def reflect(polynomial: Array, limit: float = 1.0) -> Array:
 
     Mirroring keeps the magnitude of the frequency response up to a factor.
 
-    Parameters
-    ----------
-    polynomial : ndarray
-        Coefficients of 1, q^-1, ...; the first is 1.
-    limit : float
-        Largest magnitude that is left alone.
-
-    Returns
-    -------
-    ndarray
-        As long as `polynomial`, first coefficient 1.
+    `polynomial`: coefficients of 1, q^-1, ...; the first is 1; `limit`: largest magnitude that is left alone. Returns:
+    as long as `polynomial`, first coefficient 1.
     """
     if radius(polynomial) <= limit:
         return polynomial

@@ -38,10 +38,7 @@ def starts(data: Sequence[Channel], orders: Orders) -> list[Array]:
     Control 10, 1965) on the data and on the impulse responses gives B and F, and the noise model follows from
     what these leave.
 
-    Returns
-    -------
-    list of ndarray, shape (k,)
-        With the roots of C and F inside the unit circle or on it.
+    Returns shape (k,): with the roots of C and F inside the unit circle or on it.
     """
     found: list[Array] = []
     innovations, responses = _long_model(data, orders)

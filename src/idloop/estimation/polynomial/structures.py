@@ -29,9 +29,6 @@ class ArxStructures:
 
     Attributes
     ----------
-    output_name : str
-    input_names : tuple of str
-    structures : tuple of Orders
     loss : ndarray, shape (s,)
         Mean squared prediction error on the data that it was fitted to [output unit squared].
     validation_loss : ndarray, shape (s,), or None

@@ -15,19 +15,9 @@ _MOST_ROWS = 50_000  # of scores; longer records are summed in stretches first
 
 
 def white_errors(factor: Array, variance: float, undetermined: NDArray[np.bool_]) -> Array:
-    """Variance of the errors times the inverse of the information (Ljung, 2nd ed., eq. 9.42).
+    """Variance of the errors times the inverse of the information (Ljung, 2nd ed., eq. 9.42), shape (k, k).
 
-    Parameters
-    ----------
-    factor : ndarray, shape (k, r)
-        W with W W^T the inverse of the sum of psi psi^T.
-    variance : float
-    undetermined : ndarray of bool, shape (k,)
-        Coefficients that get NaN.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
+    `factor` (k, r): W with W W^T the inverse of the sum of psi psi^T; `undetermined` (k,): coefficients that get NaN.
     """
     return _opened(variance * factor @ factor.T, undetermined)
 
@@ -35,20 +25,9 @@ def white_errors(factor: Array, variance: float, undetermined: NDArray[np.bool_]
 def coloured_errors(factor: Array, scores: Sequence[Array], parameters: int, undetermined: NDArray[np.bool_]) -> Array:
     """Sandwich: holds when the errors are not white, as under a noise model that is too poor (eq. 9.11 to 9.17).
 
-    Parameters
-    ----------
-    factor : ndarray, shape (k, r)
-        W with W W^T the inverse of the sum of psi psi^T.
-    scores : sequence of ndarray, shape (n_i, r)
-        psi(t)^T W e(t) of each experiment, or sums of them over `stretch` samples.
-    parameters : int
-        Numbers that were estimated, for the small-sample factor.
-    undetermined : ndarray of bool, shape (k,)
-        Coefficients that get NaN.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
+    `factor` (k, r): W with W W^T the inverse of the sum of psi psi^T; `scores` (n_i, r): psi(t)^T W e(t) of each
+    experiment, or sums of them over `stretch` samples; `parameters`: numbers that were estimated, for the small-sample
+    factor; `undetermined` (k,): coefficients that get NaN. Returns shape (k, k).
     """
     total = sum(len(part) for part in scores)
     stretch = max(1, total // _MOST_ROWS)

@@ -264,14 +264,8 @@ class ExtendedKalman(RecursivePolynomial):
 def stationary_gain(a: Array, noise: Array, measurement: float) -> Array:
     """Gain of the stationary one-step predictor of the state, shape (s,), by running its Riccati equation.
 
-    Parameters
-    ----------
-    a : ndarray, shape (s,)
-        Tail of A, with zeros up to the number of states.
-    noise : ndarray, shape (s,)
-        Variances of the process noise.
-    measurement : float
-        Variance of the measurement noise, above 0.
+    `a` (s,): tail of A, with zeros up to the number of states; `noise` (s,): variances of the process noise;
+    `measurement`: variance of the measurement noise, above 0.
     """
     size = len(a)
     forward = np.eye(size, k=1)

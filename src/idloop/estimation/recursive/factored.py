@@ -15,23 +15,8 @@ def measured(upper: Array, diagonal: Array, direction: Array, noise: float, gain
 
     Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, section V.3.
 
-    Parameters
-    ----------
-    upper : ndarray, shape (k, k)
-        Unit upper triangular U, changed in place.
-    diagonal : ndarray, shape (k,)
-        D, changed in place.
-    direction : ndarray, shape (k,)
-        h.
-    noise : float
-        r, above 0.
-    gain : ndarray, shape (k,)
-        Receives P h / (h^T P h + r).
-
-    Returns
-    -------
-    float
-        h^T P h + r with the P from before.
+    `upper` (k, k): unit upper triangular U, changed in place; `diagonal` (k,): D, changed in place; `direction` (k,):
+    h; `noise`: r, above 0; `gain` (k,): receives P h / (h^T P h + r). Returns: h^T P h + r with the P from before.
     """
     size = len(diagonal)
     total = noise
@@ -57,14 +42,7 @@ def measured(upper: Array, diagonal: Array, direction: Array, noise: float, gain
 def widened(upper: Array, diagonal: Array, index: int, variance: float, work: Array) -> None:
     """Add to the variance of one coefficient, in O(k^2) (rank-one update of Agee and Turner, 1972).
 
-    Parameters
-    ----------
-    upper, diagonal : ndarray, shapes (k, k), (k,)
-        Changed in place.
-    index : int
-    variance : float
-        0 or more.
-    work : ndarray, shape (k,)
+    `upper`, `diagonal` (k, k), (k,): changed in place; `variance`: 0 or more; `work` (k,).
     """
     work[:] = 0.0
     work[index] = 1.0
@@ -88,15 +66,8 @@ def propagated(upper: Array, diagonal: Array, moved: Array, noise: Array, work: 
 
     Weighted Gram-Schmidt orthogonalization of Thornton (Bierman, 1977, section VI.4).
 
-    Parameters
-    ----------
-    upper, diagonal : ndarray, shapes (k, k), (k,)
-        Changed in place.
-    moved : ndarray, shape (k, k)
-        F U; used up.
-    noise : ndarray, shape (k,)
-        Diagonal of Q, 0 or more.
-    work : ndarray, shape (k, k + 1)
+    `upper`, `diagonal` (k, k), (k,): changed in place; `moved` (k, k): F U; used up; `noise` (k,): diagonal of Q, 0 or
+    more; `work` (k, k + 1).
     """
     size = len(diagonal)
     own, old = work[:, :size], work[:, size]
@@ -142,13 +113,7 @@ def limited(upper: Array, diagonal: Array, variance: Array, most: Array) -> None
     What is not excited would otherwise grow without end under forgetting (covariance wind-up); what is excited
     goes on forgetting.
 
-    Parameters
-    ----------
-    upper, diagonal : ndarray, shapes (k, k), (k,)
-        Changed in place.
-    variance : ndarray, shape (k,)
-        Of `variances`; changed in place.
-    most : ndarray, shape (k,)
+    `upper`, `diagonal` (k, k), (k,): changed in place; `variance` (k,): of `variances`; changed in place; `most` (k,).
     """
     size = len(diagonal)
     for i in range(size):

@@ -15,12 +15,8 @@ Array = NDArray[np.float64]
 class Start(NamedTuple):
     """Values in the units of the signals.
 
-    Attributes
-    ----------
-    vector, stderr : ndarray, shape (k,)
-        Coefficients of A and B, and standard errors.
-    process, measurement : float
-        Variance of the equation error and of the measurement noise, if all noise were that [output unit squared].
+    `vector`, `stderr` (k,): coefficients of A and B, and standard errors; `process`, `measurement`: variance of the
+    equation error and of the measurement noise, if all noise were that [output unit squared].
     """
 
     vector: Array
@@ -35,17 +31,8 @@ def start_from(inputs: Array, outputs: Array, orders: Orders) -> Start | None:
     A long ARX model gives the innovations, which are regressors of the second fit (Hannan and Rissanen,
     Biometrika 69, 1982). White noise on the measurement passes through A, white noise in the equation does not.
 
-    Parameters
-    ----------
-    inputs, outputs : ndarray, shapes (n, m), (n,)
-        NaN where nothing was measured.
-    orders : Orders
-        Of A and B.
-
-    Returns
-    -------
-    Start or None
-        None where there are too few samples.
+    `inputs`, `outputs` (n, m), (n,): NaN where nothing was measured; `orders`: of A and B. Returns: none where there
+    are too few samples.
     """
     size = max(orders.na, *orders.nb, 1)
     held = [_held(inputs[:, i]) for i in range(orders.inputs)]

@@ -26,7 +26,6 @@ class CoefficientHistory:
 
     Attributes
     ----------
-    output_name, output_unit : str
     names : tuple of str
         Of the k coefficients.
     time : ndarray, shape (r,)

@@ -42,38 +42,15 @@ def joint_advance(
 ) -> None:  # fmt: skip
     """Run the filter over some samples; everything that it remembers is changed in place.
 
-    Parameters
-    ----------
-    na : int
-    nb, nk : ndarray of int, shape (m,)
-        Orders.
-    state : ndarray, shape (s,)
-        Of the observer canonical form after the last sample; the output is its first component.
-    theta : ndarray, shape (k,)
-        Coefficients, A's before B's.
-    upper, diagonal : ndarray, shapes (s + k, s + k), (s + k,)
-        Covariance of the state and the coefficients.
-    past : ndarray, shape (m, lags)
-        Commands, the newest first.
-    scalars : ndarray, shape (9,)
-    inputs, outputs : ndarray, shapes (n, m), (n,)
-        An output of NaN is predicted and teaches nothing; an input of NaN is the one before.
-    noise : ndarray, shape (s + k,)
-        Variances that the states and the coefficients gain in one sample.
-    measurement : float
-        Variance of the measurement noise, above 0.
-    forgetting : float
-        Weight of a sample over that of the next, for the coefficients.
-    most : ndarray, shape (s + k,)
-        Variances that are not exceeded.
-    radius : float
-        Within which the roots of A are kept.
-    innovations : ndarray, shape (n,)
-        Receives y less its prediction.
-    values, errors : ndarray, shape ((offset + n) // every, k)
-        Receive the coefficients and their variances, every so many samples.
-    every, offset : int
-        Period of the rows, and samples since the last of them.
+    `nb`, `nk` (m,): orders; `state` (s,): of the observer canonical form after the last sample; the output is its first
+    component; `theta` (k,): coefficients, A's before B's; `upper`, `diagonal` (s + k, s + k), (s + k,): covariance of
+    the state and the coefficients; `past` (m, lags): commands, the newest first; `scalars` (9,); `inputs`, `outputs`
+    (n, m), (n,): an output of NaN is predicted and teaches nothing; an input of NaN is the one before; `noise` (s +
+    k,): variances that the states and the coefficients gain in one sample; `measurement`: variance of the measurement
+    noise, above 0; `forgetting`: weight of a sample over that of the next, for the coefficients; `most` (s + k,):
+    variances that are not exceeded; `radius`: within which the roots of A are kept; `innovations` (n,): receives y less
+    its prediction; `values`, `errors` ((offset + n) // every, k): receive the coefficients and their variances, every
+    so many samples; `every`, `offset`: period of the rows, and samples since the last of them.
     """
     size, states, m = len(diagonal), len(state), len(nb)
     moved, work = np.zeros((size, size)), np.zeros((size, size + 1))

@@ -138,38 +138,17 @@ def advance(
     Ljung and Soederstroem, Theory and Practice of Recursive Identification, 1983, section 3.7 (the general
     model: eq. 3.119 to 3.125); Ljung, System Identification, 2nd ed., section 11.7.
 
-    Parameters
-    ----------
-    na, nc, nd : int
-    nb, nf, nk : ndarray of int, shape (m,)
-        Orders.
-    theta : ndarray, shape (k,)
-        Coefficients in the order of `Orders.names`.
-    upper, diagonal : ndarray, shapes (k, k), (k,)
-        Covariance over the variance of the innovations; of a pseudo-linear regression what its gain comes from.
-    carried : ndarray, shape (k, k), or (0, 0) for none
-        Covariance of a pseudo-linear regression over the variance of the innovations.
-    past : ndarray, shape (rows, lags)
-        Signals, the newest first.
-    scalars : ndarray, shape (7,)
-    inputs, outputs : ndarray, shapes (n, m), (n,)
-        An output of NaN is predicted and teaches nothing; an input of NaN is the one before.
-    final_forgetting, growth : float
-        The forgetting factor grows to the first as l(t) = g l(t-1) + (1 - g) times it.
-    walk : ndarray, shape (k,)
-        Variance that each coefficient gains in one sample; all 0 for a factor alone.
-    most : ndarray, shape (k,)
-        Variances that are not exceeded.
-    gradient : bool
-        Regressors filtered to the gradient (prediction-error), or as they are (pseudo-linear).
-    radius : float
-        Within which the roots of C and F are kept.
-    innovations : ndarray, shape (n,)
-        Receives y less its prediction.
-    values, errors : ndarray, shape ((offset + n) // every, k)
-        Receive the coefficients and their variances, every so many samples.
-    every, offset : int
-        Period of the rows, and samples since the last of them.
+    `nb`, `nf`, `nk` (m,): orders; `theta` (k,): coefficients in the order of `Orders.names`; `upper`, `diagonal` (k,
+    k), (k,): covariance over the variance of the innovations; of a pseudo-linear regression what its gain comes from;
+    `carried` (k, k), or (0, 0): covariance of a pseudo-linear regression over the variance of the innovations; `past`
+    (rows, lags): signals, the newest first; `scalars` (7,); `inputs`, `outputs` (n, m), (n,): an output of NaN is
+    predicted and teaches nothing; an input of NaN is the one before; `final_forgetting`, `growth`: the forgetting
+    factor grows to the first as l(t) = g l(t-1) + (1 - g) times it; `walk` (k,): variance that each coefficient gains
+    in one sample; all 0 for a factor alone; `most` (k,): variances that are not exceeded; `gradient`: regressors
+    filtered to the gradient (prediction-error), or as they are (pseudo-linear); `radius`: within which the roots of C
+    and F are kept; `innovations` (n,): receives y less its prediction; `values`, `errors` ((offset + n) // every, k):
+    receive the coefficients and their variances, every so many samples; `every`, `offset`: period of the rows, and
+    samples since the last of them.
     """
     size, m = len(theta), len(nb)
     phi, psi, gain, work = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)

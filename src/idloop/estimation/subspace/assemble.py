@@ -28,18 +28,8 @@ def assembled(
 ) -> LinearModel:
     """Model in the signals' own units; its innovation covariance is that of its errors on the data.
 
-    Parameters
-    ----------
-    method : str
-    compression : Compression
-    matrices : Matrices
-        In scaled units.
-    singular_values : ndarray
-    feedthrough : bool
-        Whether D was estimated.
-    notes : tuple of str
-    covariance : ndarray, shape (p, p), optional
-        Of the prediction errors in scaled units, where it is known; else the data are predicted.
+    `matrices`: in scaled units; `feedthrough`: whether D was estimated; `covariance` (p, p): of the prediction errors
+    in scaled units, where it is known; else the data are predicted.
     """
     first = compression.experiments[0]
     n, m, p = len(matrices.a), compression.inputs, compression.outputs

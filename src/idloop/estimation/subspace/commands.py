@@ -21,24 +21,9 @@ def command_matrices(
     For given A, C and K the prediction is linear in B, D and the first state (Ljung, System Identification, 2nd ed.,
     eq. 10.127); with a zero gain it is the free run.
 
-    Parameters
-    ----------
-    compression : Compression
-    a, c, gain : ndarray, shapes (n, n), (p, n), (n, p)
-        In scaled units.
-    feedthrough : bool
-        Whether D is estimated; else it is zero.
-
-    Returns
-    -------
-    b, d : ndarray, shapes (n, m), (p, m)
-    covariance : ndarray, shape (p, p), or None
-        Of the errors in scaled units, where they came out on the way.
-
-    Raises
-    ------
-    IdloopError
-        The response overflows: an unstable model without a Kalman gain.
+    `a`, `c`, `gain` (n, n), (p, n), (n, p): in scaled units; `feedthrough`: whether D is estimated; else it is zero.
+    Returns `b, d` (n, m), (p, m); `covariance` (p, p): of the errors in scaled units, where they came out on the way.
+    Raises IdloopError: the response overflows: an unstable model without a Kalman gain.
     """
     n, m, p = len(a), compression.inputs, compression.outputs
     if compression.squared:  # moments carry enough digits

@@ -35,28 +35,18 @@ class Compression:
     (Van Overschee and De Moor, Subspace Identification for Linear Systems, 1996, chapter 6; paper of the
     torsion system, eq. 3.9 to 3.15). Signals are scaled to unit deviation.
 
-    Attributes
-    ----------
-    factor : ndarray, shape (length (m + p), columns)
-        L of the LQ decomposition, divided by the root of the number of windows; a row is one signal at one lag.
-    length : int
-        Samples in a window.
-    windows : int
-        Number of windows over all experiments.
-    input_scale, output_scale : ndarray, shapes (m,), (p,)
-        Deviation of each signal [input units, output units].
-    experiments : tuple of SampledData
-    squared : bool
-        Whether the factor comes from correlations, which carry half of the digits.
+    `factor` (length (m + p), columns): L of the LQ decomposition, divided by the root of the number of windows; a row
+    is one signal at one lag; `input_scale`, `output_scale` (m,), (p,): deviation of each signal [input units, output
+    units].
     """
 
     factor: Array
-    length: int
-    windows: int
+    length: int  # samples in a window
+    windows: int  # number of windows over all experiments
     input_scale: Array
     output_scale: Array
     experiments: tuple[SampledData, ...]
-    squared: bool = False
+    squared: bool = False  # whether the factor comes from correlations, which carry half of the digits
 
     @property
     def inputs(self) -> int:
@@ -109,18 +99,8 @@ def compress(data: SampledData | Sequence[SampledData], length: int, *, exact: b
     They carry half of the digits, so that data (almost) without noise, and those whose command leaves directions empty
     or follows from what was before, have their windows factored themselves, block by block.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-    length : int
-        Samples in a window.
-    exact : bool
-        Factor the windows themselves in any case.
-
-    Raises
-    ------
-    InputError
-        A signal that never changes, commands that are multiples of each other, or fewer windows than rows.
+    `length`: samples in a window; `exact`: factor the windows themselves in any case. Raises InputError: a signal that
+    never changes, commands that are multiples of each other, or fewer windows than rows.
     """
     experiments = together(data)
     input_scale = _deviations([one.input for one in experiments], experiments[0].input_names, experiments[0].name)
@@ -179,12 +159,7 @@ def _from_windows(experiments: Sequence[SampledData], length: int, input_scale: 
 
 
 def check_excitation(compression: Compression) -> None:
-    """Refuse windows longer than the commands can tell apart.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse windows longer than the commands can tell apart."""
     wanted, excited = compression.length * compression.inputs, compression.excited()
     if excited < wanted:
         first = compression.experiments[0]
@@ -200,13 +175,7 @@ def check_excitation(compression: Compression) -> None:
 def not_exciting(compression: Compression, excited: int, needed: int) -> InputError:
     """Error for commands that are not persistently exciting of the order that a method needs.
 
-    Parameters
-    ----------
-    compression : Compression
-    excited : int
-        Directions of all commands that the data have.
-    needed : int
-        Of each command.
+    `excited`: directions of all commands that the data have; `needed`: of each command.
     """
     first, each = compression.experiments[0], excited // compression.inputs
     sine = " as a single sine is" if each == 2 else ""

@@ -38,16 +38,8 @@ def window_moments(inputs: Array, outputs: Array, length: int) -> Array:
     therefore all that has to be summed (as SLICOT's IB01MD does; Sima, Sima and Van Huffel, J. Comput. Appl. Math. 170,
     2004).
 
-    Parameters
-    ----------
-    inputs, outputs : ndarray, shapes (samples, m), (samples, p)
-    length : int
-        Samples in a window, at most `samples`.
-
-    Returns
-    -------
-    ndarray, shape (length (m + p), length (m + p))
-        A row is one signal at one lag, (u, y) of one lag and then of the next.
+    `inputs`, `outputs` (samples, m), (samples, p); `length`: samples in a window, at most `samples`. Returns shape
+    (length (m + p), length (m + p)): a row is one signal at one lag, (u, y) of one lag and then of the next.
     """
     samples, wide = len(outputs), inputs.shape[1] + outputs.shape[1]
     windows, rows = samples - length + 1, length * wide
@@ -72,17 +64,9 @@ def window_moments(inputs: Array, outputs: Array, length: int) -> Array:
 
 
 def triangular(moments: Array, ridge: float = 0.0) -> Array | None:
-    """Lower triangular square root, or none where the moments are too nearly singular to have one.
+    """Lower triangular square root, or none where the moments are too nearly singular to have one, shape (r, r).
 
-    Parameters
-    ----------
-    moments : ndarray, shape (r, r)
-    ridge : float
-        Variance that is added to each row, as a share of its own.
-
-    Returns
-    -------
-    ndarray, shape (r, r), or None
+    `moments` (r, r); `ridge`: variance that is added to each row, as a share of its own.
     """
     size = np.sqrt(np.diagonal(moments))
     if not np.all(size > 0.0):

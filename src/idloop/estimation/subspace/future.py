@@ -21,30 +21,17 @@ class Future:
     controller noise of the future does not reach M, and without feedback M is the command itself (paper of the
     torsion system, eq. 3.6; Van Overschee and De Moor, Automatica 33, 1997).
 
-    Attributes
-    ----------
-    horizon : int
-        Samples i of past and of future.
-    command : ndarray, shape (m i, columns)
-        M over the lags i to 2 i - 1.
-    command_next : ndarray, shape (m (i - 1), columns)
-        M over the lags i + 1 to 2 i - 1.
-    z, z_next : ndarray, shapes (p i, columns), (p (i - 1), columns)
-        Orthogonal projections Z of the future outputs, eq. 3.16 and 3.17.
-    oblique : ndarray, shape (p i, columns)
-        Projection of the future outputs on the past along M, eq. 3.18.
-    beside, explained : ndarray, shape (p i, columns)
-        Future outputs with M taken out, and the part of that which the past explains.
-    now, command_now : ndarray, shapes (p, columns), (m, columns)
-        Outputs and M at lag i.
+    `z`, `z_next` (p i, columns), (p (i - 1), columns): orthogonal projections Z of the future outputs, eq. 3.16 and
+    3.17; `beside`, `explained` (p i, columns): future outputs with M taken out, and the part of that which the past
+    explains; `now`, `command_now` (p, columns), (m, columns): outputs and M at lag i.
     """
 
-    horizon: int
-    command: Array
-    command_next: Array
+    horizon: int  # samples i of past and of future
+    command: Array  # shape (m i, columns): M over the lags i to 2 i - 1
+    command_next: Array  # shape (m (i - 1), columns): M over the lags i + 1 to 2 i - 1
     z: Array
     z_next: Array
-    oblique: Array
+    oblique: Array  # shape (p i, columns): projection of the future outputs on the past along M, eq. 3.18
     beside: Array
     explained: Array
     now: Array
@@ -71,18 +58,9 @@ def toeplitz(markov: list[Array]) -> Array:
 def project_future(compression: Compression, feedback: list[Array] | None = None) -> Future:
     """Split each window in past and future halves and project.
 
-    Parameters
-    ----------
-    compression : Compression
-        Of windows of 2 i samples.
-    feedback : list of ndarray, shape (m, p), optional
-        Markov parameters D_c, C_c B_c, C_c A_c B_c, ... of the controller in u = r - controller(y), one for each
-        lag of the future, in scaled units; none for direct identification.
-
-    Raises
-    ------
-    InputError
-        The command excites less than the windows can tell apart.
+    `compression`: of windows of 2 i samples; `feedback` (m, p): markov parameters D_c, C_c B_c, C_c A_c B_c, ... of the
+    controller in u = r - controller(y), one for each lag of the future, in scaled units; none for direct
+    identification. Raises InputError: the command excites less than the windows can tell apart.
     """
     i = compression.length // 2
     commands, outputs = compression.u(i, 2 * i), compression.y(i, 2 * i)

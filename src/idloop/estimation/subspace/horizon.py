@@ -66,25 +66,8 @@ def halved_windows(
 ) -> Compression:
     """Windows of past and future of one length: the user's, or the longest by the rule that the commands excite.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-    horizon : int or None
-    order : int or None
-    feedthrough : bool
-        As for `default_horizon`.
-    exact : bool
-        As for `compress`.
-
-    Returns
-    -------
-    Compression
-        Of windows of twice the horizon.
-
-    Raises
-    ------
-    InputError
-        A horizon below 2, or commands that excite too little for any, or for the order.
+    `feedthrough`: as for `default_horizon`; `exact`: as for `compress`. Returns: of windows of twice the horizon.
+    Raises InputError: a horizon below 2, or commands that excite too little for any, or for the order.
     """
     if horizon is not None:
         if horizon < 2:

@@ -27,33 +27,25 @@ _RANK = 1e-12  # of the moments of the first state's responses
 class ModalFit:
     """What the regression found.
 
-    Attributes
-    ----------
-    b, d : ndarray, shapes (n, m), (p, m)
-        In scaled units.
-    covariance : ndarray, shape (p, p)
-        Mean product of the errors, the first state of each experiment estimated.
+    `b`, `d` (n, m), (p, m): in scaled units.
     """
 
     b: Array
     d: Array
-    covariance: Array
+    covariance: Array  # shape (p, p): mean product of the errors, the first state of each experiment estimated
 
 
 @dataclass(frozen=True)
 class _Modes:
     """A = basis D basis^-1, D of numbers and of blocks [[real, -imaginary], [imaginary, real]].
 
-    Attributes
-    ----------
-    real, imaginary : ndarray, shape (n,)
-        Of each eigenvalue; a conjugate pair takes two places that both hold the one above the axis.
-    basis : ndarray, shape (n, n)
+    `real`, `imaginary` (n,): of each eigenvalue; a conjugate pair takes two places that both hold the one above the
+    axis.
     """
 
     real: Array
     imaginary: Array
-    basis: Array
+    basis: Array  # shape (n, n)
 
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
@@ -115,19 +107,9 @@ def _filtered(
 def modal_regression(a: Array, c: Array, gain: Array, compression: Compression, feedthrough: bool) -> ModalFit | None:
     """Fit B, D and the first states to the outputs predicted with A, C and K.
 
-    Parameters
-    ----------
-    a, c, gain : ndarray, shapes (n, n), (p, n), (n, p)
-        In scaled units.
-    compression : Compression
-        Whose experiments are taken in again, in its units.
-    feedthrough : bool
-        Whether D is estimated; else it is zero.
-
-    Returns
-    -------
-    ModalFit or None
-        None where modes or moments carry too few digits: the rows themselves have to be taken then.
+    `a`, `c`, `gain` (n, n), (p, n), (n, p): in scaled units; `compression`: whose experiments are taken in again, in
+    its units; `feedthrough`: whether D is estimated; else it is zero. Returns: none where modes or moments carry too
+    few digits: the rows themselves have to be taken then.
     """
     modes = _modes(a - gain @ c)
     if modes is None:

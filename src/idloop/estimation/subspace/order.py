@@ -110,14 +110,8 @@ def singular_value_plot(model: LinearModel, axes: Any = None) -> Any:
 def significant(correlations: Array, past: int, future: int, windows: int) -> tuple[int, float]:
     """Order by the edge of the canonical correlations of unrelated data.
 
-    Parameters
-    ----------
-    correlations : ndarray
-        Largest first.
-    past, future : int
-        Numbers of rows of past and future.
-    windows : int
-        Columns of the Hankel matrix.
+    `correlations`: largest first; `past`, `future`: numbers of rows of past and future; `windows`: columns of the
+    Hankel matrix.
 
     Notes
     -----
@@ -133,12 +127,7 @@ def significant(correlations: Array, past: int, future: int, windows: int) -> tu
 
 
 def check_order(order: int | str, horizon: int, outputs: int) -> None:
-    """Refuse an order that windows of this horizon cannot show.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse an order that windows of this horizon cannot show."""
     largest = (horizon - 1) * outputs
     if isinstance(order, str):
         if order != "auto":

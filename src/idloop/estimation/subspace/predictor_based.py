@@ -105,18 +105,11 @@ def pbsid(
 class _Regression:
     """Long ARX model and the decomposition of the states that it sees.
 
-    Attributes
-    ----------
-    compression : Compression
-        Of windows one sample longer than the past.
-    past, horizon : int
-    shifted : ndarray, shape (p horizon, (m + p) past)
-        Extended observability times controllability matrix of the predictor, in deviations of the innovations.
-    left, values : ndarray
-        Singular vectors and values of its product with the past.
+    `shifted` (p horizon, (m + p) past): extended observability times controllability matrix of the predictor, in
+    deviations of the innovations; `left`, `values`: singular vectors and values of its product with the past.
     """
 
-    compression: Compression
+    compression: Compression  # of windows one sample longer than the past
     past: int
     horizon: int
     shifted: Array

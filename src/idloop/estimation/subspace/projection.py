@@ -16,11 +16,7 @@ RANK_TOLERANCE = 1e-11
 def row_basis(rows: Array, size: float | None = None) -> Array:
     """Orthonormal basis of the row space, shape (rank, columns).
 
-    Parameters
-    ----------
-    rows : ndarray, shape (r, columns)
-    size : float, optional
-        Norm against which a direction counts as zero; the largest singular value by default.
+    `rows` (r, columns); `size`: norm against which a direction counts as zero; the largest singular value by default.
     """
     if rows.shape[0] <= rows.shape[1]:
         # Where no row depends on the others, which its triangle tells, the quicker way gives the same span.
@@ -37,17 +33,9 @@ def project(rows: Array, basis: Array) -> Array:
 
 
 def regress(target: Array, regressors: Array, size: float | None = None) -> Array:
-    """Coefficients X of smallest norm that make X times `regressors` closest to `target`.
+    """Coefficients X of smallest norm that make X times `regressors` closest to `target`, shape (t, r).
 
-    Parameters
-    ----------
-    target, regressors : ndarray, shapes (t, columns), (r, columns)
-    size : float, optional
-        As for `row_basis`.
-
-    Returns
-    -------
-    ndarray, shape (t, r)
+    `target`, `regressors` (t, columns), (r, columns); `size`: as for `row_basis`.
     """
     if regressors.shape[0] <= regressors.shape[1]:
         basis, triangle = np.linalg.qr(regressors.T)

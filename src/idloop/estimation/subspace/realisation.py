@@ -26,18 +26,10 @@ _SMALLEST_DEVIATION = 1e-6  # of a combination of future outputs, in deviations 
 
 @dataclass(frozen=True)
 class Subspace:
-    """The weighted projection's singular value decomposition.
+    """The weighted projection's singular value decomposition."""
 
-    Attributes
-    ----------
-    left : ndarray, shape (p i, r)
-        Left singular vectors with the weight on the future undone.
-    values : ndarray, shape (r,)
-        Singular values.
-    """
-
-    left: Array
-    values: Array
+    left: Array  # shape (p i, r): left singular vectors with the weight on the future undone
+    values: Array  # shape (r,): singular values
 
     def observability(self, order: int) -> Array:
         """Extended observability matrix, shape (p i, order)."""
@@ -71,10 +63,7 @@ class Noise:
     def kalman_gain(self, a: Array, c: Array) -> Array:
         """Stationary gain of the one-step predictor, shape (n, p).
 
-        Raises
-        ------
-        IdloopError
-            No stationary predictor exists: an unstable mode that no output shows.
+        Raises IdloopError: no stationary predictor exists: an unstable mode that no output shows.
         """
         output = self.output + _NOISE_FLOOR * np.eye(len(self.output))
         size = _NOISE_FLOOR * max(float(np.trace(self.process)), 1e-3)
@@ -90,17 +79,10 @@ class Noise:
 
 @dataclass(frozen=True)
 class Transition:
-    """States of all windows and what follows them.
+    """States of all windows and what follows them."""
 
-    Attributes
-    ----------
-    states : ndarray, shape (n, columns)
-    after : ndarray, shape (n + p, columns)
-        The next states, then the outputs.
-    """
-
-    states: Array
-    after: Array
+    states: Array  # shape (n, columns)
+    after: Array  # shape (n + p, columns): the next states, then the outputs
 
     def beside(self, commands: Array) -> Transition:
         """Without the part of both that the commands' rows explain."""
@@ -142,15 +124,8 @@ def with_known_feedback(
 
     The thesis prints C = (I + D D_c)^-1 S_21; solving its eq. 3.1 and 3.2 gives C = (I + D D_c) S_21.
 
-    Parameters
-    ----------
-    future : Future
-        With the controller's response in M.
-    observability : ndarray, shape (p i, n)
-    feedthrough : bool
-        Whether D is estimated; else it is zero.
-    control_now : ndarray, shape (m, p)
-        Feedthrough D_c of the controller.
+    `future`: with the controller's response in M; `observability` (p i, n); `feedthrough`: whether D is estimated; else
+    it is zero; `control_now` (m, p): feedthrough D_c of the controller.
     """
     order, p, m = observability.shape[1], len(future.now), len(future.command_now)
     response = _command_response(future, observability, feedthrough)
@@ -191,10 +166,7 @@ def reflected(a: Array) -> Array:
 def held(a: Array, *, stable: bool, integrates: bool) -> Array:
     """A with what is known of its poles imposed: one integrator, none outside the unit circle.
 
-    Raises
-    ------
-    InputError
-        No real pole is near 1, so that the data contradict the integrator.
+    Raises InputError: no real pole is near 1, so that the data contradict the integrator.
     """
     a = integrating(a) if integrates else a
     return reflected(a) if stable else a
@@ -210,10 +182,7 @@ def beyond_windows(a: Array, horizon: int) -> bool:
 def integrating(a: Array) -> Array:
     """A with its real pole nearest 1 moved to 1, all eigenvectors kept.
 
-    Raises
-    ------
-    InputError
-        No real pole lies within 0.1 of 1.
+    Raises InputError: no real pole lies within 0.1 of 1.
     """
     from scipy.linalg import eig
 

@@ -23,38 +23,19 @@ _MADE_IT = 0.05  # of the command's rms: quantised logs and commands held from b
 class CommandMisfit:
     """How far the command of a controller lies from the recorded one.
 
-    Attributes
-    ----------
-    share : float
-        RMS of the difference over that of the recorded command, both about their straight lines; 0: it is the
-        controller that ran, 1 and more: its command says nothing of the recorded one.
-    late : float
-        The same when the recorded command answers one sample later.
+    `share`: RMS of the difference over that of the recorded command, both about their straight lines; 0: it is the
+    controller that ran, 1 and more: its command says nothing of the recorded one.
     """
 
     share: float
-    late: float
+    late: float  # the same when the recorded command answers one sample later
 
 
 def controller_notes(spec: Mapping[str, Any], data: Sequence[SampledData]) -> list[str]:
     """Say how far the controller that is taken for known is from the one that ran.
 
-    Parameters
-    ----------
-    spec : mapping
-        ``controller:`` section of a model file.
-    data : sequence of SampledData
-        With every output that it reads.
-
-    Returns
-    -------
-    list of str
-        Nothing where it made the recorded commands.
-
-    Raises
-    ------
-    InputError
-        Its command says nothing of the recorded one.
+    `spec`: ``controller:`` section of a model file; `data`: with every output that it reads. Returns: nothing where it
+    made the recorded commands. Raises InputError: its command says nothing of the recorded one.
     """
     period, own = data[0].sample_time, float(spec.get("sample_time", data[0].sample_time))
     if abs(period - own) > _SAME_PERIOD * period:
@@ -98,17 +79,8 @@ def command_misfit(spec: Mapping[str, Any], data: Sequence[SampledData]) -> Comm
     The straight line that both lose stands for what a record does not show: where an integral began, and the trends
     that were taken off the measurements.
 
-    Parameters
-    ----------
-    spec : mapping
-        ``controller:`` section of a model file, its limits included.
-    data : sequence of SampledData
-        At the controller's own period, with every output that it reads.
-
-    Returns
-    -------
-    CommandMisfit or None
-        None where no reference was recorded, or the recorded command never changes.
+    `spec`: ``controller:`` section of a model file, its limits included; `data`: at the controller's own period, with
+    every output that it reads. Returns: none where no reference was recorded, or the recorded command never changes.
     """
     squares, total = np.zeros(2), 0.0
     for stretch in data:

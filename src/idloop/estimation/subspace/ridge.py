@@ -11,25 +11,16 @@ _STRENGTHS = np.geomspace(1e-12, 1e1, 131)  # in deviations of the regressors
 
 
 def evidence_regression(target: Array, regressors: Array, windows: int, floor: float) -> Array:
-    """Coefficients of the ridge regression of greatest evidence.
+    """Coefficients of the ridge regression of greatest evidence, shape (t, r).
 
     Where the excitation leaves directions of the past nearly empty, least squares fills them with numbers that
     cancel in the data but not in a shifted window. A prior of zero mean on all coefficients keeps them small; its
     width maximises the marginal likelihood (MacKay, Neural Computation 4, 1992), so that it gives way to the data
     as these grow.
 
-    Parameters
-    ----------
-    target, regressors : ndarray, shapes (t, columns), (r, columns)
-        Square roots of the second moments: rows of an LQ factor divided by the root of the number of windows.
-    windows : int
-        Observations behind the columns.
-    floor : float
-        Deviation of an error that counts as none.
-
-    Returns
-    -------
-    ndarray, shape (t, r)
+    `target`, `regressors` (t, columns), (r, columns): square roots of the second moments: rows of an LQ factor divided
+    by the root of the number of windows; `windows`: observations behind the columns; `floor`: deviation of an error
+    that counts as none.
     """
     left, values, basis = np.linalg.svd(regressors, full_matrices=False)
     explained = target @ basis.T
