@@ -84,18 +84,19 @@ def figure_text(value: float | None, digits: int = 4) -> str:
     return _tidy(f"{value:.{digits}g}")
 
 
-def fit_text(value: float | None, digits: int = 4) -> str:
-    """Write a FIT [%] with a few digits, and with more where it would look perfect and is not.
+def percent_text(value: float | None, digits: int = 3) -> str:
+    """Write a percentage with a few digits, a large one as a whole number: "83.7", "−4580"."""
+    if value is not None and 1.0 <= abs(value) < 10.0**_MOST_DIGITS:
+        digits = max(digits, math.floor(math.log10(abs(value))) + 1)
+    return figure_text(value, digits)
 
-    Returns
-    -------
-    str
-        Such as "83.7", and "99.96" where three digits would say 100.
-    """
+
+def fit_text(value: float | None, digits: int = 4) -> str:
+    """Write a FIT [%] as `percent_text`, and with more digits where it would look perfect and is not: "99.96"."""
     if value is not None and math.isfinite(value):
         while value < 100.0 and digits < _MOST_DIGITS and float(f"{value:.{digits}g}") >= 100.0:
             digits += 1
-    return figure_text(value, digits)
+    return percent_text(value, digits)
 
 
 def with_interval(value: float, stderr: float | None) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bokeh.models.annotations import BoxAnnotation, Label, Legend, Span
 
+from idloop.reporting.breakdowns import bins
 from idloop.reporting.effect_names import in_words, words
 from idloop.reporting.figures.candidates import (
     ADDED,
@@ -26,7 +27,7 @@ from idloop.reporting.figures.overlay import overlay
 from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import DARK, LIGHT
 from idloop.reporting.figures.unknown import unknown_figure
-from idloop.reporting.figures.where import bins, error_along
+from idloop.reporting.figures.where import error_along
 from idloop.reporting.page.page_figures import page_figures, panel_of, where_places
 from idloop.validation.variables import VARIABLES
 

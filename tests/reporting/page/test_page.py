@@ -107,8 +107,8 @@ def test_a_fit_that_falls_is_not_coloured_like_a_gain(contents):
     ladder = replace(contents.ladder, steps=(replace(start, validation=before), replace(step, validation=after)))
     assert [row["trend"] for row in changes(ladder)] == ["better", "worse", "same"]
     page = render_page(replace(contents, ladder=ladder))
-    assert '<strong class="number worse">98 %</strong> <small>worse</small>' in page
-    assert '<strong class="number better">10 %</strong></span>' in page
+    assert '<strong class="number worse">98&nbsp;%</strong> <small>worse</small>' in page
+    assert '<strong class="number better">10&nbsp;%</strong></span>' in page
 
 
 def test_what_was_found_is_not_among_what_the_data_cannot_show(contents):
@@ -134,7 +134,7 @@ def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story)
 
 def test_a_share_says_of_what_it_is_one_and_a_list_of_which_model(contents):
     page = render_page(contents)
-    assert "80 % of the power of the one-step prediction errors that the model without it leaves" in page
+    assert "80&nbsp;% of the power of the one-step prediction errors that the model without it leaves" in page
     assert "<h3>This data cannot show</h3>" in page
     stopped = render_page(replace(contents, ladder=replace(contents.ladder, verdict="missing")))
     assert "<h3>As long as what is still missing is not in the model, this data cannot show</h3>" in stopped

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
-from fake import DEAD_ZONE, FRICTION, MISSING, FakeSource
+from fake import DEAD_ZONE, DRAG, FRICTION, MISSING, FakeSource
 
 from idloop.diagnosis import Ladder
 from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.workbench.assessment import Assessment
 from idloop.reporting.workbench.server import Place, Site
 from idloop.reporting.workbench.source import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate
 from idloop.reporting.workbench.source import STALE as SILENT
+from idloop.validation.breakdown import Breakdown
+from idloop.validation.where import ErrorMap, Where
 
 PEAK = "peak => strips.values('measured').includes(peak)"
 
@@ -130,7 +135,7 @@ def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(sit
     page.click("[data-effect='dead_zone@input']")
     page.wait_for_selector("[data-step='1']")
     assert source.orders == [("add", "dead_zone@input")]
-    assert "97.0 %" in page.inner_text("[data-step='1']")
+    assert "97.0\u00a0%" in page.inner_text("[data-step='1']")
     assert "dead zone @ input" in page.inner_text("#model")
     page.click("#undo")
     page.wait_for_selector("[data-step='1']", state="detached")
@@ -257,6 +262,76 @@ def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_conf
     assert "you see the limits first" in page.inner_text("#onward-words")
     source.board.change(activity=Activity("working out the next experiment"))
     page.wait_for_selector("#onward-words >> text=without being asked")
+
+
+def breakdown(variable, follows, *, loud=False):
+    """An error of which a curve over a variable makes up a share, in four bins."""
+    mean = np.sqrt(follows) * np.array([-1.0, 1.0, -1.0, 1.0])
+    error = np.array([0.7, 0.1, 0.1, 0.1]) if loud else np.full(4, 0.25)
+    return Breakdown(
+        variable, f"{variable} of motor", "V", np.arange(5.0), tuple("abcd"), error, np.full(4, 0.25), mean, np.ones(4)
+    )
+
+
+def assessed(*breakdowns, kind, why, effects=()):
+    time = np.arange(0.0, 10.0, 0.01)
+    one = ErrorMap(
+        "motor.position", "rad", "ahead", kind, why, time, np.sin(time), 0.0, 0.7, 0.1, breakdowns, {}, ()
+    )  # fmt: skip
+    nothing = np.empty((0, 2))
+    return Assessment(
+        "dc_motor", effects, "0.0 to 10.0 s", np.empty(0, dtype=np.int64), nothing, nothing, nothing, nothing,
+        {"motor.position": 80.4}, Where("dc_motor", "0.0 to 10.0 s", (one,)),
+    )  # fmt: skip
+
+
+def test_the_words_below_the_error_name_the_error_that_is_drawn(site, source, visit):
+    page = visit(site.address).page
+    kind = "prediction error 10 steps (0.01 s) ahead"
+    along = (breakdown("velocity", 0.02), breakdown("command", 0.62))
+    source.board.change(assessment=assessed(*along, kind=kind, why="the free run drifts: hence a prediction"))
+    page.wait_for_selector("#where-hint >> text=Prediction error 10 steps")
+    assert page.inner_text("#where-hint") == (
+        "Prediction error 10 steps (0.01 s) ahead on 0.0 to 10.0 s. The free run drifts: hence a prediction."
+    )
+    # The tab that opens has the dot, and its words say what the curve shows.
+    page.wait_for_selector("[data-variable='command'][aria-checked='true'].loud")
+    assert page.inner_text("#where-words") == "A curve over command makes up 62 % of the error."
+    page.click("[data-variable='velocity']")
+    page.wait_for_selector("#where-words >> text=Nothing stands out along velocity.")
+    assert "loud" not in (page.get_attribute("[data-variable='velocity']", "class") or "")
+
+
+def test_a_fit_of_the_model_before_the_last_step_is_said_to_be_one(visit):
+    source = FakeSource(live=False)
+    source.board.change(fit=None, assessment=assessed(kind="free-run error", why=""))
+    site = Site(source, Place())
+    try:
+        page = visit(site.address).page
+        page.wait_for_selector(".fit >> text=80.4")
+        assert "before the last step" not in page.inner_text("#fits")
+        source.board.change(effects=(FRICTION.name,))
+        page.wait_for_selector("#fits >> text=FIT motor.position, before the last step")
+        page.wait_for_selector("#where-hint >> text=Free-run error of the model before the last step")
+    finally:
+        site.close()
+        source.close()
+
+
+def test_a_number_and_its_unit_stand_on_one_line(site, visit):
+    page = visit(site.address).page
+    page.set_viewport_size({"width": 320, "height": 700})
+    for text in (page.inner_text(".fit .value"), page.inner_text("#steps li > span:last-child").split(" · ")[0]):
+        assert re.fullmatch(r"[\d.]+\u00a0%", text)
+
+
+def test_effects_that_are_significant_and_not_chosen_are_not_called_insignificant(site, source, visit):
+    lag = replace(DRAG, effect="actuator_lag", at="input", p_value=1e-5)
+    source.board.change(missing=replace(MISSING, candidates=(FRICTION, DRAG, lag), set=(FRICTION.name,)))
+    page = visit(site.address).page
+    page.wait_for_selector("summary >> text=2 fitted and not chosen, 1 of them significant by itself")
+    source.board.change(missing=replace(MISSING, candidates=(FRICTION, DRAG), set=(FRICTION.name,)))
+    page.wait_for_selector("summary >> text=1 fitted, not significant")
 
 
 def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):

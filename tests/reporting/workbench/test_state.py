@@ -11,6 +11,7 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.physics import load_model
+from idloop.reporting import breakdowns
 from idloop.reporting.figures.evidence import Decided
 from idloop.reporting.workbench import state
 from idloop.reporting.workbench.signals import Signals
@@ -19,26 +20,19 @@ from idloop.reporting.workbench.source import Evidence, Missing, Snapshot, Trust
 
 def error(mean=0.0, rms=1.0, **variables):
     """An error of the force along variables: how much of it follows each, and whether it stands out."""
-    breakdowns = {
-        name: SimpleNamespace(variable=name, follows=follows, stands_out=loud)
+    along = {
+        name: SimpleNamespace(variable=name, follows=follows, stands_out=loud, worst=SimpleNamespace(text="loud here"))
         for name, (follows, loud) in variables.items()
     }
     return SimpleNamespace(
-        name="drive force", basis="force", unit="N", mean=mean, rms=rms, breakdowns=tuple(breakdowns.values()),
-        along=breakdowns.get,
+        name="drive force", basis="force", unit="N", mean=mean, rms=rms, breakdowns=tuple(along.values()),
+        along=along.get,
     )  # fmt: skip
 
 
-class Where(dict):
-    """Errors by name, as an assessment has them."""
-
-    @property
-    def maps(self):
-        return tuple(self.values())
-
-
 def first_shown(one):
-    return state._telling(SimpleNamespace(where=Where({one.name: one})))
+    found = breakdowns.shown_first((one,))
+    return dict(zip(("error", "variable"), found, strict=True))
 
 
 def test_what_stands_out_is_shown_before_what_only_varies():
@@ -49,6 +43,15 @@ def test_what_stands_out_is_shown_before_what_only_varies():
 def test_what_the_error_follows_most_is_shown_of_several():
     one = error(velocity=(0.3, True), position=(0.6, True), command=(0.5, False))
     assert first_shown(one) == {"error": "drive force", "variable": "position"}
+
+
+def test_the_variable_that_is_shown_first_has_something_to_say():
+    one = error(velocity=(0.1, False), position=(0.2, False), time=(0.4, False))
+    assert first_shown(one)["variable"] == "time"
+    assert breakdowns.finding(one.along("time")) == "a curve over time makes up 40 % of the error"
+    assert breakdowns.finding(one.along("velocity")) == ""
+    both = error(velocity=(0.5, True)).along("velocity")
+    assert breakdowns.finding(both) == "loud here; a curve over velocity makes up 50 % of the error"
 
 
 def test_velocity_is_shown_where_nothing_says_anything():

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from bokeh.models import DataRange1d, FixedTicker, HoverTool
 from bokeh.models.annotations import BoxAnnotation, Label, Span
 from bokeh.plotting import figure
 
+from idloop.reporting.breakdowns import MARKED_STRETCHES, axis_name, bins, legend_entry, named_ticks
 from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, padded, source
 from idloop.reporting.figures.thinning import BUCKETS, thinned
-from idloop.reporting.plots.where import places
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES
 from idloop.validation.where import ErrorMap
-from idloop.validation.words import short
-
-_RANKED = 3
 
 
 def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Theme = LIGHT) -> figure | None:
@@ -42,23 +38,23 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
     """
     if variable == "time":
         return error_in_time(maps, theme)
-    drawn = [(i, label, one, b) for i, (label, one) in enumerate(maps) if (b := one.along(variable)) is not None]
+    drawn = [(index, b) for index, (_, one) in enumerate(maps) if (b := one.along(variable)) is not None]
     if not drawn:
         return None
-    first, unit = drawn[0][3], drawn[0][2].unit
+    first, unit = drawn[0][1], maps[0][1].unit
     frequency = variable == "frequency"
     plot = new_figure(
         theme,
-        (TITLES[variable], "sign" if variable == "direction" else first.unit),
+        axis_name(first),
         ("rms error" if frequency else "error, mean ± deviation", unit),
         x_axis_type="log" if frequency else "linear",
         **({"y_range": DataRange1d(start=0.0)} if frequency else {}),
         height=230,
     )
     entries = []
-    for index, label, one, breakdown in drawn:
+    for index, breakdown in drawn:
         glyphs = _draw(plot, breakdown, theme.models[index % len(theme.models)])
-        entries.append((_said(label, one, maps), glyphs))
+        entries.append((legend_entry(maps, index), glyphs))
     if not frequency:
         plot.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
     _name_ticks(plot, first)
@@ -97,13 +93,13 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
         return None
     plot = new_figure(theme, ("time", "s"), ("error", maps[0][1].unit), height=210)
     entries = []
-    for index, (label, one) in enumerate(maps):
+    for index, (_, one) in enumerate(maps):
         x, y = thinned(one.time, one.error, buckets)
         colour = theme.models[index % len(theme.models)]
         drawn = plot.line("x", "y", source=source(x=x, y=y), color=colour, line_width=1.0)
-        entries.append((_said(label, one, maps), [drawn]))
+        entries.append((legend_entry(maps, index), [drawn]))
     plot.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
-    for number, stretch in enumerate(maps[-1][1].loud_stretches[:_RANKED], start=1):
+    for number, stretch in enumerate(maps[-1][1].loud_stretches[:MARKED_STRETCHES], start=1):
         plot.add_layout(
             BoxAnnotation(
                 left=stretch.start, right=stretch.stop, fill_color=theme.found, fill_alpha=0.22, line_color=None
@@ -112,44 +108,13 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
         plot.add_layout(
             Label(
                 x=0.5 * (stretch.start + stretch.stop), y=0, y_units="screen",
-                y_offset=2 + 13 * ((number - 1) % _RANKED), text=str(number),
+                y_offset=2 + 13 * ((number - 1) % MARKED_STRETCHES), text=str(number),
                 text_align="center", text_color=theme.found, text_font=FONT, text_font_size="12px",
             )
         )  # fmt: skip
     if len(maps) > 1:
         add_legend(plot, theme, entries)
     return plot
-
-
-def _said(label: str, one: ErrorMap, maps: Sequence[tuple[str, ErrorMap]]) -> str:
-    """Entry of a legend; the kind of the error where kinds differ, as they are not to be compared then."""
-    if len({other.kind for _, other in maps}) > 1:
-        return f"{label}: {one.kind}"
-    return f"{label} (rms {short(one.rms)} {one.unit})"
-
-
-def bins(breakdown: Breakdown) -> dict[str, Any]:
-    """Columns of a breakdown as it is drawn and told, a row for each bin.
-
-    Returns
-    -------
-    dict
-        ``left``, ``right`` (ends on the axis), ``mean``, ``rms``, ``low``, ``high`` (the mean less and plus the
-        standard deviation about it; all NaN in an empty bin), ``error`` and ``usual`` [%], ``name``.
-    """
-    edges = places(breakdown)
-    deviation = np.sqrt(np.maximum(breakdown.rms**2 - breakdown.mean**2, 0.0))
-    return {
-        "left": edges[:-1],
-        "right": edges[1:],
-        "mean": breakdown.mean,
-        "rms": breakdown.rms,
-        "low": breakdown.mean - deviation,
-        "high": breakdown.mean + deviation,
-        "error": np.round(100.0 * breakdown.error, 1),
-        "usual": np.round(100.0 * breakdown.usual, 1),
-        "name": list(breakdown.names),
-    }
 
 
 def _draw(plot: figure, breakdown: Breakdown, colour: str) -> list[Any]:
@@ -167,14 +132,11 @@ def _draw(plot: figure, breakdown: Breakdown, colour: str) -> list[Any]:
 
 def _name_ticks(plot: figure, breakdown: Breakdown) -> None:
     """Words or edges under bins that are no ranges of a plain axis."""
-    if breakdown.variable == "direction":
-        plot.xaxis.ticker = FixedTicker(ticks=[0.5, 1.5, 2.5])
-        plot.xaxis.major_label_overrides = {0.5: "−", 1.5: "0", 2.5: "+"}
-    elif breakdown.variable == "since_reversal" and breakdown.edges is not None:
-        ticks = list(range(len(breakdown.edges)))
-        plot.xaxis.ticker = FixedTicker(ticks=ticks)
-        plot.xaxis.major_label_overrides = {tick: f"{breakdown.edges[tick]:.2g}" for tick in ticks}
+    ticks = named_ticks(breakdown)
+    if ticks:
+        plot.xaxis.ticker = FixedTicker(ticks=list(ticks))
+        plot.xaxis.major_label_overrides = ticks
+    if breakdown.variable == "since_reversal":
         plot.xaxis.major_label_orientation = 0.9
     elif breakdown.variable == "position" and breakdown.circular:
-        plot.xaxis.ticker = FixedTicker(ticks=[0, 90, 180, 270, 360])
         plot.x_range = padded(0.0, 360.0, 0.02)

@@ -11,8 +11,9 @@ from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import Twins, ladder_twins
 from idloop.diagnosis.evidence.characteristic import shifts_in_time
+from idloop.reporting.breakdowns import finding
 from idloop.reporting.effect_names import in_words, words
-from idloop.reporting.estimates import NORMAL_95, figure_text, fit_text, held_parameters, with_interval
+from idloop.reporting.estimates import NORMAL_95, figure_text, fit_text, held_parameters, percent_text, with_interval
 from idloop.reporting.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.reporting.page.contents import driven_step, step_force
 from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
@@ -211,7 +212,7 @@ def changes(ladder: Ladder) -> list[dict[str, str]]:
 
 def _change(name: str, before: float | None, after: float | None, data: str, *, wanted: int) -> dict[str, str]:
     """A row; `wanted` is the sign of a change for the better."""
-    write = fit_text if wanted > 0 else figure_text
+    write = fit_text if wanted > 0 else percent_text
     texts = {"before": write(before, 3), "after": write(after, 3)}
     trend = "same"
     if before is not None and after is not None and texts["before"] != texts["after"]:
@@ -343,7 +344,7 @@ def rungs(ladder: Ladder) -> list[dict[str, Any]]:
             part: Mapping[str, Any] = getattr(step, kind)
             force = part.get("force")
             errors[kind] = {
-                "force": figure_text(None if force is None else 100.0 * force, 3),
+                "force": percent_text(None if force is None else 100.0 * force),
                 "fit": [fit_text(part.get("fit", {}).get(name), 4) for name in ladder.model.output_names],
             }
         rows.append(
@@ -384,7 +385,7 @@ def _where(contents: Contents) -> list[dict[str, Any]]:
         for name, variable in places:
             breakdown = one.along(variable)
             if name == one.name and breakdown is not None:
-                caption = breakdown.worst.text if breakdown.stands_out else "nothing stands out"
+                caption = finding(breakdown) or "nothing stands out"
                 figures.append(
                     {"place": where_place(name, variable), "title": TITLES[variable], "caption": caption}
                 )  # fmt: skip

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.reporting.breakdowns import MARKED_STRETCHES, axis_name, bin_edges, legend_entry, named_ticks
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES, VARIABLES
 from idloop.validation.where import ErrorMap, Where
-from idloop.validation.words import short
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +29,6 @@ _COLUMNS = ((0.75, 2.9), (0.75, 1.6), (0.8, 1.75), (0.12, 1.75), (0.12, 1.75), (
 # Above shares and values the room for titles and legends, then their heights; the rest is for the labels below.
 _ROWS = ((0.34, 1.15), (0.22, 1.3))
 _BELOW, _HEAD, _RIGHT = 0.75, 0.35, 0.12
-_RANKED = 3
 
 
 def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
@@ -94,7 +93,7 @@ def _draw_block(axes: Any, maps: list[Named]) -> None:
             means.append(below)
         for index, one, breakdown in drawn:
             color = drawing.model_look(index)["color"]
-            _draw_shares(top, breakdown, _legend_entry(maps, index), color, first=index == drawn[0][0])
+            _draw_shares(top, breakdown, f"error of {legend_entry(maps, index)}", color, first=index == drawn[0][0])
             _draw_values(below, one, breakdown, color, rank=len(maps) == 1)
         _label(top, below, drawn[0][2], maps[0][1].unit)
         top.set_ylim(bottom=0.0)
@@ -116,13 +115,6 @@ def _title(maps: list[Named]) -> str:
     return f"{first.name}: {first.kind}" if len({one.kind for _, one in maps}) == 1 else first.name
 
 
-def _legend_entry(maps: list[Named], index: int) -> str:
-    """Name the model, the kind of error where kinds differ, and how large it is."""
-    label, one = maps[index]
-    kind = f"{one.kind}, " if len({other.kind for _, other in maps}) > 1 else ""
-    return f"error of {label} ({kind}rms {short(one.rms)} {one.unit})"
-
-
 def _link(axes: list[Any]) -> None:
     """Give axes one scale, labelled once."""
     if not axes:
@@ -137,22 +129,8 @@ def _link(axes: list[Any]) -> None:
     axes[0].set_ylim(low, high)
 
 
-def places(breakdown: Breakdown) -> Array:
-    """Edges of the bins on the axis: the variable's own where they are ranges on a plain or logarithmic axis.
-
-    Returns
-    -------
-    array, shape (bins + 1,)
-    """
-    if breakdown.edges is None or breakdown.variable == "since_reversal":
-        return np.arange(len(breakdown.names) + 1.0)
-    if breakdown.variable == "frequency":
-        return np.concatenate([[0.5 * breakdown.edges[1]], breakdown.edges[1:]])
-    return breakdown.edges
-
-
 def _draw_shares(axes: Any, breakdown: Breakdown, label: str, color: str, first: bool) -> None:
-    edges = places(breakdown)
+    edges = bin_edges(breakdown)
     if first:
         axes.stairs(
             100.0 * breakdown.usual, edges, fill=True, color=drawing.BAND, alpha=0.45,
@@ -170,7 +148,7 @@ def _draw_values(axes: Any, one: ErrorMap, breakdown: Breakdown, color: str, ran
         if rank:
             _mark_worst(axes, one, color)
         return
-    edges = places(breakdown)
+    edges = bin_edges(breakdown)
     if breakdown.variable == "frequency":
         axes.stairs(breakdown.rms, edges, color=color, linewidth=1.4, baseline=None)
         axes.set_xscale("log")
@@ -181,7 +159,7 @@ def _draw_values(axes: Any, one: ErrorMap, breakdown: Breakdown, color: str, ran
 
 
 def _mark_worst(axes: Any, one: ErrorMap, color: str) -> None:
-    for number, stretch in enumerate(one.loud_stretches[:_RANKED], start=1):
+    for number, stretch in enumerate(one.loud_stretches[:MARKED_STRETCHES], start=1):
         axes.axvspan(stretch.start, stretch.stop, color=drawing.MODELS[1], alpha=0.25, linewidth=0.0)
         axes.annotate(
             str(number), (0.5 * (stretch.start + stretch.stop), 1.0), xycoords=("data", "axes fraction"),
@@ -193,7 +171,7 @@ def _label(top: Any, below: Any, breakdown: Breakdown, unit: str) -> None:
     """Name and unit under each column, ticks that fit its bins."""
     variable = breakdown.variable
     top.tick_params(labelbottom=False)
-    below.set_xlabel(drawing.label(TITLES[variable], "sign" if variable == "direction" else breakdown.unit))
+    below.set_xlabel(drawing.label(*axis_name(breakdown)))
     if variable == "frequency":
         below.set_ylabel(drawing.label("rms", unit))
         below.set_ylim(bottom=0.0)
@@ -201,33 +179,22 @@ def _label(top: Any, below: Any, breakdown: Breakdown, unit: str) -> None:
         below.set_ylabel(drawing.label("error", unit))
     if variable != "frequency":
         below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
-    for axes in (top, below):
-        if variable == "direction":
-            axes.set_xticks(np.arange(3) + 0.5, ["−", "0", "+"])
-        elif variable == "since_reversal" and breakdown.edges is not None:
-            axes.set_xticks(np.arange(len(breakdown.edges)), [f"{edge:.2g}" for edge in breakdown.edges], rotation=60)
-            if len(breakdown.names) == len(breakdown.edges):
-                axes.annotate(
-                    "before", (len(breakdown.names) - 0.5, 1.0), xycoords=("data", "axes fraction"), ha="center",
-                    va="top", fontsize=7.0, color=drawing.COMMAND, rotation=90,
-                )  # fmt: skip
-        elif variable == "position" and breakdown.circular:
-            axes.set_xticks(np.arange(0.0, 361.0, 90.0))
+    ticks = named_ticks(breakdown)
+    for axes in (top, below) if ticks else ():
+        axes.set_xticks(list(ticks), list(ticks.values()), rotation=60 if variable == "since_reversal" else 0)
+        if variable == "since_reversal" and len(breakdown.names) == len(ticks):
+            axes.annotate(
+                "before", (len(breakdown.names) - 0.5, 1.0), xycoords=("data", "axes fraction"), ha="center",
+                va="top", fontsize=7.0, color=drawing.COMMAND, rotation=90,
+            )  # fmt: skip
+        elif variable == "position":
             for last in axes.get_xticklabels()[-1:]:
                 last.set_horizontalalignment("right")  # clear of the first one of the next column
 
 
 def _leave_out(top: Any, below: Any, title: str, why: str) -> None:
     """Say in place of the panels why they are not there."""
-    top.text(
-        0.5,
-        0.5,
-        f"{title}:\n{why}",
-        transform=top.transAxes,
-        ha="center",
-        va="center",
-        color=drawing.COMMAND,
-        wrap=True,
-    )
+    centred: dict[str, Any] = {"ha": "center", "va": "center", "wrap": True}
+    top.text(0.5, 0.5, f"{title}:\n{why}", transform=top.transAxes, color=drawing.COMMAND, **centred)
     for axes in (top, below):
         axes.set_axis_off()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idloop import drawing
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_twins, one_of_each
+from idloop.reporting.breakdowns import finding, shown_first
 from idloop.reporting.effect_names import in_words, words
 from idloop.reporting.estimates import with_interval
 from idloop.reporting.plots.ladder import p_text
@@ -30,10 +31,8 @@ TROUBLE = (
     "missed_deadlines", "silences", "clock_jumps", "saturated", "dropped_by_queue", "unreadable", "restarts",
     "skipped", "worker_failures",
 )  # fmt: skip
-FOLLOWS = 0.25  # share of an error from which on a curve over one variable is worth being shown first
+LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
 ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
-# Variables whose curve says what to look for; over time and frequency every error varies.
-TELLING = ("velocity", "position", "command", "direction", "since_reversal")
 
 
 def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
@@ -142,6 +141,7 @@ def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
 
 def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
     lacking = [words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
+    level = LEVEL if ladder is None else ladder.level
     twins = () if ladder is None else find_twins(ladder.model, found.set)
     return {
         "verdict": found.verdict,
@@ -159,7 +159,7 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
             for one in twins
         ],
         "candidates": [
-            _candidate(one, place, found, pictures.get(one.name)) for place, one in enumerate(found.candidates)
+            _candidate(one, place, found, pictures.get(one.name), level) for place, one in enumerate(found.candidates)
         ],
         "untestable": [
             {"name": words(name), "why": next((c.why for c in found.candidates if c.name == name), "")}
@@ -200,7 +200,13 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _candidate(one: Candidate, place: int, found: Missing, picture: Characteristic | None) -> dict[str, Any]:
+def _sentence(text: str) -> str:
+    return f"{_capital(text)}." if text else ""
+
+
+def _candidate(
+    one: Candidate, place: int, found: Missing, picture: Characteristic | None, level: float
+) -> dict[str, Any]:
     significant = one.name in found.set or one.name in found.pair
     return {
         "name": one.name,
@@ -215,6 +221,7 @@ def _candidate(one: Candidate, place: int, found: Missing, picture: Characterist
         "why": one.why,
         "text": one.text,
         "replaces": words(one.replaces) if one.replaces else "",
+        "below_level": one.p_value < level,
         "passed_over": in_words(found.passed_over.get(one.name, "")),
         "parameters": parameter_words(one.parameters),
         "picture": None if picture is None else _picture(picture),
@@ -272,13 +279,14 @@ def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _assessment(found: Assessment) -> dict[str, Any]:
+    first = shown_first(found.where.maps)
     return {
         "record": found.record,
         "effects": [words(name) for name in found.effects],
         "fit": _numbers(found.fit),
         "force": next((_finite(100.0 * m.relative) for m in found.where.maps if m.basis == "force"), None),
         "maps": [_map(one) for one in found.where.maps],
-        "telling": _telling(found),
+        "telling": None if first is None else dict(zip(("error", "variable"), first, strict=True)),
     }
 
 
@@ -292,7 +300,7 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         "relative": percent(one.relative) if math.isfinite(one.relative) else "",
         "variables": [b.variable for b in one.breakdowns],
         "left_out": dict(one.left_out),
-        "stands_out": {b.variable: b.worst.text for b in one.breakdowns if b.stands_out},
+        "stands_out": {b.variable: _sentence(text) for b in one.breakdowns if (text := finding(b))},
         "everywhere": _everywhere(one),
         "stretches": [
             {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
@@ -305,23 +313,3 @@ def _everywhere(one: ErrorMap) -> str:
     """Say that most of an error is one constant; empty where it is not."""
     constant = math.isfinite(one.mean) and abs(one.mean) > ONE_SIGN * one.rms
     return f"Most of it is the same everywhere: {short(one.mean)} {one.unit} on average." if constant else ""
-
-
-def _telling(found: Assessment) -> dict[str, str] | None:
-    """The error and the variable that says most about it: what a reader should see first."""
-    best: tuple[bool, float, str, str] | None = None
-    maps = found.where.maps
-    # The force is free of the drift of a free run, which follows whatever moves slowly.
-    for one in [m for m in maps if m.basis == "force"] or maps:
-        for breakdown in one.breakdowns:
-            if breakdown.variable not in TELLING or not math.isfinite(breakdown.follows):
-                continue
-            # One that stands out, before one that only varies a little more than the others.
-            rank = breakdown.stands_out or breakdown.follows >= FOLLOWS, breakdown.follows, one.name, breakdown.variable
-            best = rank if best is None else max(best, rank)
-    if best is None:
-        return None
-    _, _, name, variable = best
-    # Where nothing says anything, velocity is what a reader looks at first.
-    plain = not best[0] and found.where[name].along("velocity") is not None
-    return {"error": name, "variable": "velocity" if plain else variable}

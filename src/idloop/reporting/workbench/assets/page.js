@@ -62,7 +62,7 @@
   function percent(value, digits = 1) {
     if (value == null) return "–";
     while (value < 100 && digits < 6 && Number(value.toFixed(digits)) >= 100) digits += 1;
-    return `${value.toFixed(digits).replace("-", "−")} %`;
+    return `${value.toFixed(digits).replace("-", "−")}\u00a0%`; // a number and its unit stay on one line
   }
 
   // -- orders -------------------------------------------------------------------------------
@@ -186,7 +186,7 @@
       ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
       : ["no further effects"]);
     const live = s.fit && !s.fit.error;
-    const before = live && JSON.stringify(s.fit.effects) !== JSON.stringify(s.effects);
+    const before = live ? JSON.stringify(s.fit.effects) !== JSON.stringify(s.effects) : s.assessment && !upToDate(s);
     const use = before ? "before the last step" : live ? "unseen data" : s.judged_on;
     const values = live ? s.fit.unseen : s.assessment?.fit;
     const force = upToDate(s) ? s.assessment?.force : null;
@@ -230,8 +230,8 @@
 
   function showWhere(s) {
     const found = s.assessment;
-    say("where-hint", found ? `Free run of the model${upToDate(s) ? "" : " before the last step"} on ${found.record}.` : s.live ? "After the first seconds of data the model is left to run freely and compared." : "");
     if (!found || !found.maps.length) {
+      say("where-hint", s.live ? "The model is compared with the first seconds of data as soon as they are there." : "");
       for (const one of document.querySelectorAll("#variables button")) one.disabled = true;
       render("stretches", null, () => []);
       return;
@@ -243,6 +243,9 @@
     render("error", found.maps.map((m) => [m.name, m.rms]), () =>
       found.maps.map((m) => make("option", { value: m.name }, `${m.name} (rms ${m.rms}${m.relative ? ", " + m.relative : ""})`)));
     $("error").value = map.name;
+    // The figure may show a prediction where the free run has drifted away.
+    const of = upToDate(s) ? "" : " of the model before the last step";
+    say("where-hint", `${map.kind[0].toUpperCase()}${map.kind.slice(1)}${of} on ${found.record}.${map.why ? ` ${map.why[0].toUpperCase()}${map.why.slice(1)}.` : ""}`);
     for (const one of document.querySelectorAll("#variables button")) {
       const name = one.dataset.variable;
       const checked = name === (shown.variable || "velocity");
@@ -315,7 +318,8 @@
         ...m.twins.map((one) => make("p", { class: "twins" }, `${one.text} By hand: ${one.checks.join(" ")}`))));
     } else parts.push(...cards);
     if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `What an effect explains is part ${m.explains}.`));
-    if (others.length) parts.push(make("details", {}, make("summary", {}, `${others.length} weighed and not ${others.some((c) => c.passed_over) ? "taken" : "significant"}`), ...others.map((c) => card(c, busy, m))));
+    const also = others.filter((c) => c.below_level).length;
+    if (others.length) parts.push(make("details", {}, make("summary", {}, also ? `${others.length} fitted and not chosen, ${also} of them significant by ${also > 1 ? "themselves" : "itself"}` : `${others.length} fitted, not significant`), ...others.map((c) => card(c, busy, m))));
     if (rest.length) parts.push(make("details", {}, make("summary", {}, `${rest.length} screened, nothing seen`),
       make("ul", {}, ...rest.map((c) => make("li", {}, make("b", {}, c.words), ` ${c.text} `, add(c, busy, m))))));
     return parts;
@@ -386,7 +390,7 @@
     render("steps", steps, () => steps.map((one) => make("li", { "data-step": one.number },
       make("span", {}, one.words, one.ties.length ? make("small", {}, `could as well be ${one.ties.join(", ")}`) : null,
         one.parameters.length ? make("small", {}, one.parameters.join(" · ")) : null),
-      make("span", {}, [...Object.values(one.fit).map((value) => percent(value)), one.force == null ? null : `force ${percent(one.force)}`].filter(Boolean).join(" · "),
+      make("span", { class: "errors" }, [...Object.values(one.fit).map((value) => percent(value)), one.force == null ? null : `force ${percent(one.force)}`].filter(Boolean).join(" · "),
         make("small", {}, one.number ? [one.by === "user" ? "your choice" : one.p].filter(Boolean).join("") : `FIT ${Object.keys(one.fit).join(" · ")}${one.force == null ? "" : " · error of the force"}`)))));
   }
 
