@@ -388,7 +388,7 @@ def _ladder_text() -> str:
 
 
 def _read_ladder(path: Path, target: Path) -> object:
-    from idloop.cli._ladder_folder import read_ladder
+    from idloop.reporting.ladder_folder import read_ladder
 
     shutil.copyfile(path, target / "ladder.json")
     return read_ladder(target).ladder.to_dict()
@@ -399,7 +399,7 @@ def _ladders() -> list[bytes]:
 
 
 def _read_next(path: Path, target: Path) -> object:
-    from idloop.cli._ladder_folder import Kept, read_next_experiment
+    from idloop.reporting.ladder_folder import Kept, read_next_experiment
 
     shutil.copyfile(path, target / "next.json")
     ladder = replace(_ladder(), suggested_experiment={"signal": {}})
@@ -407,9 +407,9 @@ def _read_next(path: Path, target: Path) -> object:
 
 
 def _nexts() -> list[bytes]:
-    from idloop.cli._common import to_json
     from idloop.diagnosis.design.expected_outcome import Outcome
     from idloop.diagnosis.design.suggest import Limits, Suggestion
+    from idloop.json_values import to_json
     from idloop.physics import load_model
     from idloop.reporting.next_file import next_document
 
@@ -520,12 +520,12 @@ def readers() -> list[Reader]:
         Reader("npz", ".npz", _read_table("npz"), _npzs, (documents, records), share=2.0, bombs=_npz_bombs),
         Reader("json", ".json", _read_table("json"), _jsons, (documents, records), share=2.0),
         *bags,
-        Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnosis.ladder", "idloop.cli._ladder_folder"),
+        Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnosis.ladder", "idloop.reporting.ladder_folder"),
                _names_in(_ladders())),
         Reader("next", ".json", _read_next, _nexts, ("idloop.diagnosis", "idloop.reporting.next_file"),
                _names_in(_nexts())),
         Reader("network", ".json", _read_network, _networks, ("idloop.estimation.networks.model",
-               "idloop.estimation.networks.model_file"), _names_in(_networks())),
+               "idloop.estimation.networks.model"), _names_in(_networks())),
         Reader("linear", ".json", _read_linear, _linears, ("idloop.estimation.linear.model_file",), share=3.0),
         Reader("message", ".bin", _read_message, _messages, ("idloop_nodes.codec", records), share=4.0),
     ]  # fmt: skip

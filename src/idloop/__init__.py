@@ -1,3 +1,120 @@
-"""idloop: identification in the loop for servo axes on ROS 2."""
+"""idloop: identification in the loop for servo axes on ROS 2.
+
+Read a record, fit a model, see where it fails, find the physical effect that is missing, and plan the next experiment::
+
+    import idloop
+
+    model = idloop.load_model("dc_motor")
+    train, unseen = idloop.read_bags(["bags/run1", "bags/run2"], model)
+    ladder = idloop.refine(model, train, validate=unseen)
+    print(ladder.summary())
+    ladder.plot().savefig("ladder.png")
+
+Every result has ``summary()``, ``plot()`` and ``to_dict()``. Names are imported on first use.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from idloop.api.comparison import Comparison, compare
+    from idloop.api.compensating import Compensation, compensate
+    from idloop.api.data import read_bag, read_bags, simulate
+    from idloop.api.diagnosing import Diagnosis, diagnose
+    from idloop.api.exporting import export, to_control
+    from idloop.api.fitting import Fit, fit
+    from idloop.api.identifying import Identification, identify
+    from idloop.api.monitor import Monitor
+    from idloop.api.refining import Ladder, refine
+    from idloop.api.suggesting import Suggestion, suggest
+    from idloop.errors import IdloopError, InputError
+    from idloop.exporters import Exported
+    from idloop.physics.model import Model
+    from idloop.physics.model_file import load_model, preset_names
+    from idloop.records.record import Record
+    from idloop.signals import Signal
+    from idloop.signals.generate import build_signal as excitation
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Comparison",
+    "Compensation",
+    "Diagnosis",
+    "Exported",
+    "Fit",
+    "Identification",
+    "IdloopError",
+    "InputError",
+    "Ladder",
+    "Model",
+    "Monitor",
+    "Record",
+    "Signal",
+    "Suggestion",
+    "compare",
+    "compensate",
+    "diagnose",
+    "excitation",
+    "export",
+    "fit",
+    "identify",
+    "load_model",
+    "preset_names",
+    "read_bag",
+    "read_bags",
+    "refine",
+    "simulate",
+    "suggest",
+    "to_control",
+]
+
+# Name: the module that has it, and what it is called there where that differs.
+_WHERE = {
+    "Comparison": "api.comparison",
+    "Compensation": "api.compensating",
+    "Diagnosis": "api.diagnosing",
+    "Exported": "exporters",
+    "Fit": "api.fitting",
+    "IdloopError": "errors",
+    "Identification": "api.identifying",
+    "InputError": "errors",
+    "Ladder": "api.refining",
+    "Model": "physics.model",
+    "Monitor": "api.monitor",
+    "Record": "records.record",
+    "Signal": "signals",
+    "Suggestion": "api.suggesting",
+    "compare": "api.comparison",
+    "compensate": "api.compensating",
+    "diagnose": "api.diagnosing",
+    "excitation": "signals.generate:build_signal",
+    "export": "api.exporting",
+    "fit": "api.fitting",
+    "identify": "api.identifying",
+    "load_model": "physics.model_file",
+    "preset_names": "physics.model_file",
+    "read_bag": "api.data",
+    "read_bags": "api.data",
+    "refine": "api.refining",
+    "simulate": "api.data",
+    "suggest": "api.suggesting",
+    "to_control": "api.exporting",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use, so that `import idloop` takes milliseconds."""
+    if name not in _WHERE:
+        raise AttributeError(f"module 'idloop' has no attribute '{name}'")
+    import importlib
+
+    module, _, function = _WHERE[name].partition(":")
+    value = getattr(importlib.import_module(f"idloop.{module}"), function or name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from idloop.cli import _tracking_runs, main
+from idloop.api import tracking_runs
+from idloop.cli import main
 from idloop.physics import load_model
 from idloop.records import record_from_model, write_bag
 
@@ -175,7 +176,7 @@ def test_what_is_wrong_is_one_line_and_exit_code_2(words, said, capsys):
 
 
 def test_a_bag_cannot_be_followed_on_the_graph(tmp_path, capsys, monkeypatch):
-    recorded = _tracking_runs.Reference(np.zeros((5000, 2)), None, "as recorded")
-    monkeypatch.setattr(_tracking_runs, "make_reference", lambda *_: recorded)
+    recorded = tracking_runs.Reference(np.zeros((5000, 2)), None, "as recorded")
+    monkeypatch.setattr(tracking_runs, "make_reference", lambda *_: recorded)
     assert main.run([*BASE, "--graph"]) == 2
     assert "must be a signal" in capsys.readouterr().err

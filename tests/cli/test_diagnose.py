@@ -11,11 +11,12 @@ from dataclasses import replace
 import pytest
 
 from idloop.cli import main
-from idloop.cli._diagnosis import p_text, parameter_text
-from idloop.cli.verbs.diagnose import print_diagnosis
-from idloop.cli.verbs.refine import print_ladder
+from idloop.cli._common import print_blocks
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.screening.proposals import proposals
+from idloop.reporting.text.diagnosis import diagnosis_blocks
+from idloop.reporting.text.ladder import ladder_blocks
+from idloop.reporting.text.parameters import p_text, parameter_text
 
 
 def words(*arguments: object) -> list[str]:
@@ -104,7 +105,7 @@ def test_a_tiny_p_value_is_not_spelled_out():
 
 
 def test_two_effects_that_show_only_together_are_named_together(missing_pair, capsys):
-    print_diagnosis(missing_pair)
+    print_blocks(diagnosis_blocks(missing_pair))
     out = capsys.readouterr().out
     assert "only together: gain_asymmetry@input and load_torque@axis" in out
     assert "load_torque@axis: Something pulls." in out
@@ -112,8 +113,9 @@ def test_two_effects_that_show_only_together_are_named_together(missing_pair, ca
 
 
 def test_what_was_passed_over_is_told_with_the_reason(missing_pair, capsys):
-    print_diagnosis(
-        replace(missing_pair, set=(), pair=None, verdict="adequate", passed_over={"imbalance@axis": "too slight"})
+    passed_over = {"imbalance@axis": "too slight"}
+    print_blocks(
+        diagnosis_blocks(replace(missing_pair, set=(), pair=None, verdict="adequate", passed_over=passed_over))
     )
     out = capsys.readouterr().out
     assert "not the whole catalogue\nsignificant, yet passed over: imbalance@axis: too slight\n" in out
@@ -125,27 +127,27 @@ def test_what_was_passed_over_is_not_what_the_data_cannot_show(missing_pair, cap
     found = replace(missing_pair, gate=gate, set=(), pair=None, verdict="adequate", passed_over={names[0]: "a lag"})
     assert found.untestable == names[1:]
     assert found.to_dict()["untestable"] == [names[1]]
-    print_diagnosis(found)
+    print_blocks(diagnosis_blocks(found))
     assert capsys.readouterr().out.count(names[0]) == 1
 
 
 def test_of_few_effects_it_says_that_only_these_were_looked_for(missing_pair, capsys):
     found = replace(missing_pair, set=(), pair=None, verdict="adequate")
     end = "nothing significant is left of what was looked for: only gain asymmetry and load torque were looked for, not"
-    print_diagnosis(found)
+    print_blocks(diagnosis_blocks(found))
     assert f"{end} the whole catalogue\n" in capsys.readouterr().out
     ladder = Ladder((Step(None, found.model),), verdict="adequate", candidates=found.candidates)
-    print_ladder(ladder)
+    print_blocks(ladder_blocks(ladder))
     assert f"verdict: {end} the whole catalogue\n" in capsys.readouterr().out
     everything = tuple(Candidate(one.effect.name, one.at, "yes", "", "") for one in proposals(found.model))
-    print_diagnosis(replace(found, candidates=everything))
+    print_blocks(diagnosis_blocks(replace(found, candidates=everything)))
     assert "nothing significant is left\n" in capsys.readouterr().out
 
 
 def test_a_tie_that_no_motion_resolves_gets_a_check_by_hand(missing_pair, capsys):
     names = ("load_torque@axis", "input_offset@input")
     load = missing_pair.candidates[1]
-    print_diagnosis(replace(missing_pair, candidates=(load,), set=names, pair=None))
+    print_blocks(diagnosis_blocks(replace(missing_pair, candidates=(load,), set=names, pair=None)))
     out = capsys.readouterr().out
     assert "this data cannot tell load_torque@axis from input_offset@input (marked =)\n" in out
     assert "no motion can tell load_torque@axis and input_offset@input apart" in out

@@ -182,7 +182,7 @@ def test_json_has_null_for_what_is_no_number(capsys):
 
 
 def test_json_refuses_what_it_cannot_say():
-    from idloop.cli._common import to_json
+    from idloop.json_values import to_json
 
     with pytest.raises(TypeError, match="object"):
         to_json(object())
@@ -224,7 +224,7 @@ def test_the_shell_completes_verbs():
 
 
 def test_tables_align_words_left_and_numbers_right():
-    from idloop.cli._common import format_table
+    from idloop.reporting.text.blocks import format_table
 
     text = format_table(["name", "value"], [["inertia", "1.5"], ["b", "-"], ["c", "-12"]])
     assert text == "name     value\n-------  -----\ninertia    1.5\nb            -\nc          -12"

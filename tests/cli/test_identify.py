@@ -12,9 +12,7 @@ import pytest
 from scipy.signal import lfilter
 
 from idloop.cli import main
-from idloop.cli._identification import Outcome, excitation_measure
 from idloop.cli._identification_arguments import NumbersArgument, parse_structure, parse_sweep, parse_values
-from idloop.cli._identification_tables import pole_row
 from idloop.errors import InputError
 from idloop.estimation.black_box.method import Identified
 from idloop.estimation.black_box.methods import METHODS
@@ -22,6 +20,8 @@ from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear import load
 from idloop.physics import load_model, simulate
 from idloop.records import Record, make_stream, write_bag
+from idloop.reporting.text.identification import pole_row
+from idloop.validation.identification_outcome import Outcome, excitation_measure
 from idloop.validation.score import Score
 
 # The preset's velocity: J dv/dt + B v = drive gain u.

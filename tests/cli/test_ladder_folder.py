@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from idloop.cli._ladder_folder import read_next_experiment
 from idloop.errors import InputError
+from idloop.reporting.ladder_folder import read_next_experiment
 
 WHOLE = {
     "signal": {"name": "triangle"},

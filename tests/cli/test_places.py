@@ -8,7 +8,8 @@ import sys
 import click
 import pytest
 
-from idloop.cli import _places, main
+from idloop import output_files
+from idloop.cli import main
 
 FIGURES = {
     "inspect": ("inspect", "BAG", "--plot"),
@@ -198,17 +199,17 @@ def test_a_new_recording_that_cannot_be_made(tried, line, tmp_path):
 
 def test_folders_above_a_recording_are_made_and_taken_away_again(tmp_path):
     place = tmp_path / "above" / "bag"
-    assert _places.probe_folder(place, "BAG", new=True, parents=True) == place
+    assert output_files.probe_folder(place, "BAG", new=True, parents=True) == place
     assert not (tmp_path / "above").exists()
     (tmp_path / "above").mkdir()
-    _places.probe_folder(place, "BAG", new=True, parents=True)
+    output_files.probe_folder(place, "BAG", new=True, parents=True)
     assert list((tmp_path / "above").iterdir()) == []
 
 
 def test_a_link_that_leads_nowhere_is_where_the_file_will_be(tmp_path):
     link = tmp_path / "link.json"
     link.symlink_to(tmp_path / "later.json")
-    assert _places.probe_file(link, "--output") == link
+    assert output_files.probe_file(link, "--output") == link
     assert link.is_symlink()
     assert not (tmp_path / "later.json").exists()
 

@@ -219,7 +219,7 @@ def test_what_was_found_is_told_although_the_last_model_runs_away(hidden, monkey
     def runs_away(*arguments):
         raise IdloopError("neither free run nor prediction of model 'dc_motor' stays finite")
 
-    monkeypatch.setattr("idloop.reporting.remains.compared", runs_away)
+    monkeypatch.setattr("idloop.reporting.residual_findings.findings_on_records", runs_away)
     assert main.run(words("refine", hidden.model, hidden.levels, *FEW, "--no-suggest")) == 1
     said = capsys.readouterr()
     assert "+ dead_zone@input" in said.out

@@ -14,7 +14,7 @@ from idloop.physics import load_model, trust
 EFFECT = """\
 from pathlib import Path
 
-from idloop.physics import Effect, ParameterSpec, hook
+from idloop.physics import Effect, EffectParameter, hook
 
 with Path(__file__).with_suffix(".log").open("a") as log:
     log.write("run")
@@ -25,7 +25,7 @@ def force(position, velocity, inertia, elapsed, state, parameters):
     return parameters[0]
 
 
-EFFECT = Effect("lean", "body", "It leans.", (ParameterSpec("size", "{force}"),), force=force)
+EFFECT = Effect("lean", "body", "It leans.", (EffectParameter("size", "{force}"),), force=force)
 """
 
 

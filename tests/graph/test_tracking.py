@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from idloop.cli._tracking_runs import with_controller
+from idloop.api.tracking_runs import with_controller
 from idloop.control.compensation import Compensation
 from idloop.errors import IdloopError
 from idloop.graph import load_graph
@@ -75,9 +75,9 @@ def test_the_users_own_effects_travel_with_the_model(tmp_path):
     own = tmp_path / "own"
     (own / "effects").mkdir(parents=True)
     (own / "effects" / "lean.py").write_text(
-        "from idloop.physics.effect import BODY, Effect, ParameterSpec\nfrom idloop.physics.hooks import hook\n\n\n"
+        "from idloop.physics.effect import BODY, Effect, EffectParameter\nfrom idloop.physics.hooks import hook\n\n\n"
         "@hook\ndef force(a, b, c, elapsed, state, parameters):\n    return parameters[0]\n\n\n"
-        'EFFECT = Effect("lean", BODY, "It leans.", (ParameterSpec("size", "{force}"),), force=force)\n',
+        'EFFECT = Effect("lean", BODY, "It leans.", (EffectParameter("size", "{force}"),), force=force)\n',
         encoding="utf-8",
     )
     (own / "model.yaml").write_text(load_model("axis").to_yaml(), encoding="utf-8")

@@ -17,7 +17,7 @@ def complete() -> Callable[[Reproduction], None]:
 
     def check(found: Reproduction) -> None:
 
-        from idloop.cli._common import to_json
+        from idloop.json_values import to_json
 
         missed = [(line.quantity, line.ours, line.paper) for line in found.rows() if line.holds is False]
         assert missed == []

@@ -9,13 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.cli.verbs.refine import print_ladder, print_parameters
+from idloop.cli._common import print_blocks
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
-from idloop.reporting.estimates import figure_text, fit_text, held_parameters, read_off_parameters, with_interval
+from idloop.reporting.estimates import (
+    figure_text,
+    fit_text,
+    held_parameters,
+    percent_text,
+    read_off_parameters,
+    with_interval,
+)
 from idloop.reporting.page.page_words import page_words
+from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
 
 
 @pytest.mark.parametrize(
@@ -76,8 +84,8 @@ def test_what_was_held_is_no_estimate_and_what_was_chosen_is_none_of_it(contents
     added = Candidate("presliding_friction", "motor", "yes", "", "It gives.", model=model, parameters=given)
     ladder = Ladder((Step(None, start), Step(added, model, set=(sliding.name,))), verdict="adequate")
     assert list(held_parameters(ladder)) == [f"{sliding.name}.velocity", f"{sliding.name}.damping"]
-    print_ladder(ladder)
-    print_parameters(ladder)
+    print_blocks(ladder_blocks(ladder))
+    print_blocks(parameter_blocks(ladder))
     said = capsys.readouterr().out
     assert "velocity 0.1 rad/s (held), damping 0 N·m·s/rad (held)" in said
     assert f"held, not estimated: {sliding.name}.velocity 0.1 rad/s, {sliding.name}.damping 0 N·m·s/rad\n" in said
@@ -96,5 +104,13 @@ def test_a_resolution_that_was_read_off_is_told_by_itself(capsys):
     ladder = Ladder((Step(None, start), Step(added, model, set=(name,))), verdict="adequate")
     assert list(read_off_parameters(ladder)) == [f"{name}.resolution"]
     assert held_parameters(ladder) == {}
-    print_parameters(ladder)
+    print_blocks(parameter_blocks(ladder))
     assert f"read off the readings: {name}.resolution 0.000314159 rad\n" in capsys.readouterr().out
+
+
+def test_a_percentage_has_no_power_of_ten() -> None:
+    assert fit_text(-4583.2, 3) == "−4583"
+    assert percent_text(1234.5) == "1234"
+    assert percent_text(217.04) == "217"
+    assert percent_text(0.01234) == "0.0123"
+    assert percent_text(None) == "–"

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.cli import _assessment
 from idloop.diagnosis import Ladder, Step
 from idloop.reporting.page.contents import gather
 from idloop.reporting.page.page_figures import page_figures, panel_of
 from idloop.reporting.page.page_words import page_words
+from idloop.reporting.plots.comparison import make_panel
 from idloop.reporting.sensor_noise import FEWEST, believed_noise, least_error, refuted_noise
 from idloop.validation import compare
 
@@ -55,7 +55,7 @@ def test_a_figure_of_the_command_line_has_no_band_of_refuted_noise_and_no_perfec
     nearly = compare(model, train).simulated * (1.0 + 1e-6)
     comparison = compare(model, replace(train, output=nearly))
     assert 99.9995 < comparison.fit["motor.position"] < 100.0
-    panel = _assessment.make_panel("fitted data", [("fitted", comparison)])
+    panel = make_panel("fitted data", [("fitted", comparison)])
     assert np.isnan(panel.band).all()
     assert all(float(note.split()[1]) < 100.0 for note in panel.notes["fitted"])
 

@@ -12,9 +12,17 @@ from idloop.diagnosis import Candidate, Ladder, Step, UnknownStructure
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
 from idloop.reporting.page.page_words import headline, verdict_text
-from idloop.reporting.remains import Remainder
-from idloop.reporting.tried import only_tried, only_words
-from idloop.reporting.verdicts import UNEXPLAINED, UNEXPLAINED_BY_THESE, VERDICTS, basis, conclusion, explained_of
+from idloop.reporting.residual_findings import ResidualFinding
+from idloop.reporting.verdicts import (
+    UNEXPLAINED,
+    UNEXPLAINED_BY_THESE,
+    VERDICTS,
+    basis,
+    conclusion,
+    effects_looked_for,
+    explained_of,
+    scope_text,
+)
 
 START = load_model("axis")
 COGGING, FRICTION = "cogging@axis(amplitude=0.1)", "coulomb_friction@axis(level=0.1)"
@@ -66,7 +74,7 @@ def test_a_verdict_that_claims_no_end_stays(verdict: str) -> None:
 def test_errors_that_follow_the_command_come_before_nothing_significant() -> None:
     found = ladder(step(error=0.1))
     follows, free = (
-        Remainder("a", SimpleNamespace(input_free=one, against="input"))  # type: ignore[arg-type]
+        ResidualFinding("a", SimpleNamespace(input_free=one, against="input"))  # type: ignore[arg-type]
         for one in (False, True)
     )
     assert conclusion(found, [free]) == VERDICTS["adequate"]
@@ -84,20 +92,20 @@ def weighed(found: Ladder, *only: str) -> Ladder:
 def test_what_was_not_looked_for_is_not_said_to_explain_nothing() -> None:
     found = ladder(step(error=0.1), step(FRICTION, error=0.05), verdict="unknown_structure")
     few = weighed(found, "cogging", "dead_zone")
-    assert only_tried(few) == ("Coulomb friction", "cogging", "dead zone")
+    assert effects_looked_for(few) == ("Coulomb friction", "cogging", "dead zone")
     assert headline(few) == f"Missing from the model: Coulomb friction and {UNEXPLAINED_BY_THESE}."
     assert verdict_text(few) == (
         "What is left has a shape that none of the effects looked for explains."
         " Only Coulomb friction, cogging and dead zone were looked for, not the whole catalogue."
     )
-    assert "of the catalogue" not in conclusion(few, (), only_words(few))
+    assert "of the catalogue" not in conclusion(few, (), scope_text(few))
     # The one effect that was looked for has come in: there is nothing left to weigh.
     one = replace(found, findings=("20 s in 2 records",))
-    assert only_tried(one) == ("Coulomb friction",)
+    assert effects_looked_for(one) == ("Coulomb friction",)
     assert verdict_text(one).endswith("Only Coulomb friction was looked for, not the whole catalogue.")
     assert headline(one) == headline(few)
     everything = weighed(found)
-    assert only_tried(everything) == ()
+    assert effects_looked_for(everything) == ()
     assert headline(everything) == f"Missing from the model: Coulomb friction and {UNEXPLAINED}."
     assert conclusion(everything) == VERDICTS["unknown_structure"]
 
@@ -106,12 +114,12 @@ def test_what_was_not_looked_for_is_not_said_to_explain_nothing() -> None:
 def test_few_effects_that_do_not_show_leave_the_others_open(verdict: str) -> None:
     start = ladder(step(error=0.1), verdict=verdict)
     few = weighed(start, "cogging")
-    for said in (headline(few), conclusion(few, (), only_words(few)), verdict_text(few)):
+    for said in (headline(few), conclusion(few, (), scope_text(few)), verdict_text(few)):
         assert "looked for" in said
         assert "of the catalogue" not in said
     assert verdict_text(few).endswith("Only cogging was looked for, not the whole catalogue.")
     everything = weighed(start)
-    assert only_words(everything) == only_words(replace(few, candidates=())) == ""
+    assert scope_text(everything) == scope_text(replace(few, candidates=())) == ""
     assert "looked for" not in headline(everything) + verdict_text(everything)
 
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import enum
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,6 +13,8 @@ import click
 
 from idloop.cli._places import PLOT
 from idloop.errors import InputError
+from idloop.json_values import to_json
+from idloop.reporting.text.blocks import Block, as_text, format_table
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -158,42 +158,17 @@ def read_fitted_and_unseen(
 def read_records(
     bags: Iterable[Path], model: ModelSignals, *, fitted: bool = True, excited: bool = True
 ) -> list[Record]:
-    """Read the streams that the model names: a record for each run of the clock in each bag.
+    """Read the streams that the model names (`idloop.read_bags`), and print what was noticed."""
+    from idloop.api.data import read_bags
 
-    Raises
-    ------
-    InputError
-        What cannot be read, a bag given twice; where they are to be `fitted`, also a motion that no fit can use, and
-        where they are to be `excited`, commands of which none ever changes.
-    """
-    from idloop import records
-
-    bags = list(bags)
-    seen: set[Path] = set()
-    for bag in bags:
-        if bag.resolve() in seen:
-            raise InputError(f"{bag} is given twice: one recording counts once; leave it out, or give another")
-        seen.add(bag.resolve())
-    found = records.read_records(bags, model)
-    if fitted and excited:
-        found = records.check_commands(found)
-    return [_with_warnings(records.check_identifiable(record) if fitted else record) for record in found]
+    return [_with_warnings(record) for record in read_bags(bags, model, fitted=fitted, excited=excited)]
 
 
 def read_one_record(bag: Path, model: Model) -> Record:
-    """Read the streams that the model names from a bag that is one run of the clock; of several parts the longest."""
-    from idloop import records
-    from idloop.records.align import output_scales
-    from idloop.records.inspection.velocity_check import without_wrong_velocities
+    """Read the streams that the model names from a bag (`idloop.read_bag`), and print what was noticed."""
+    from idloop.api.data import read_bag
 
-    parts = records.cut_at_gaps(records.read_record(bag, model, check=False))
-    longest = max(parts, key=lambda part: part.time.size)
-    if len(parts) > 1:
-        text = f"only the longest part is shown, {longest.time[0]:.6g} to {longest.time[-1]:.6g} s"
-        finding = records.Finding("cut", text, where=longest.name, level="warning")
-        longest = dataclasses.replace(longest, findings=(*parts[0].findings, finding))
-    checked = records.check_record(longest, held=model.input.kind == "held")
-    return _with_warnings(*without_wrong_velocities([checked], output_scales(model)))
+    return _with_warnings(read_bag(bag, model))
 
 
 def _with_warnings(record: Record) -> Record:
@@ -236,32 +211,6 @@ def json_option(function: Function) -> Function:
     )
 
 
-def to_json(value: Any) -> Any:
-    """Plain JSON types of anything the library returns; a number that is not finite becomes null."""
-    if value is None or isinstance(value, bool | str):
-        return value
-    if isinstance(value, enum.Enum):
-        return to_json(value.value)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_json(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): to_json(item) for key, item in value.items()}
-    if isinstance(value, Path):
-        return str(value)
-    # NumPy's arrays and scalars, told by what they can do so that NumPy need not be imported.
-    if hasattr(value, "tolist"):
-        return to_json(value.tolist())
-    if isinstance(value, set | frozenset):
-        return [to_json(item) for item in sorted(value)]
-    if isinstance(value, Iterable):
-        return [to_json(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, int):
-        return value
-    raise TypeError(f"{type(value).__name__} has no JSON form")
-
-
 def print_json(document: Any) -> None:
     """Print the one document of a verb called with `--json`."""
     click.echo(json.dumps(to_json(document), indent=2, ensure_ascii=False, allow_nan=False))
@@ -273,35 +222,11 @@ def log(text: str) -> None:
         click.echo(text, err=True)
 
 
-def number(value: float | None, digits: int = 4) -> str:
-    """Text of a number in tables; "-" where there is none."""
-    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
-
-
-def format_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Text of aligned columns: words to the left, numbers to the right.
-
-    The same on a terminal and in a pipe, so that scripts and eyes see one thing.
-    """
-    cells = [list(map(str, row)) for row in rows]
-    columns = list(zip(header, *cells, strict=True))
-    widths = [max(map(len, column)) for column in columns]
-    numeric = [bool(column[1:]) and all(_looks_numeric(cell) for cell in column[1:]) for column in columns]
-
-    def line(row: Sequence[str]) -> str:
-        padded = (
-            cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(row, widths, numeric, strict=True)
-        )
-        return "  ".join(padded).rstrip()
-
-    return "\n".join([line(header), line(["-" * width for width in widths]), *map(line, cells)])
-
-
-def _looks_numeric(cell: str) -> bool:
-    return cell in {"", "-"} or cell.lstrip("+-±").replace("%", "").strip()[:1].isdigit()
-
-
 def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print `format_table`."""
     click.echo(format_table(header, rows))
+
+
+def print_blocks(blocks: Iterable[Block]) -> None:
+    """Print paragraphs and tables."""
+    click.echo(as_text(blocks))

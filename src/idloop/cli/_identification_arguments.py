@@ -1,4 +1,4 @@
-"""Arguments of `identify`: numbers and ranges, sweeps, degrees of a structure, even grids, where to save."""
+"""Arguments of `identify`: numbers and ranges, sweeps, degrees of a structure, where to save."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,11 +15,8 @@ from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
     from idloop.estimation.black_box.method import Method
-    from idloop.estimation.black_box.sampled import SampledData
-    from idloop.records import Record
 
 _MOST_VALUES = 200  # of a range: more are a slip of the pen
-_FINEST = 0.95  # of a record's own sample time: less is no rounding of it
 # Settings that a sweep may go over, and their units.
 SWEPT: dict[str, str | None] = {"order": None, "delay": "samples", "horizon": "samples", "sample-time": "s"}
 MEASURED = ("amplitude", "bandwidth")  # what it may go over in the bags themselves
@@ -167,47 +164,6 @@ def check_structure(degrees: Mapping[str, int], methods: Sequence[Method]) -> No
             raise InputError(f"--structure {name}={degrees[name]}: {own}; leave {name} out")
 
 
-def even_grids(
-    records: Sequence[Record], sample_time: float, detrend: Literal["none", "mean", "linear"], drop: float
-) -> list[SampledData]:
-    """Records cut, freed of their trends and put on one even grid.
-
-    Parameters
-    ----------
-    records : sequence of Record
-    sample_time : float
-        [s]; not below that of a record.
-    detrend : "none", "mean" or "linear"
-        Of each record by itself.
-    drop : float
-        Seconds left out at both ends.
-
-    Raises
-    ------
-    InputError
-        A finer grid than the record's, or nothing left of it.
-    """
-    from idloop.estimation.black_box.sampled import sampled
-
-    stretches: list[SampledData] = []
-    for record in records:
-        if sample_time < _FINEST * record.sample_time:
-            raise InputError(
-                f"{record.name}: --sample-time {sample_time:g}, but the record has a sample every"
-                f" {record.sample_time:.4g} s and nothing between; take that or more"
-            )
-        length = float(record.time[-1] - record.time[0])
-        if drop and 2.0 * drop >= length:
-            raise InputError(
-                f"{record.name}: --drop {drop:g}: nothing left after that at both ends: the record is {length:.4g} s"
-                f" long, drop less than {0.5 * length:.4g}"
-            )
-        kept = record.drop(drop, drop) if drop else record
-        level = kept if detrend == "none" else kept.detrend(detrend)
-        stretches += sampled(level, sample_time)
-    return stretches
-
-
 def check_save(path: Path, kinds: Sequence[str], *, swept: bool) -> None:
     """Refuse a result that is no model, or a format that it does not have, before the work is done.
 
@@ -224,5 +180,5 @@ def check_save(path: Path, kinds: Sequence[str], *, swept: bool) -> None:
             f"--save {path}: the method gives a response and no model (idloop identify --list shows which do); leave it"
             " out, --json holds the response"
         )
-    file = networks.model_file if kinds[0] == "network" else linear.model_file
+    file = networks.model if kinds[0] == "network" else linear.model_file
     file.check_suffix(path)

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idloop.api.tracking_runs import Loops, Reference
 from idloop.cli._common import log
 from idloop.cli._demo_loop import narrated
-from idloop.cli._places import make_folder
-from idloop.cli._tracking_runs import Loops, Reference
 from idloop.errors import InputError
+from idloop.output_files import make_folder
 
 if TYPE_CHECKING:
     from idloop.control.compensation import Compensation
@@ -39,7 +39,7 @@ def run_loops(
     Parameters
     ----------
     machine : Model or Path
-        From `idloop.cli._tracking_runs.machine_of`.
+        From `idloop.api.tracking_runs.machine_of`.
     compensation : Compensation
     section : mapping
         Of the controller, which the compensating model names.

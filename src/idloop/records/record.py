@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import InputError
 from idloop.physics.conditions import Condition
@@ -14,6 +15,9 @@ from idloop.records.filtering import resample_held, resample_linear, zero_phase
 from idloop.records.finding import Finding
 from idloop.records.unwrapping import unwrap
 from idloop.spelling import did_you_mean, listed
+
+if TYPE_CHECKING:
+    from idloop.physics.model import Model
 
 Floats = NDArray[np.float64]
 
@@ -70,6 +74,125 @@ class Record:
     conditions: tuple[Condition, ...] = ()
     start_ns: int = 0
     findings: tuple[Finding, ...] = ()
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time: ArrayLike,
+        command: ArrayLike,
+        outputs: Mapping[str, ArrayLike],
+        model: Model | None = None,
+        *,
+        command_time: ArrayLike | None = None,
+        name: str = "data",
+        command_name: str = "axis.effort",
+        command_unit: str = "",
+        units: Mapping[str, str] | None = None,
+    ) -> Record:
+        """Record of measurements that are arrays already.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Stamps of the measurements [s], strictly increasing.
+        command : array_like, shape (n,) or (m,)
+            In the unit of the model's input; held from its stamp until the next one.
+        outputs : mapping of str to array_like, shape (n,)
+            Measurements by output: ``motor.position``, or ``position`` where only one output has this field. NaN where
+            not measured; outputs of the model that are left out are NaN throughout.
+        model : Model, optional
+            Gives names and units of the signals.
+        command_time : array_like, shape (m,), optional
+            Stamps of the command [s]; those of the measurements when left out.
+        name : str
+            Of the record.
+        command_name, command_unit, units
+            Without a model: name and unit of the command, unit by output.
+
+        Returns
+        -------
+        Record
+            Time begins at 0 at the first measurement.
+
+        Raises
+        ------
+        InputError
+            Arrays of different lengths, stamps that do not rise, outputs that the model does not have.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from idloop import Record, load_model
+        >>> t = np.arange(3) * 0.01
+        >>> Record.from_arrays(t, [0, 1, 1], {"velocity": [0, 0.1, 0.2]}, load_model("axis")).output_names
+        ('axis.position', 'axis.velocity')
+        """
+        stamps = _column(name, "time", time)
+        if model is not None:
+            names, its_units = model.output_names, tuple(signal.unit for signal in model.outputs)
+            command_name, command_unit = model.input.name, model.input.unit
+        else:
+            names, its_units = tuple(outputs), tuple((units or {}).get(output, "") for output in outputs)
+        columns = np.full((stamps.size, len(names)), np.nan)
+        for given, values in outputs.items():
+            column = _column(name, given, values)
+            if column.size != stamps.size:
+                raise InputError(f"{name}: {given} has {column.size} values for {stamps.size} stamps")
+            columns[:, _place(name, given, names)] = column
+        sent = _column(name, "command", command)
+        sent_at = stamps if command_time is None else _column(name, "command_time", command_time)
+        begin = float(stamps[0]) if stamps.size else 0.0
+        return cls(name, sent_at - begin, sent, stamps - begin, columns, command_name, command_unit, names, its_units)
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: Any,
+        model: Model | None = None,
+        *,
+        time: str,
+        command: str,
+        outputs: Mapping[str, str],
+        name: str = "data",
+        **options: Any,
+    ) -> Record:
+        """Record of the columns of a pandas or polars frame, or of a mapping of columns.
+
+        Parameters
+        ----------
+        frame : DataFrame or mapping
+        model : Model, optional
+            Gives names and units of the signals.
+        time, command : str
+            Columns of the stamps [s] and of the command.
+        outputs : mapping of str to str
+            Column by output: ``{"motor.position": "theta"}``.
+        name : str
+            Of the record.
+        **options
+            As in `from_arrays`.
+
+        Raises
+        ------
+        InputError
+            The frame lacks a column; as `from_arrays`.
+
+        Examples
+        --------
+        >>> from idloop import Record, load_model
+        >>> frame = {"t": [0.0, 0.01, 0.02], "u": [0, 1, 1], "w": [0, 0.1, 0.2]}
+        >>> motor = load_model("dc_motor")
+        >>> Record.from_frame(frame, motor, time="t", command="u", outputs={"velocity": "w"}).duration
+        0.02
+        """
+        known = [str(column) for column in (frame.columns if hasattr(frame, "columns") else frame)]
+        for column in (time, command, *outputs.values()):
+            if column not in known:
+                raise InputError(
+                    f"{name}: no column '{column}'; there are {listed(known)}{did_you_mean(column, known)}"
+                )
+        measured = {output: frame[column] for output, column in outputs.items()}
+        return cls.from_arrays(frame[time], frame[command], measured, model, name=name, **options)
 
     def __post_init__(self) -> None:
         if self.input.shape != self.input_time.shape or self.input.ndim != 1:
@@ -265,6 +388,27 @@ class Record:
         return replace(
             self, time=time, output=output, findings=(*self.findings, Finding("processing", text, where=self.name))
         )
+
+
+def _column(record: str, name: str, values: ArrayLike) -> Floats:
+    try:
+        column = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{record}: {name} holds values that are no numbers ({error})") from error
+    if column.ndim != 1:
+        raise InputError(f"{record}: {name} {column.shape} must have one dimension")
+    return column
+
+
+def _place(record: str, given: str, names: Sequence[str]) -> int:
+    """Column of an output by its name, or by its field alone where that is unique."""
+    if given in names:
+        return list(names).index(given)
+    same = [index for index, known in enumerate(names) if known.rpartition(".")[2] == given]
+    if len(same) == 1:
+        return same[0]
+    why = f"{given} is the field of several outputs" if same else f"no output '{given}'"
+    raise InputError(f"{record}: {why}: the outputs are {', '.join(names)}{did_you_mean(given, names)}")
 
 
 def _covering(time: Floats, low: float, high: float) -> slice:

@@ -28,12 +28,7 @@ _PHYSICAL = ("velocity", "position", "command", "direction", "since_reversal")
 
 
 def bin_edges(breakdown: Breakdown) -> Array:
-    """Edges of the bins on the axis: the variable's own where they are ranges on a plain or logarithmic axis.
-
-    Returns
-    -------
-    array, shape (bins + 1,)
-    """
+    """Edges of the bins on the axis: the variable's own where they are ranges on a plain or logarithmic axis."""
     if breakdown.edges is None or breakdown.variable == "since_reversal":
         return np.arange(len(breakdown.names) + 1.0)
     if breakdown.variable == "frequency":

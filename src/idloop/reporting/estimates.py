@@ -104,7 +104,6 @@ def with_interval(value: float, stderr: float | None) -> str:
 
     Parameters
     ----------
-    value : float
     stderr : float or None
         Standard error; None for a known or a fixed value.
 

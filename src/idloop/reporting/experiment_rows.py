@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
-from idloop.reporting.effect_names import in_words
+from idloop.reporting.terms import in_words
 
 if TYPE_CHECKING:
     from idloop.diagnosis.design.suggest import Suggestion
@@ -52,10 +52,8 @@ class Row:
 
     Attributes
     ----------
-    kind : {"sent", "output", "difference"}
     label : str
         Of its axis.
-    curves : list of Curve
     limits : tuple of float
         Those that are drawn.
     band : float, optional

@@ -29,7 +29,6 @@ class Frame:
 
     Attributes
     ----------
-    low, high : float
     strays : mapping of str to str
         By the label of a curve that leaves the frame: how far it goes, in words.
     """
@@ -46,11 +45,6 @@ class Frame:
 
 def value_frame(measured: Array, modelled: Mapping[str, Array]) -> Frame | None:
     """Frame of measured and modelled values.
-
-    Parameters
-    ----------
-    measured : array, shape (n,)
-    modelled : mapping of str to array, shape (n,)
 
     Returns
     -------
@@ -83,8 +77,6 @@ def residual_frame(measured: Array, modelled: Mapping[str, Array], band: float |
 
     Parameters
     ----------
-    measured : array, shape (n,)
-    modelled : mapping of str to array, shape (n,)
     band : float, optional
         Its half width.
 

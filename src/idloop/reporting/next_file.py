@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +36,6 @@ def read_next(document: dict[str, Any], folder: Path | None = None) -> Suggestio
 
     Parameters
     ----------
-    document : dict
     folder : Path, optional
         Where the models' own effects lie.
     """
@@ -59,3 +59,19 @@ def read_next(document: dict[str, Any], folder: Path | None = None) -> Suggestio
         noise=tuple(document["noise"]),
         against_first=document["against_first"],
     )
+
+
+def experiment_text(suggested: Mapping[str, Any]) -> str:
+    """YAML that the excitation node takes as its parameter `experiment`, with what to know as comments."""
+    import io
+
+    from ruamel.yaml import YAML
+
+    lines = [f"# {suggested['text']}"] + [f"# {outcome['text']}" for outcome in suggested.get("outcomes", ())]
+    lines.append(f"# starts at rest at position {suggested.get('start', 0.0):.6g}; lasts {suggested['duration']:g} s")
+    buffer = io.StringIO()
+    plain = {
+        key: list(value) if isinstance(value, list | tuple) else value for key, value in suggested["signal"].items()
+    }
+    YAML().dump({"signal": plain, "adds_to": suggested["adds_to"]}, buffer)
+    return "\n".join(lines) + "\n" + buffer.getvalue()

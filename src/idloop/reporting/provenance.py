@@ -26,7 +26,6 @@ def provenance(
         Recordings that were fitted, and those that were not.
     commands : sequence of str
         Command lines that made the result, in their order.
-    seed : int, optional
 
     Returns
     -------

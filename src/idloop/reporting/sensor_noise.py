@@ -42,7 +42,6 @@ def believed_noise(model: Model, refuted: Iterable[str]) -> dict[str, float]:
 
     Parameters
     ----------
-    model : Model
     refuted : iterable of str
         Outputs without one, see `refuted_noise`.
     """
@@ -55,7 +54,6 @@ def least_error(ladder: Ladder, name: str) -> float:
 
     Parameters
     ----------
-    ladder : Ladder
     name : str
         Of the output.
 

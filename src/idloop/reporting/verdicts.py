@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from idloop.diagnosis.ladder import Ladder
 from idloop.diagnosis.screening.command_response import CommandResponse
+from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.step import SAY_NOISE
 from idloop.estimation.direction import AGAINST
+from idloop.reporting.terms import effect_words
 from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Ladder
-    from idloop.reporting.remains import Remainder
+    from idloop.diagnosis import Diagnosis
+    from idloop.reporting.residual_findings import ResidualFinding
 
 # Of a ladder; a diagnosis that ends as missing has a best effect to name.
 VERDICTS = {
@@ -40,6 +43,9 @@ CRITERIA = {
     "force": "the drive force that the measured motion leaves unexplained",
 }
 
+# So many names are read; of more the number says enough.
+_NAMED = 6
+
 _LEFT = {
     "prediction": "the one-step prediction errors that the model without it leaves",
     "simulation": "the free-run errors that the model without it leaves",
@@ -47,22 +53,21 @@ _LEFT = {
 }
 
 
-def conclusion(ladder: Ladder, left: Sequence[Remainder] = (), only: str = "") -> str:
+def conclusion(ladder: Ladder, left: Sequence[ResidualFinding] = (), only: str = "") -> str:
     """How a ladder ends, what the reader is to conclude first.
 
     Parameters
     ----------
-    ladder : Ladder
-    left : sequence of Remainder
+    left : sequence of ResidualFinding
         Residual tests of the last model on the fitted data.
     only : str
-        What was looked for where that was not the whole catalogue, as `idloop.reporting.tried.only_words` says it.
+        What was looked for where that was not the whole catalogue, as `scope_text` says it.
     """
     end = ending(ladder.verdict, only, ladder.response)
     if ladder.verdict not in SAY_NOISE or ladder.response.tells_nothing:
         return end
-    something, of_these = unexplained(only), "" if only else "of the catalogue "
-    names = stand_ins(ladder)
+    something, of_these = unexplained_cause(only), "" if only else "of the catalogue "
+    names = confounding_effects(ladder)
     if names:
         return (
             f"{something} is missing: {joined_names(names)} {'stand' if len(names) > 1 else 'stands'} in for it one"
@@ -93,7 +98,7 @@ def ending(verdict: str, only: str = "", response: CommandResponse = CommandResp
     return f"{_TELLS_NOTHING}; {end}" if response.tells_nothing else end
 
 
-def unexplained(only: str) -> str:
+def unexplained_cause(only: str) -> str:
     """What to call that which is missing and no effect explains: of the catalogue, or of the few that were tried.
 
     Parameters
@@ -104,7 +109,7 @@ def unexplained(only: str) -> str:
     return UNEXPLAINED_BY_THESE if only else UNEXPLAINED
 
 
-def stand_ins(ladder: Ladder) -> list[str]:
+def confounding_effects(ladder: Ladder) -> list[str]:
     """Effects of a ladder without which the model runs better, although nothing of the catalogue is left to add."""
     if ladder.verdict not in SAY_NOISE:
         return []
@@ -140,3 +145,34 @@ def basis(lacking: Sequence[str]) -> str:
         if lacking
         else ""
     )
+
+
+def effects_looked_for(result: Ladder | Diagnosis) -> tuple[str, ...]:
+    """Effects that were looked for in the end, where the catalogue has more for this machine.
+
+    Returns
+    -------
+    tuple of str
+        As words, without their sites where every site was looked at; empty for the whole catalogue, and where the
+        ladder does not say what was weighed.
+    """
+    weighed = list(dict.fromkeys(one.name for one in result.candidates))
+    # Of an effect that was looked for and is in the model now, nothing further is weighed.
+    steps, findings = (result.steps, result.findings) if isinstance(result, Ladder) else ((), ())
+    found = [step.added.name for step in steps if step.added is not None and step.chosen_by == "diagnosis"]
+    left = {one.name for one in proposals(result.model)} - set(weighed)
+    # A ladder that has not been looked at to its end names neither candidates nor what the data can show.
+    if not left or not (weighed or findings):
+        return ()
+    partly = {name.partition("@")[0] for name in left}
+    named = (name if (kind := name.partition("@")[0]) in partly else kind for name in (*found, *weighed))
+    return tuple(dict.fromkeys(effect_words(name) for name in named))
+
+
+def scope_text(result: Ladder | Diagnosis) -> str:
+    """Say what was looked for, to go on a sentence: "only backlash and dead zone were looked for"; else empty."""
+    names = effects_looked_for(result)
+    if not names:
+        return ""
+    what = joined_names(list(names)) if len(names) <= _NAMED else f"{len(names)} effects"
+    return f"only {what} {'were' if len(names) > 1 else 'was'} looked for, not the whole catalogue"

@@ -3,10 +3,10 @@ import json
 import numpy as np
 import pytest
 
-from idloop.cli._common import to_json
 from idloop.errors import InputError
 from idloop.estimation.black_box.methods import METHODS
 from idloop.estimation.networks import TrainingRules, load, narx_neural, narx_wavelet, save
+from idloop.json_values import to_json
 
 
 @pytest.fixture(scope="module")

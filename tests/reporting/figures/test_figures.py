@@ -9,7 +9,6 @@ import pytest
 from bokeh.models.annotations import BoxAnnotation, Label, Legend, Span
 
 from idloop.reporting.breakdowns import bins
-from idloop.reporting.effect_names import in_words, words
 from idloop.reporting.figures.candidates import (
     ADDED,
     MISSING,
@@ -29,6 +28,7 @@ from idloop.reporting.figures.theme import DARK, LIGHT
 from idloop.reporting.figures.unknown import unknown_figure
 from idloop.reporting.figures.where import error_along
 from idloop.reporting.page.page_figures import page_figures, panel_of, where_places
+from idloop.reporting.terms import effect_words, in_words
 from idloop.validation.variables import VARIABLES
 
 
@@ -142,8 +142,8 @@ def test_the_ladder_names_its_steps_and_shows_the_noise_floor(contents):
 
 
 def test_effects_are_written_as_words():
-    assert words("stribeck_friction@load1") == "Stribeck friction @ load1"
-    assert words("dead_zone") == "dead zone"
+    assert effect_words("stribeck_friction@load1") == "Stribeck friction @ load1"
+    assert effect_words("dead_zone") == "dead zone"
     assert in_words("it separates dead_zone@input and sensor_delay@position[motor]; stay below 3 V") == (
         "it separates dead zone @ input and sensor delay @ position[motor]; stay below 3 V"
     )

@@ -16,7 +16,7 @@ from idloop.reporting.page.contents import driven_step, gather, labelled_models,
 from idloop.reporting.page.page_figures import page_figures
 from idloop.reporting.page.page_words import page_words
 from idloop.reporting.page.paper import paper_figures
-from idloop.reporting.use import FITTED, UNSEEN
+from idloop.reporting.terms import FITTED, UNSEEN
 
 
 def test_unseen_data_come_first_and_every_record_is_held_against_both_ends_of_the_ladder(contents):

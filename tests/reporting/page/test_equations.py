@@ -79,13 +79,13 @@ def test_an_effect_of_the_users_own_is_a_function_of_what_it_depends_on(tmp_path
     folder = tmp_path / "effects"
     folder.mkdir()
     (folder / "sticky.py").write_text(
-        "from idloop.physics.effect import BODY, Effect, ParameterSpec\n"
+        "from idloop.physics.effect import BODY, Effect, EffectParameter\n"
         "from idloop.physics.hooks import hook\n"
         "@hook\n"
         "def force(position, velocity, inertia, elapsed, state, parameters):\n"
         "    return -parameters[0] * velocity\n"
         "EFFECT = Effect(name='sticky', site=BODY, text='It sticks.', force=force,\n"
-        "    parameters=(ParameterSpec('much', '{force}'),))\n"
+        "    parameters=(EffectParameter('much', '{force}'),))\n"
     )
     path = tmp_path / "axis.yaml"
     path.write_text(load_model("emps").to_yaml())

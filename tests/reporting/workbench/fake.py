@@ -10,7 +10,7 @@ import numpy as np
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.errors import InputError
 from idloop.physics import load_model
-from idloop.reporting.workbench.source import FREE, SENT, Board, Fit, Health, Missing, Note, Snapshot
+from idloop.reporting.workbench.state import FREE, SENT, Fit, Health, Missing, Note, Snapshot, State
 
 FRICTION = Candidate(
     "coulomb_friction", "motor", "yes", "it reverses often", "A force of one size against the motion.", gain=812.0,
@@ -34,7 +34,7 @@ def errors(nrmse):
 
 
 class FakeSource:
-    """Implements `idloop.reporting.workbench.source.Source`."""
+    """Implements `idloop.reporting.workbench.state.Source`."""
 
     def __init__(self, *, live=True, outputs=None):
         from idloop.reporting.workbench.signals import Signals
@@ -42,7 +42,7 @@ class FakeSource:
         self.model = load_model(outputs or "dc_motor")
         self.signals = Signals(self.model, capacity=20_000)
         start = Step(None, self.model, train=errors(0.2), validation=errors(0.21))
-        self.board = Board(
+        self.state = State(
             Snapshot(live=live, title="dc_motor", moves=live, missing=MISSING, ladder=Ladder((start,)),
                      fit=Fit({"motor.position": 79.0, "motor.velocity": 58.0}, {}, 4.0),
                      health=(Health("plant: loop", 0, "1000 samples/s"),), limits=(("command", "at most 5 V"),))
@@ -88,24 +88,24 @@ class FakeSource:
 
     def order(self, verb, effect=""):
         self.orders.append((verb, effect))
-        ladder = self.board.snapshot.ladder
+        ladder = self.state.snapshot.ladder
         if verb == "add":
             added = next(c for c in MISSING.candidates if c.name == effect)
             step = Step(added, self.model, (effect,), 0.0004, "diagnosis", errors(0.02), errors(0.03))
-            self.board.change(ladder=Ladder((*ladder.steps, step)), missing=None, effects=(effect,))
+            self.state.change(ladder=Ladder((*ladder.steps, step)), missing=None, effects=(effect,))
         elif verb == "undo":
             if len(ladder.steps) < 2:
                 raise InputError("there is no step to take back")
-            self.board.change(ladder=Ladder(ladder.steps[:-1]), missing=MISSING, effects=())
+            self.state.change(ladder=Ladder(ladder.steps[:-1]), missing=MISSING, effects=())
         elif verb == "automatic":
             what, to = effect.split()
-            others = [one for one in self.board.snapshot.automatic if one != what]
-            self.board.change(automatic=(*others, what) if to == "on" else tuple(others))
+            others = [one for one in self.state.snapshot.automatic if one != what]
+            self.state.change(automatic=(*others, what) if to == "on" else tuple(others))
         elif verb == "reset":
-            self.board.change(stop=FREE)
+            self.state.change(stop=FREE)
         return f"{verb} {effect}".strip()
 
     def stop(self):
         self.stops += 1
-        self.board.change(stop=SENT, note=Note("stopped", 1))
+        self.state.change(stop=SENT, note=Note("stopped", 1))
         return "stopped"

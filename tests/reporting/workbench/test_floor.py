@@ -35,14 +35,14 @@ def test_a_floor_that_the_ladder_goes_below_is_none():
 def test_the_floor_is_that_of_the_data_that_judge_the_ladder():
     source = FakeSource()
     source.feed(3000)
-    start = source.board.snapshot.ladder.steps[0]
+    start = source.state.snapshot.ladder.steps[0]
     # Judged on a motion of 4 rad; what is shown meanwhile is one of about 0.7.
     judged = {"nrmse": {"motor.position": 0.2, "motor.velocity": 0.4}, "rmse": {"motor.position": 0.8}}
     ladder = Ladder((replace(start, validation=judged),))
     assert judged_spread(ladder, "motor.position") == pytest.approx(4.0)
     assert judged_spread(ladder, "motor.velocity") == 0.0
     source.signals.noise[:] = 0.04, 0.02
-    source.board.change(ladder=ladder)
+    source.state.change(ladder=ladder)
     page = Page(Document(), source, "light")
     drawn = [one.location for plot in page.roots["ladder"].children for one in plot.center if isinstance(one, Span)]
     assert min(drawn) == pytest.approx(0.01)

@@ -14,7 +14,7 @@ from idloop.physics import load_model, trust
 from idloop.records import Record
 from idloop.reporting.workbench.offline import OfflineSource
 from idloop.reporting.workbench.signals import Signals
-from idloop.reporting.workbench.state import page_state
+from idloop.reporting.workbench.state_json import page_state
 from idloop.reporting.workbench.steps import Study
 
 DT = 0.01
@@ -37,14 +37,14 @@ def recorded(seed, count=1200):
     )  # fmt: skip
 
 
-def settled(source, condition=lambda board: True, seconds=120.0):
+def settled(source, condition=lambda shown: True, seconds=120.0):
     waited = threading.Event()
     for _ in range(int(seconds / 0.05)):
-        board = source.board.snapshot
-        if board.activity is None and not source._desk.busy and condition(board):
-            return board
+        shown = source.state.snapshot
+        if shown.activity is None and not source._coordinator.busy and condition(shown):
+            return shown
         waited.wait(0.05)
-    raise AssertionError(f"not settled: {source.board.snapshot.note}")
+    raise AssertionError(f"not settled: {source.state.snapshot.note}")
 
 
 @pytest.fixture
@@ -59,44 +59,44 @@ def source():
 
 @pytest.mark.slow
 def test_the_page_climbs_to_the_hidden_effect_and_back(source):
-    board = settled(source, lambda b: b.assessment is not None)
-    assert board.recordings == ("run 2 (unseen)", "run 1 (fitted)")
-    poor = board.assessment.fit["motor.velocity"]
+    shown = settled(source, lambda b: b.assessment is not None)
+    assert shown.recordings == ("run 2 (unseen)", "run 1 (fitted)")
+    poor = shown.assessment.fit["motor.velocity"]
 
     source.order("diagnose")
     with pytest.raises(InputError, match="under way"):
         source.order("diagnose")
-    board = settled(source, lambda b: b.missing is not None)
-    assert board.missing.set[0] == "coulomb_friction@motor"
-    assert "coulomb_friction@motor" in board.pictures
-    state = page_state(board, source.signals)
+    shown = settled(source, lambda b: b.missing is not None)
+    assert shown.missing.set[0] == "coulomb_friction@motor"
+    assert "coulomb_friction@motor" in shown.pictures
+    state = page_state(shown, source.signals)
     card = state["missing"]["candidates"][0]
     assert card["best"]
     assert len(card["picture"]["curve"]) > 5
     assert state["assessment"]["telling"]["variable"] in {"velocity", "direction", "command", "since_reversal"}
 
     source.order("add", "coulomb_friction@motor")
-    board = settled(source, lambda b: b.effects == ("coulomb_friction@motor",))
-    errors = [step.validation["nrmse"]["motor.velocity"] for step in board.ladder.steps]
+    shown = settled(source, lambda b: b.effects == ("coulomb_friction@motor",))
+    errors = [step.validation["nrmse"]["motor.velocity"] for step in shown.ladder.steps]
     assert errors[1] < 0.5 * errors[0]
-    assert board.ladder.steps[1].chosen_by == "diagnosis"
-    assert board.assessment.fit["motor.velocity"] > poor + 10.0
-    assert board.missing is None
+    assert shown.ladder.steps[1].chosen_by == "diagnosis"
+    assert shown.assessment.fit["motor.velocity"] > poor + 10.0
+    assert shown.missing is None
 
     source.order("undo")
-    board = settled(source, lambda b: b.effects == ())
-    assert len(board.ladder.steps) == 1
+    shown = settled(source, lambda b: b.effects == ())
+    assert len(shown.ladder.steps) == 1
     assert [len(ladder.steps) for ladder in source.kept] == [1, 2, 1]
     with pytest.raises(InputError, match="nothing to undo"):
         source.order("undo")
 
     source.order("show", "1")
-    board = settled(source, lambda b: b.shown == 1 and b.assessment is not None)
-    assert board.assessment.record == "run 1"
+    shown = settled(source, lambda b: b.shown == 1 and b.assessment is not None)
+    assert shown.assessment.record == "run 1"
 
     source.order("add", "no_such_effect@motor")
-    board = settled(source, lambda b: b.note is not None)
-    assert "no_such_effect" in board.note.text
+    shown = settled(source, lambda b: b.note is not None)
+    assert "no_such_effect" in shown.note.text
     with pytest.raises(InputError, match="no motor"):
         source.order("reset")
 
@@ -113,7 +113,7 @@ def test_a_recording_is_shown_whole():
 LEAN = """\
 from pathlib import Path
 
-from idloop.physics import Effect, ParameterSpec, hook
+from idloop.physics import Effect, EffectParameter, hook
 
 with Path(__file__).with_suffix(".log").open("a") as log:
     log.write("{}")
@@ -124,7 +124,7 @@ def force(position, velocity, inertia, elapsed, state, parameters):
     return parameters[0]
 
 
-EFFECT = Effect("lean", "body", "It leans.", (ParameterSpec("size", "{{force}}"),), force=force)
+EFFECT = Effect("lean", "body", "It leans.", (EffectParameter("size", "{{force}}"),), force=force)
 """
 
 
@@ -138,12 +138,12 @@ def test_the_page_runs_no_effect_that_was_changed_since_it_was_trusted(order, tm
     trust.trust(trust.read_effect_files(effect.parent))
     source = OfflineSource(load_model(tmp_path / "model.yaml"), Study((recorded(1, 400),), effects=("lean",)))
     try:
-        settled(source, lambda board: board.assessment is not None)
+        settled(source, lambda shown: shown.assessment is not None)
         effect.write_text(LEAN.format("changed;"))
         source.order(*order)
-        board = settled(source, lambda board: board.note is not None)
-        assert "which have changed since they were trusted" in board.note.text
-        assert board.effects == ()
+        shown = settled(source, lambda shown: shown.note is not None)
+        assert "which have changed since they were trusted" in shown.note.text
+        assert shown.effects == ()
         assert "changed" not in effect.with_suffix(".log").read_text()
     finally:
         source.close()

@@ -17,8 +17,8 @@ from idloop.diagnosis import Ladder
 from idloop.reporting.figures.evidence import Decided
 from idloop.reporting.workbench.assessment import Assessment
 from idloop.reporting.workbench.server import Place, Site
-from idloop.reporting.workbench.source import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate
-from idloop.reporting.workbench.source import STALE as SILENT
+from idloop.reporting.workbench.state import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate
+from idloop.reporting.workbench.state import STALE as SILENT
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.where import ErrorMap, Where
 
@@ -89,12 +89,12 @@ def test_figures_follow_new_findings_and_the_page_keeps_no_old_ones(site, source
     visitor = visit(site.address)
     models = "() => Bokeh.documents[0].all_models.size"
     drawn = "value => [...Bokeh.documents[0].all_models].some((one) => one.data?.x?.includes?.(value))"
-    start = source.board.snapshot.ladder.steps[0]
+    start = source.state.snapshot.ladder.steps[0]
     before = None
     for error in (0.31, 0.32, 0.33):
         nrmse = dict.fromkeys(start.train["nrmse"], error)
         step = replace(start, validation={**start.validation, "nrmse": nrmse})
-        source.board.change(ladder=Ladder((step,)))
+        source.state.change(ladder=Ladder((step,)))
         visitor.until(drawn, error)
         before = before or visitor.page.evaluate(models)
         assert visitor.page.evaluate(models) == before
@@ -106,7 +106,7 @@ def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, vis
     assert page.is_hidden("#evidence-panel")
     estimate = TrustedEstimate("drive.gain", "8.26 ± 0.02 N·m/V", False, "not decided yet")
     first = Evidence("nothing decided", (), (5.0,), {FRICTION.name: (3.25,)}, 7.9, {}, (estimate,))
-    source.board.change(evidence=first)
+    source.state.change(evidence=first)
     drawn = "value => [...Bokeh.documents[0].all_models].some((one) => one.data?.y?.includes?.(value))"
     visitor.until(drawn, 3.25)
     decided = {FRICTION.name: Decided(10.0, 1000, 21.5)}
@@ -115,7 +115,7 @@ def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, vis
         first, line="decided: coulomb_friction@motor", seconds=(5.0, 10.0), lines=values, decided=decided,
         estimates=(replace(estimate, trusted=True, why="nothing is missing"),), ended="decided: coulomb_friction@motor",
     )  # fmt: skip
-    source.board.change(evidence=last)
+    source.state.change(evidence=last)
     visitor.until(drawn, 1.5)
     page.wait_for_selector("#trust-rows b:text('yes')")
     assert "Coulomb friction @ motor" in page.inner_text("#evidence-line")
@@ -160,7 +160,7 @@ def colour(page, selector):
 
 def test_a_page_that_has_lost_the_workbench_does_not_say_that_the_motor_is_stopped(site, source, visit):
     visitor = visit(site.address)
-    source.board.change(stop=STOPPED)
+    source.state.change(stop=STOPPED)
     visitor.page.wait_for_selector("#stopped[data-stop=stopped]")
     visitor.page.context.set_offline(True)
     visitor.page.wait_for_selector("#stopped[data-stop=unknown]")
@@ -172,7 +172,7 @@ def test_a_page_that_has_lost_the_workbench_does_not_say_that_the_motor_is_stopp
 
 def test_a_release_that_is_not_confirmed_is_said(site, source, visit):
     page = visit(site.address).page
-    source.board.change(stop=RELEASING)
+    source.state.change(stop=RELEASING)
     page.wait_for_selector("#stopped[data-stop=releasing]")
     assert page.inner_text("#stop-state") == "Release sent, not confirmed."
 
@@ -192,7 +192,7 @@ def test_stop_is_one_click_or_one_key(site, source, visit, how):
     assert page.inner_text("#stop-state") == "Stop sent, not confirmed."
     assert "switch the drive off by hand" in page.inner_text("#stopped")
     sent = colour(page, "#stopped")
-    source.board.change(stop=STOPPED)
+    source.state.change(stop=STOPPED)
     page.wait_for_selector("#stopped[data-stop=stopped]")
     assert page.inner_text("#stop-state") == "Motor stopped."
     assert "by hand" not in page.inner_text("#stopped")
@@ -222,7 +222,7 @@ def many_that_tie(count):
 
 
 def test_a_tie_of_many_has_the_way_on_and_all_its_effects_before_the_readers_eyes(site, source, visit):
-    source.board.change(missing=many_that_tie(7))
+    source.state.change(missing=many_that_tie(7))
     page = visit(site.address).page
     assert "One of these 7 effects is missing" in page.inner_text("#verdict")
     go = page.locator("#experiment")
@@ -243,7 +243,7 @@ def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_conf
     page = visit(site.address).page
     page.wait_for_selector("[data-candidate]")
     assert not page.is_visible("#automatic")  # nobody has said what it does
-    source.board.change(automatic=("add",))
+    source.state.change(automatic=("add",))
     page.wait_for_selector("#automatic >> text=adds what it finds")
     page.wait_for_selector("[data-automatic='add']:checked")
     assert not page.is_checked("[data-automatic='experiment']")
@@ -260,7 +260,7 @@ def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_conf
     page.wait_for_selector("[data-automatic='experiment']:checked")
     assert source.orders[-1] == ("automatic", "experiment on")
     assert "you see the limits first" in page.inner_text("#onward-words")
-    source.board.change(activity=Activity("working out the next experiment"))
+    source.state.change(activity=Activity("working out the next experiment"))
     page.wait_for_selector("#onward-words >> text=without being asked")
 
 
@@ -289,7 +289,7 @@ def test_the_words_below_the_error_name_the_error_that_is_drawn(site, source, vi
     page = visit(site.address).page
     kind = "prediction error 10 steps (0.01 s) ahead"
     along = (breakdown("velocity", 0.02), breakdown("command", 0.62))
-    source.board.change(assessment=assessed(*along, kind=kind, why="the free run drifts: hence a prediction"))
+    source.state.change(assessment=assessed(*along, kind=kind, why="the free run drifts: hence a prediction"))
     page.wait_for_selector("#where-hint >> text=Prediction error 10 steps")
     assert page.inner_text("#where-hint") == (
         "Prediction error 10 steps (0.01 s) ahead on 0.0 to 10.0 s. The free run drifts: hence a prediction."
@@ -304,13 +304,13 @@ def test_the_words_below_the_error_name_the_error_that_is_drawn(site, source, vi
 
 def test_a_fit_of_the_model_before_the_last_step_is_said_to_be_one(visit):
     source = FakeSource(live=False)
-    source.board.change(fit=None, assessment=assessed(kind="free-run error", why=""))
+    source.state.change(fit=None, assessment=assessed(kind="free-run error", why=""))
     site = Site(source, Place())
     try:
         page = visit(site.address).page
         page.wait_for_selector(".fit >> text=80.4")
         assert "before the last step" not in page.inner_text("#fits")
-        source.board.change(effects=(FRICTION.name,))
+        source.state.change(effects=(FRICTION.name,))
         page.wait_for_selector("#fits >> text=FIT motor.position, before the last step")
         page.wait_for_selector("#where-hint >> text=Free-run error of the model before the last step")
     finally:
@@ -327,15 +327,15 @@ def test_a_number_and_its_unit_stand_on_one_line(site, visit):
 
 def test_effects_that_are_significant_and_not_chosen_are_not_called_insignificant(site, source, visit):
     lag = replace(DRAG, effect="actuator_lag", at="input", p_value=1e-5)
-    source.board.change(missing=replace(MISSING, candidates=(FRICTION, DRAG, lag), set=(FRICTION.name,)))
+    source.state.change(missing=replace(MISSING, candidates=(FRICTION, DRAG, lag), set=(FRICTION.name,)))
     page = visit(site.address).page
     page.wait_for_selector("summary >> text=2 fitted and not chosen, 1 of them significant by itself")
-    source.board.change(missing=replace(MISSING, candidates=(FRICTION, DRAG), set=(FRICTION.name,)))
+    source.state.change(missing=replace(MISSING, candidates=(FRICTION, DRAG), set=(FRICTION.name,)))
     page.wait_for_selector("summary >> text=1 fitted, not significant")
 
 
 def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):
-    source.board.change(missing=replace(MISSING, set=(FRICTION.name,)))
+    source.state.change(missing=replace(MISSING, set=(FRICTION.name,)))
     page = visit(site.address).page
     assert page.inner_text("#verdict") == "Missing: Coulomb friction @ motor."
     assert page.is_hidden("#experiment")
@@ -430,9 +430,9 @@ def test_a_lost_server_is_said_and_the_page_comes_back_by_itself(source, browser
 def test_a_node_that_is_heard_no_more_is_said_in_the_head(site, source, visit):
     page = visit(site.address).page
     assert page.inner_text("#state") == "live"
-    source.board.change(health=(Health("plant: loop", SILENT, "nothing heard any more"), Health("estimator: fits")))
+    source.state.change(health=(Health("plant: loop", SILENT, "nothing heard any more"), Health("estimator: fits")))
     page.wait_for_selector("#state.bad >> text=plant: silent")
-    source.board.change(health=(Health("plant: loop"), Health("estimator: fits")))
+    source.state.change(health=(Health("plant: loop"), Health("estimator: fits")))
     page.wait_for_selector("#state.running >> text=live")
 
 

@@ -22,7 +22,7 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 from idloop.errors import InputError
-from idloop.reporting.effect_names import words
+from idloop.reporting.terms import effect_words
 from idloop.reporting.workbench import server
 from idloop.reporting.workbench.server import KEY_HEADER, LONGEST_QUESTION, NONSENSE, Place, Site
 from idloop.reporting.workbench.strips import answer
@@ -77,7 +77,7 @@ def test_the_state_is_told_once_for_each_version(site):
     status, text = ask(f"{site.address}state")
     state = json.loads(text)
     assert status == 200
-    assert state["missing"]["tied"] == [words(name) for name in MISSING.set]
+    assert state["missing"]["tied"] == [effect_words(name) for name in MISSING.set]
     assert state["ladder"]["steps"][0]["fit"] == pytest.approx({"motor.position": 79.0, "motor.velocity": 58.0})
     _, again = ask(f"{site.address}state?have={state['run']}:{state['version']}")
     assert json.loads(again) == {"run": state["run"], "version": state["version"]}

@@ -8,15 +8,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._assessment import (
-    make_panel,
-    print_brief,
-    print_comparisons,
-    print_verdicts,
-    print_where,
-    save_figure,
-    save_where,
-)
 from idloop.cli._common import (
     BAG,
     apply_options,
@@ -25,6 +16,7 @@ from idloop.cli._common import (
     model_options,
     open_model,
     plot_option,
+    print_blocks,
     print_json,
     read_one_record,
 )
@@ -34,7 +26,6 @@ from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.physics import Model
-    from idloop.validation import Comparison
 
 
 def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
@@ -72,37 +63,23 @@ def command(
     Free run (only the start is fitted), some samples ahead, and the drive force that the measured motion needs;
     then where the error falls: by time, frequency, velocity, position, command, direction, time since a reversal.
     """
-    from idloop.validation import compare
+    from idloop.api.comparison import compare
 
     loaded = [apply_options(open_model(source), settings, effects) for source in models]
     if any(model.output_names != loaded[0].output_names for model in loaded):
         raise InputError(f"the models have different outputs: compare them one by one ({', '.join(models)})")
     records = [read_one_record(bag, model) for model in loaded]
-    rows: list[tuple[str, Comparison]] = []
     with progress("comparing") as update:
-        for index, (label, model, record) in enumerate(zip(label_models(models, loaded), loaded, records, strict=True)):
-            update(index / len(loaded), label)
-            # The drive side of all models in one band, that of the first.
-            force = rows[0][1].force if rows else None
-            rows.append((label, compare(model, record, steps=steps, cutoff=force.cutoff if force else None)))
-            rows[-1][1].compute()
-    if plot is not None:
-        save_figure([make_panel(records[0].name, rows)], rows[0][1], plot)
-        log(f"written: {plot}")
-    if plot_where is not None:
-        save_where(rows, plot_where)
-        log(f"written: {plot_where}")
+        found = compare(loaded, records, steps=steps, labels=label_models(models, loaded), progress=update)
+    for path, draw in ((plot, found.plot), (plot_where, found.plot_where)):
+        if path is not None:
+            from idloop.drawing import save
+
+            save(draw(), path)
+            log(f"written: {path}")
     if as_json:
-        documents = [{**comparison.to_dict(), "label": label} for label, comparison in rows]
-        document = {"schema": "idloop/compare/1", "comparisons": documents, "plot": plot, "plot_where": plot_where}
-        print_json(document)
+        print_json({**found.to_dict(), "plot": plot, "plot_where": plot_where})
         return
-    print_comparisons(rows)
-    click.echo()
+    print_blocks(found.blocks(everything=everything))
     if not everything:
-        print_brief(rows)
         click.echo("\n(--all says everything that stands out, --plot-where draws it)")
-        return
-    print_verdicts(rows)
-    click.echo()
-    print_where(rows)

@@ -14,9 +14,10 @@ import click
 
 from idloop.cli import _common
 from idloop.cli._demo_loop import GRAPHS, START, check_loop
-from idloop.cli._places import NEW_FOLDER, make_folder, probe_folder
+from idloop.cli._places import NEW_FOLDER
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import IdloopError
+from idloop.output_files import make_folder, probe_folder
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder
@@ -216,12 +217,12 @@ def write_files(
     """Write model, ladder, figures and report; `idloop refine --resume` and `idloop report` go on from them."""
     from dataclasses import replace
 
-    from idloop.cli._assessment import save_figure
     from idloop.cli._command_line import command_line
-    from idloop.cli._ladder_folder import Kept, fitted_records, judged_records, write_ladder, write_report
     from idloop.drawing import save
+    from idloop.reporting.ladder_folder import Kept, fitted_records, judged_records, write_ladder, write_report
     from idloop.reporting.page.contents import gather
     from idloop.reporting.page.page_figures import panel_of
+    from idloop.reporting.plots.comparison import plot_panels
     from idloop.reporting.plots.ladder import plot_ladder
     from idloop.reporting.provenance import provenance
 
@@ -239,17 +240,17 @@ def write_files(
     files = {name: folder / name for name in ("model.yaml", "ladder.json", "ladder.png", "compare.png", "report.html")}
     save(plot_ladder(ladder, outcome.floor["nrmse"]), files["ladder.png"])
     shown = contents.judged[0]
-    save_figure([panel_of(shown)], shown.rows[0][1], files["compare.png"])
+    save(plot_panels([panel_of(shown)], shown.record), files["compare.png"])
     write_report(contents, files["report.html"])
     return {"bag": outcome.bag, **files}
 
 
 def tell_outcome(outcome: Outcome) -> None:
     """Print the ladder, the floor, what was hidden and what was found."""
-    from idloop.cli.verbs.refine import print_ladder
+    from idloop.reporting.text.ladder import ladder_blocks
 
     click.echo()
-    print_ladder(outcome.ladder)
+    _common.print_blocks(ladder_blocks(outcome.ladder))
     floor = ", ".join(f"{name} {value:.2f} %" for name, value in outcome.floor["fit"].items())
     click.echo(f"noise floor: FIT {floor}; the last error is {outcome.above_floor:.2f} times that of the noise")
     click.echo(f"hidden in the machine: {outcome.hidden}: {'found' if outcome.found else 'NOT found'}\n")

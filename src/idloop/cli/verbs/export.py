@@ -15,8 +15,9 @@ from idloop.cli._common import (
     model_options,
     print_json,
 )
-from idloop.cli._places import force_option, make_folder, probe_file, probe_folder, write_text
+from idloop.cli._places import force_option
 from idloop.errors import InputError
+from idloop.output_files import make_folder, probe_file, probe_folder, write_text
 
 if TYPE_CHECKING:
     from idloop.exporters import Exported

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._assessment import hopeless, make_panel, print_comparisons, print_hint, save_figure
 from idloop.cli._common import (
     BAG,
     MODEL,
@@ -18,27 +16,18 @@ from idloop.cli._common import (
     log,
     model_options,
     plot_option,
+    print_blocks,
     print_json,
     read_fitted_and_unseen,
 )
-from idloop.cli._places import OUTPUT_FILE, force_option, write_text
-from idloop.cli._progress import part, progress, quiet_option
+from idloop.cli._places import OUTPUT_FILE, force_option
+from idloop.cli._progress import progress, quiet_option
+from idloop.output_files import write_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
-    from idloop.records import Record
-    from idloop.validation import Comparison
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
-
-
-def compare_all(
-    model: Model, train: list[Record], validation: list[Record]
-) -> tuple[list[Comparison], list[Comparison]]:
-    """Compare the fitted model with every record."""
-    from idloop.validation import compare
-
-    return [compare(model, record) for record in train], [compare(model, record) for record in validation]
 
 
 EXAMPLE = """\b
@@ -85,45 +74,20 @@ def command(
     model = apply_options(model, settings, effects)
     train, validation = read_fitted_and_unseen(bags, validate, model)
 
-    from idloop.estimation import fit
-    from idloop.reporting.use import FITTED, UNSEEN
+    from idloop.api.fitting import fit
 
     with progress(f"fitting {model.name}") as update:
-        result = fit(model, train, criterion=criterion, progress=part(update, 0.0, 0.9))
-        update(0.9, "comparing")
-        on_train, on_validation = compare_all(result.model, train, validation)
-        unrelated = ""
-        if hopeless(on_train):
-            from idloop.diagnosis.screening.command_response import response_of
-
-            update(0.95, "looking whether the motion follows the command")
-            unrelated = response_of(model, train).text
-            if unrelated:
-                result = replace(result, warnings=(*result.warnings, unrelated))
-
+        found = fit(model, train, validation, criterion=criterion, progress=update)
     if output is not None:
-        write_text(output, result.model.to_yaml())
-    labelled = [(FITTED, c) for c in on_train] + [(UNSEEN, c) for c in on_validation]
+        write_text(output, found.model.to_yaml())
     if plot is not None:
-        panels = [make_panel(f"{label}: {c.record.name}", [(model.name, c)]) for label, c in labelled]
-        save_figure(panels, on_train[0], plot)
+        from idloop.drawing import save
+
+        save(found.plot(), plot)
     if as_json:
-        print_json(
-            {
-                "schema": "idloop/fit/1",
-                **result.to_dict(),
-                "train": [c.to_dict() for c in on_train],
-                "validation": [c.to_dict() for c in on_validation],
-                "output": output,
-                "plot": plot,
-            }
-        )
+        print_json({**found.to_dict(), "output": output, "plot": plot})
     else:
-        click.echo(result.summary())
-        click.echo()
-        print_comparisons(labelled)
-        if not unrelated:
-            print_hint(labelled)
+        print_blocks(found.blocks())
     for written in (output, plot):
         if written is not None:
             log(f"written: {written}")

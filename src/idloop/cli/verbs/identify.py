@@ -9,6 +9,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from idloop.api.identifying import (
+    Grids,
+    Identification,
+    even_grids,
+    grids_of,
+    identify_all,
+    identify_one,
+    loop_document,
+    record_document,
+)
+from idloop.api.result import ignore_progress
 from idloop.cli._common import (
     BAG,
     MODEL,
@@ -16,19 +27,10 @@ from idloop.cli._common import (
     json_option,
     log,
     plot_option,
+    print_blocks,
     print_json,
     read_fitted_and_unseen,
     trust_option,
-)
-from idloop.cli._identification import (
-    Outcome,
-    best_values,
-    drawn,
-    excitation_measure,
-    on_the_same_samples,
-    save_model,
-    smallest_orders,
-    sweep_lines,
 )
 from idloop.cli._identification_arguments import (
     MEASURED,
@@ -37,33 +39,30 @@ from idloop.cli._identification_arguments import (
     Sweep,
     check_save,
     check_structure,
-    even_grids,
     parse_structure,
     parse_sweep,
-)
-from idloop.cli._identification_tables import (
-    loop_text,
-    print_details,
-    print_distortion,
-    print_followed,
-    print_methods,
-    print_outcomes,
-    print_responses,
-    print_sweep,
-    print_verdicts,
 )
 from idloop.cli._places import OUTPUT_FILE, force_option
 from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import DONE
 from idloop.errors import IdloopError, InputError
+from idloop.reporting.text.identification import methods_blocks, sweep_blocks
+from idloop.validation.identification_outcome import (
+    Outcome,
+    best_values,
+    excitation_measure,
+    mean,
+    on_the_same_samples,
+    smallest_orders,
+)
 
 if TYPE_CHECKING:
     from idloop.estimation.black_box.method import Choices
     from idloop.estimation.black_box.sampled import SampledData
     from idloop.physics import Model
-    from idloop.records import Record
     from idloop.records.align import Signal
     from idloop.records.bags.axis_signals import AxisSignals
+    from idloop.reporting.plots.identification import SweepLine
 
 SCHEMA = "idloop/identify/1"
 
@@ -269,42 +268,15 @@ def command(
     for note in notes:
         log(note)
 
-    def grids(period: float) -> tuple[list[SampledData], list[SampledData]]:
-        fitted = even_grids(train, period, detrend, drop)
-        return fitted, even_grids(unseen, period, detrend, drop) if unseen else fitted
-
-    def loop_document(fitted: list[SampledData]) -> dict[str, Any]:
-        from idloop.estimation.feedback import bears_feedback, loop_of, suitable
-
-        loop = loop_of(fitted)
-        biased = [name for name, method in chosen.items() if loop.closed and not bears_feedback(method, choices)]
-        return loop.to_dict() | {
-            "biased_methods": biased,
-            "suitable_methods": list(suitable(loop)) if loop.closed else [],
-            "note": loop_text(loop, biased),
-        }
-
+    grids = grids_of(train, unseen, detrend, drop)
     # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.
     own = sample_time or round(train[0].sample_time, 9)
-    document: dict[str, Any] = {
-        "schema": SCHEMA,
-        "records": [record.name for record in train],
-        "validation": [record.name for record in unseen],
-        "judged_on": "validation" if unseen else "train",
-        "input": train[0].input_name,
-        "outputs": list(train[0].output_names),
-        "detrend": detrend,
-        "steps": steps,
-        "plot": plot,
-        "save": save,
-        "notes": notes,
-    }
-    title = judged_title(unseen or train, seen=not unseen)
     with progress("identifying") as update:
         data = grids(own)
-        document["loop"] = loop_document(data[0])
+        loop = loop_document(chosen, data[0], choices)
+        document = {**record_document(train, unseen, detrend, steps, loop), "plot": plot, "save": save, "notes": notes}
         if over is None:
-            outcomes = run_all(list(chosen), data, choices, steps, update)
+            outcomes = identify_all(list(chosen), data, choices, steps, update)
         elif over.name in MEASURED:
             each = [even_grids([record], own, detrend, drop) for record in train]
             rows = run_records(list(chosen), over, each, data[1] if unseen else None, choices, steps, update)
@@ -312,14 +284,14 @@ def command(
             rows = run_sweep(list(chosen), over, grids, data, choices, steps, update)
     if over is not None:
         unit = over.unit(data[0][0].input_units[0])
-        return finish_sweep(over, unit, rows, data[1], document, steps, plot, title, as_json=as_json)
-    return finish(outcomes, data[1], document, steps, plot, save, title, as_json=as_json)
+        return finish_sweep(over, unit, rows, data[1], document, steps, plot, as_json=as_json)
+    return finish(Identification(tuple(outcomes), tuple(data[1]), steps, document), plot, save, as_json=as_json)
 
 
 def list_methods(*, as_json: bool) -> None:
     """Print every method with what it is for."""
     if not as_json:
-        print_methods()
+        print_blocks(methods_blocks())
         return
     from idloop.estimation.black_box.methods import METHODS
 
@@ -369,73 +341,16 @@ def left_out_notes(bags: Sequence[Path], signals: AxisSignals) -> list[str]:
             joints = f"joint{'s' if len(others) > 1 else ''} {', '.join(others)}"
             notes.append(
                 f"{bag.name}: the bag holds the {signals.input.field} of {joints} as well, which is left out beside"
-                f" that of {signals.input.joint}: from Python several are taken at once (docs/identification.md)"
+                f" that of {signals.input.joint}: from Python several are taken at once (docs/how-to/black-box.md)"
             )
     return notes
-
-
-def judged_title(records: Sequence[Record], *, seen: bool) -> str:
-    """What the models are judged on."""
-    names = ", ".join(record.name for record in records)
-    return f"{'fitted' if seen else 'unseen'}: {names}"
-
-
-def run_all(
-    names: Sequence[str],
-    data: tuple[list[SampledData], list[SampledData]],
-    choices: Choices,
-    steps: int,
-    update: Callable[..., None],
-) -> list[Outcome]:
-    """Identify by every method; a failure of one of several is its outcome.
-
-    Raises
-    ------
-    IdloopError
-        The only method failed.
-    """
-    outcomes = []
-    for index, name in enumerate(names):
-
-        def tell(fraction: float, note: str, index: int = index, name: str = name) -> None:
-            update((index + fraction) / len(names), f"{name} {note}")
-
-        tell(0.0, "")
-        try:
-            outcomes.append(run_one(name, data, choices, steps, tell))
-        except IdloopError as error:
-            if len(names) == 1:
-                raise
-            outcomes.append(Outcome(name, error=str(error)))
-    return on_the_same_samples(outcomes)
-
-
-def run_one(
-    name: str,
-    data: tuple[list[SampledData], list[SampledData]],
-    choices: Choices,
-    steps: int,
-    tell: Callable[[float, str], None],
-) -> Outcome:
-    """Identify by one method and judge the model."""
-    from idloop.estimation.black_box.identification import identify, information
-    from idloop.estimation.black_box.methods import find_method
-    from idloop.validation.score import score
-
-    train, judged = data
-    own = {degree: number for degree, number in choices.structure.items() if degree in find_method(name).polynomials}
-    found = identify(train, name, replace(choices, structure=own), tell)
-    if not found.predicts:
-        return Outcome(name, found)
-    model: Any = found.model
-    return Outcome(name, found, score(model, judged, steps), information(found, train))
 
 
 def run_sweep(
     names: Sequence[str],
     sweep: Sweep,
-    grids: Callable[[float], tuple[list[SampledData], list[SampledData]]],
-    data: tuple[list[SampledData], list[SampledData]],
+    grids: Callable[[float], Grids],
+    data: Grids,
     choices: Choices,
     steps: int,
     update: Callable[..., None],
@@ -456,7 +371,7 @@ def run_sweep(
             update((index + number / len(names)) / len(sweep.values), f"{name}, {sweep.name} {value:g}")
             try:
                 at = grids(value) if sweep.name == "sample-time" else data
-                rows.append((value, run_one(name, at, here, steps, lambda *_: None)))
+                rows.append((value, identify_one(name, at, here, steps, ignore_progress)))
             except IdloopError as error:
                 failure = failure or error
                 rows.append((value, Outcome(name, error=str(error))))
@@ -502,7 +417,7 @@ def run_records(
         for number, name in enumerate(names):
             update((index + number / len(names)) / len(records), f"{name}, {data[0].name}")
             try:
-                one = run_one(name, (data, unseen or data), choices, steps, lambda *_: None)
+                one = identify_one(name, (data, unseen or data), choices, steps, ignore_progress)
             except IdloopError as error:
                 failure = failure or error
                 one = Outcome(name, error=str(error))
@@ -514,45 +429,24 @@ def run_records(
     return sorted(rows, key=lambda row: row[0])
 
 
-def finish(
-    outcomes: list[Outcome],
-    judged: list[SampledData],
-    document: dict[str, Any],
-    steps: int,
-    plot: Path | None,
-    save: Path | None,
-    title: str,
-    *,
-    as_json: bool,
-) -> int:
+def finish(found: Identification, plot: Path | None, save: Path | None, *, as_json: bool) -> int:
     """Write files and print the comparison; exit code 1 where a method failed."""
-    if save is not None and outcomes[0].found is not None:
-        save_model(outcomes[0].found.model, save)
-    if plot is not None and any(one.found is not None for one in outcomes):
+    if save is not None and found.outcomes[0].found is not None:
+        found.save(save)
+    if plot is not None and any(one.found is not None for one in found.outcomes):
         from idloop.drawing import save as save_figure
-        from idloop.reporting.plots.identification import plot_identification
 
-        save_figure(plot_identification(drawn(outcomes), judged, title), plot)
+        save_figure(found.plot(), plot)
     if as_json:
-        print_json({**document, "sample_time": judged[0].sample_time, "results": [o.to_dict() for o in outcomes]})
+        print_json(found.to_dict())
     else:
-        click.echo(f"{title}, every {judged[0].sample_time * 1e3:.6g} ms\n")
-        print_outcomes(outcomes, steps)
-        print_responses(outcomes)
-        print_distortion(outcomes)
-        print_followed(outcomes)
-        if len(outcomes) == 1:
-            print_details(outcomes[0])
-        click.echo()
-        if document["loop"]["note"]:
-            click.echo(document["loop"]["note"])
-        print_verdicts(outcomes)
+        print_blocks(found.blocks())
     for written in (save, plot):
         if written is not None:
             log(f"written: {written}")
-    failed = [one for one in outcomes if one.error]
+    failed = [one for one in found.outcomes if one.error]
     if failed:
-        raise IdloopError(f"{len(failed)} of {len(outcomes)} models failed: {failed[0].label}: {failed[0].error}")
+        raise IdloopError(f"{len(failed)} of {len(found.outcomes)} models failed: {failed[0].label}: {failed[0].error}")
     return DONE
 
 
@@ -564,18 +458,18 @@ def finish_sweep(
     document: dict[str, Any],
     steps: int,
     plot: Path | None,
-    title: str,
     *,
     as_json: bool,
 ) -> int:
     """Write the figure and print the sweep."""
+    title = document.pop("title")
     # At another sample time the free runs are not judged on the same samples, and only fewer states are simpler.
     smallest = smallest_orders(rows, judged) if sweep.name == "order" else {}
     if plot is not None:
         from idloop.drawing import save as save_figure
         from idloop.reporting.plots.identification import plot_sweep
 
-        save_figure(plot_sweep(sweep.name, unit, sweep_lines(rows), steps, title), plot)
+        save_figure(plot_sweep(sweep.name, unit, _sweep_lines(rows), steps, title), plot)
     if as_json:
         table = [
             {
@@ -601,10 +495,22 @@ def finish_sweep(
             }
         )
     else:
-        click.echo(f"{title}\n")
-        print_sweep(sweep, unit, rows, steps, smallest)
-        if document["loop"]["note"]:
-            click.echo(document["loop"]["note"])
+        note = document["loop"]["note"]
+        print_blocks([title, "", *sweep_blocks(sweep.name, unit, rows, steps, smallest), *([note] if note else [])])
     if plot is not None:
         log(f"written: {plot}")
     return DONE
+
+
+def _sweep_lines(rows: Sequence[tuple[float, Outcome]]) -> list[SweepLine]:
+    """Curves of the sweep's figure."""
+    import numpy as np
+
+    from idloop.reporting.plots.identification import SweepLine
+
+    lines = []
+    for label in dict.fromkeys(one.label for _, one in rows):
+        own = [(value, one) for value, one in rows if one.label == label and one.score is not None]
+        columns = ([v for v, _ in own], [mean(o, "free_run") for _, o in own], [mean(o, "ahead") for _, o in own])
+        lines.append(SweepLine(label, *(np.array(column, dtype=float) for column in columns)))
+    return lines

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from idloop.cli._common import json_option, log, print_json, print_table
-from idloop.cli._places import probe_folder
 from idloop.errors import InputError
+from idloop.output_files import probe_folder
 
 
 def list_sets(*, as_json: bool) -> None:

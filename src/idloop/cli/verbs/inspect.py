@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._common import json_option, number, plot_option, print_json, print_table
+from idloop.cli._common import json_option, plot_option, print_json, print_table
+from idloop.reporting.text.blocks import number
 
 if TYPE_CHECKING:
     from idloop.records import Inspection

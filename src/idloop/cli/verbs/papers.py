@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import idloop
-from idloop.cli._common import json_option, log, number, plot_option, print_json, print_table
+from idloop.cli._common import json_option, log, plot_option, print_json, print_table
 from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import InputError
+from idloop.reporting.text.blocks import number
 
 if TYPE_CHECKING:
     from papers.reproduction import Cell, Line, Reproduction

@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from idloop.cli._common import BAG, json_option, print_json, print_table
-from idloop.cli._places import NEW_FOLDER, probe_folder
+from idloop.cli._places import NEW_FOLDER
+from idloop.output_files import probe_folder
 
 
 @click.command("recover")

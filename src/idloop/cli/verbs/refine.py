@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,35 +15,26 @@ from idloop.cli._common import (
     BAG,
     ModelArgument,
     apply_options,
-    format_table,
     json_option,
     log,
     model_options,
-    number,
+    print_blocks,
     print_json,
     read_fitted_and_unseen,
 )
-from idloop.cli._diagnosis import (
-    DiagnosisCommand,
-    diagnosis_options,
-    limit_options,
-    p_text,
-    parameters_text,
-    read_limits,
-)
-from idloop.cli._ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
+from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
 from idloop.cli._places import OUTPUT_FOLDER, force_option
 from idloop.cli._progress import part, progress, quiet_option
 from idloop.errors import IdloopError, InputError
-from idloop.reporting.verdicts import basis, conclusion
+from idloop.reporting.ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
 
 if TYPE_CHECKING:
-    from idloop.cli._next_experiment import Next
     from idloop.diagnosis import Ladder
     from idloop.diagnosis.design.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
-    from idloop.reporting.remains import Remainder
+    from idloop.reporting.next_experiment import Next
+    from idloop.reporting.residual_findings import ResidualFinding
 
 _AUTO = "auto"
 # What a ladder that is gone on with knows by itself, or has behind it.
@@ -116,12 +107,11 @@ def command(
     residual that no effect explains, or where the data cannot tell; effects that tie are reported together, and
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
-    from idloop.diagnosis.equivalence.equivalent_effects import ladder_twins
-    from idloop.reporting.estimates import parameter_estimates
-    from idloop.reporting.remains import compared, remainders
-    from idloop.reporting.tried import only_words
-    from idloop.reporting.unshown import unshown
-    from idloop.reporting.use import FITTED
+    from idloop.api.refining import Ladder as Result
+    from idloop.reporting.detectability import undetectable
+    from idloop.reporting.residual_findings import findings_on_records, residual_findings
+    from idloop.reporting.terms import FITTED
+    from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
 
     if undo and resume is None:
         raise InputError("--undo takes back the last step of a ladder: add --resume DIR")
@@ -158,47 +148,38 @@ def command(
         else:
             ladder = climb(model, kept.ladder if kept is not None else None, add=add)
         # What was found after all, or ties with it, is not what the data cannot show.
-        ladder = replace(ladder, untestable=tuple(unshown(ladder)))
+        ladder = replace(ladder, untestable=tuple(undetectable(ladder)))
         keep(ladder)
         if not no_suggest and not (undo and add is None):
             answer = _next(ladder, records, limits, duration, seed, part(update, 0.7, 1.0))
             planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
             ladder = replace(ladder, suggested_experiment=planned)
-    left: Sequence[Remainder] = ()
+    left: Sequence[ResidualFinding] = ()
     unjudged: IdloopError | None = None
     try:
         if target is not None:
             with keep.told(), progress("writing the report") as update:
                 suggestion = None if answer is None else answer.suggestion
                 contents = write_all(target, as_kept(ladder), records, validation, suggestion, part(update, 0.0, 0.8))
-            left = remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
+            left = residual_findings(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
         else:
-            left = compared(ladder.model, records)
+            left = findings_on_records(ladder.model, records)
     except InputError:
         raise
     except IdloopError as error:
         # A model that runs away cannot be compared with anything; what was found is told all the same.
         unjudged = error
     if as_json:
-        print_json({
-            **ladder.to_dict(),
-            "parameters": parameter_estimates(ladder.model),
-            "residual": [one.to_dict() for one in left],
-            "conclusion": conclusion(ladder, left, only_words(ladder)),
-            "one_equation": [group.to_dict() for group in ladder_twins(ladder)],
-            "output": target,
-            "taken_back": taken_back[-1]["steps"] if undo else [],
-        })  # fmt: skip
+        result = Result(ladder, tuple(records), tuple(validation), tuple(left))
+        print_json({**result.to_dict(), "output": target, "taken_back": taken_back[-1]["steps"] if undo else []})
         if unjudged is not None:
             raise unjudged
         return
     if undo:
         kept_in = "" if target is None else f" (kept in {target / 'ladder.json'}, taken_back)"
         click.echo(f"taken back: {', '.join(taken_back[-1]['steps'])}{kept_in}")
-    print_ladder(ladder, left)
-    if answer is not None and answer.futile:
-        click.echo(f"next experiment: none; {answer.reason}")
-    print_parameters(ladder)
+    futile = [f"next experiment: none; {answer.reason}"] if answer is not None and answer.futile else []
+    print_blocks([*ladder_blocks(ladder, left), *futile, *parameter_blocks(ladder)])
     if unjudged is not None:
         raise unjudged
     if target is not None:
@@ -325,7 +306,7 @@ def _next(
 
     Limits that the user has set ask what lies beyond the data so far.
     """
-    from idloop.cli._next_experiment import next_of_ladder
+    from idloop.reporting.next_experiment import next_of_ladder
 
     tied = any(ladder.rivals(step) for step in ladder.steps)
     wider = any(limit is not None for limit in limits.to_dict().values())
@@ -336,101 +317,3 @@ def _next(
     except IdloopError as error:
         log(f"no experiment can be suggested: {error}")
         return None
-
-
-# ---------------------------------------------------------------- the table
-
-
-def print_ladder(ladder: Ladder, left: Sequence[Remainder] = ()) -> None:
-    """Print one line a step, the verdict with its physics and what speaks against it, and what would be next.
-
-    Parameters
-    ----------
-    ladder : Ladder
-    left : sequence of Remainder
-        Residual tests of the last model on the fitted data.
-    """
-    from idloop.diagnosis.equivalence.equivalent_effects import ladder_twins
-    from idloop.reporting.estimates import fit_text
-    from idloop.reporting.remains import also_significant, remainder_lines
-    from idloop.reporting.tried import only_words
-    from idloop.reporting.unshown import unshown
-    from idloop.reporting.use import SAID
-
-    for line in ladder.findings:
-        click.echo(line)
-    kind = "validation" if any(step.validation for step in ladder.steps) else "train"
-    names = list(ladder.steps[0].model.output_names)
-    forces = any(getattr(step, kind).get("force") is not None for step in ladder.steps)
-    rows = []
-    for step in ladder.steps:
-        measures: Mapping[str, Any] = getattr(step, kind)
-        added = step.added
-        force = measures.get("force")
-        rows.append(
-            (
-                "start" if added is None else f"+ {added.name}",
-                "-" if added is None else "own choice" if step.chosen_by == "user" else p_text(step.p_value),
-                *(fit_text(measures.get("fit", {}).get(name)) for name in names),
-                *(["-" if force is None else number(100.0 * force, 3)] if forces else []),
-                "" if added is None else parameters_text(added.parameters),
-            )
-        )
-    measured = [*(f"FIT % {name}" for name in names), *(["force error %"] if forces else [])]
-    click.echo(format_table(("step", "p", *measured, "parameters at that step (95 %)"), rows))
-    click.echo(f"(errors of the {SAID[kind]} data)")
-    for step in ladder.steps:
-        others = ladder.rivals(step)
-        if step.added is not None:
-            click.echo(f"{step.added.name}: {step.added.text}")
-            if replaced := ladder.replaced(step):
-                click.echo(f"  {replaced}")
-        if others:
-            click.echo(f"  this data cannot tell it from {', '.join(others)}")
-    for group in ladder_twins(ladder):
-        click.echo("\n".join(group.lines))
-    click.echo(f"verdict: {conclusion(ladder, left, only_words(ladder))}")
-    for one in ladder.worsened:
-        click.echo(f"beware: {one.text}")
-    if ladder.unknown is not None:
-        click.echo(ladder.unknown.text)
-    for line in remainder_lines(ladder.verdict, left):
-        click.echo(line)
-    over = ", ".join(f"{one.name} (p {p_text(one.p_value)})" for one in also_significant(ladder))
-    if over and ladder.verdict == "missing":
-        click.echo(f"significant as well: {over}")
-    for name, why in ladder.passed_over.items():
-        click.echo(f"significant on the fitted data, yet not added: {name}: {why}")
-    hidden = unshown(ladder)
-    if hidden:
-        lacking = ["what is still missing"] if ladder.verdict == "missing" else []
-        click.echo(f"{basis(lacking)}this data cannot show: {', '.join(hidden)}")
-    suggested = ladder.suggested_experiment
-    if suggested is not None:
-        click.echo(f"next experiment: {suggested['text']}")
-        for outcome in suggested["outcomes"]:
-            click.echo(f"  {outcome['text']}")
-
-
-def print_parameters(ladder: Ladder) -> None:
-    """Print the last model's parameters: those of a step are biased by what was still missing then."""
-    from idloop.estimation.statistics.interval_text import interval_text
-    from idloop.reporting.estimates import held_parameters, parameter_estimates, read_off_parameters
-
-    rows = [
-        (
-            name,
-            number(one["value"], 6),
-            "not determined" if None in one["interval"] else interval_text(*one["interval"]),
-            f"{one['unit']}{'  at its bound' if one['at_bound'] else ''}",
-        )
-        for name, one in parameter_estimates(ladder.model).items()
-    ]
-    if rows:
-        click.echo("\nparameters of the last model, all refitted:")
-        click.echo(format_table(("parameter", "value", "95 % interval", "unit"), rows))
-    for name, one in read_off_parameters(ladder).items():
-        click.echo(f"read off the readings: {name} {number(one.value, 6)} {one.unit}")
-    held = [f"{name} {number(one.value)} {one.unit}".rstrip(" -") for name, one in held_parameters(ladder).items()]
-    if held:
-        click.echo(f"held, not estimated: {', '.join(held)}")

@@ -9,6 +9,7 @@ import click
 
 from idloop.cli import _common
 from idloop.cli._places import NEW_FOLDER
+from idloop.reporting.text.blocks import number
 
 
 @click.command("replay", short_help="Play a bag into the live graph.")
@@ -59,7 +60,7 @@ def command(
     _common.print_table(
         ("parameter", "value", "standard error", "unit"),
         [
-            (name, _common.number(one["value"], 6), _common.number(one["stderr"], 2), one["unit"])
+            (name, number(one["value"], 6), number(one["stderr"], 2), one["unit"])
             for name, one in result.parameters.items()
         ],
     )

@@ -16,7 +16,11 @@ from idloop.cli._common import (
     print_json,
     read_records,
 )
-from idloop.cli._ladder_folder import (
+from idloop.cli._places import OUTPUT_FOLDER, OutputFile
+from idloop.cli._progress import progress, quiet_option
+from idloop.errors import InputError
+from idloop.output_files import make_folder, probe_file
+from idloop.reporting.ladder_folder import (
     Kept,
     fitted_records,
     judged_records,
@@ -24,10 +28,7 @@ from idloop.cli._ladder_folder import (
     read_next_experiment,
     write_report,
 )
-from idloop.cli._places import OUTPUT_FOLDER, OutputFile, make_folder, probe_file
-from idloop.cli._progress import progress, quiet_option
-from idloop.errors import InputError
-from idloop.reporting.use import FITTED, UNSEEN
+from idloop.reporting.terms import FITTED, UNSEEN
 
 if TYPE_CHECKING:
     from idloop.reporting.page.contents import Contents

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from idloop.cli._common import (
     json_option,
     log,
     plot_option,
+    print_blocks,
     print_json,
     read_records,
     trust_option,
@@ -21,24 +22,18 @@ from idloop.cli._common import (
 from idloop.cli._diagnosis import (
     DiagnosisCommand,
     criterion_option,
-    experiment_text,
     limit_options,
-    read_limits,
     seed_option,
 )
-from idloop.cli._places import OUTPUT_FILE, force_option, write_text
-from idloop.cli._progress import part, progress, quiet_option
+from idloop.cli._places import OUTPUT_FILE, force_option
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.cli._next_experiment import Next
-    from idloop.diagnosis.design.suggest import Limits
+    from idloop.api.refining import Ladder
     from idloop.physics import Model
     from idloop.records import Record
 
-    Update = Callable[..., None]
-
-SCHEMA = "idloop/suggest/1"
 EXAMPLE = """\b
 Examples:
   idloop suggest dc_motor bags/train --max-command 3 --output next.yaml
@@ -105,36 +100,35 @@ def command(
     section `controller` that says which law ran.
     """
     names, bags = _split(sources, between, ladder, show)
-    limits = read_limits(max_command, position_range, max_velocity)
-    options: dict[str, Any] = {"duration": duration, "seed": seed, "start": start}
-    with progress("choosing an experiment") as update:
-        options["progress"] = update
-        if ladder is not None:
-            answer = _of_ladder(ladder, bags, also, limits, options)
-        else:
-            models = [ModelArgument().convert(name, None, None) for name in names]
-            records = read_records([*bags, *also], models[0])
-            answer = _of_models(models, records, limits, options, show=show, criterion=criterion, fitted=no_fit)
-    found = answer.suggestion
-    if found is not None and output is not None:
-        write_text(output, experiment_text(found.to_dict()))
-        log(f"written: {output}")
-    if found is not None and plot is not None:
-        from idloop.drawing import save
-        from idloop.reporting.plots.suggestion import plot_suggestion
+    from idloop.api.suggesting import suggest
 
-        save(plot_suggestion(found), plot)
+    subject: Ladder | list[Model]
+    limits = {"max_command": max_command, "position_range": position_range, "max_velocity": max_velocity}
+    options: dict[str, Any] = {**limits, "duration": duration, "start": start, "seed": seed}
+    with progress("choosing an experiment") as update:
+        if ladder is not None:
+            subject, records = _ladder_and_records(ladder, bags, also)
+        else:
+            subject = [ModelArgument().convert(name, None, None) for name in names]
+            records = read_records([*bags, *also], subject[0])
+        found = suggest(subject, records, show=show, criterion=criterion, fitted=no_fit, progress=update, **options)
+    experiment = found.experiment
+    if experiment is not None and output is not None:
+        found.save(output)
+        log(f"written: {output}")
+    if experiment is not None and plot is not None:
+        from idloop.drawing import save
+
+        save(found.plot(), plot)
         log(f"written: {plot}")
     for option, place in (("--output", output), ("--plot", plot)):
-        if found is None and place is not None:
+        if experiment is None and place is not None:
             log(f"{option} {place}: not written, there is no experiment that is worth running")
     if as_json:
-        document = {"experiment": None} if found is None else found.to_dict()
-        written = {"output": output, "plot": plot} if found is not None else {"output": None, "plot": None}
-        print_json({"schema": SCHEMA, **document, **answer.to_dict(), **written})
+        written = {"output": output, "plot": plot} if experiment is not None else {"output": None, "plot": None}
+        print_json({**found.to_dict(), **written})
         return
-    for line in answer.lines:
-        click.echo(line)
+    print_blocks(found.blocks())
 
 
 def _split(
@@ -157,70 +151,14 @@ def _split(
     return names, [BAG.convert(sources[-1], None, None)]
 
 
-def _of_ladder(
-    folder: Path, bags: Sequence[Path], also: Sequence[Path], limits: Limits, options: dict[str, Any]
-) -> Next:
-    from idloop.cli._ladder_folder import read_ladder
-    from idloop.cli._next_experiment import next_of_ladder
+def _ladder_and_records(folder: Path, bags: Sequence[Path], also: Sequence[Path]) -> tuple[Ladder, list[Record]]:
+    """Ladder of a folder, and its records: from its own bags or those given, and from more of them."""
+    from idloop.api.refining import Ladder
+    from idloop.reporting.ladder_folder import read_ladder
 
     kept = read_ladder(folder)
     chosen = [*(bags or kept.bags), *also]
     if not chosen:
         raise InputError(f"{folder}: its bags are not known any more; name BAG")
     records = read_records(chosen, kept.ladder.model)
-    _refuse([kept.ladder.model], records, limits, options)
-    return next_of_ladder(kept.ladder, records, limits, options)
-
-
-def _refuse(
-    models: Sequence[Model],
-    records: Sequence[Record],
-    limits: Limits,
-    options: Mapping[str, Any],
-    show: str | None = None,
-) -> None:
-    """Raise now what would be raised after long work."""
-    from idloop.diagnosis.design.effect_question import find_proposal
-    from idloop.diagnosis.design.suggest import prepare_setup
-
-    prepare_setup(models, records, limits, **{key: options[key] for key in ("duration", "seed", "start")})
-    if show is not None:
-        find_proposal(models[0], show)
-
-
-def _of_models(
-    models: Sequence[Model],
-    records: Sequence[Record],
-    limits: Limits,
-    options: dict[str, Any],
-    *,
-    show: str | None,
-    criterion: str,
-    fitted: bool,
-) -> Next:
-    from idloop.cli._next_experiment import Next, next_of_diagnosis, next_of_models
-    from idloop.diagnosis import diagnose
-    from idloop.diagnosis.design.effect_question import suggest_effect
-    from idloop.estimation import fit
-
-    _refuse(models, records, limits, options, show)
-    update: Update = options.pop("progress")
-    if len(models) == 1 and show is None:
-        first = diagnose(models[0], records, criterion=criterion, seed=options["seed"], progress=part(update, 0.0, 0.4))
-        return next_of_diagnosis(first, records, limits, {**options, "progress": part(update, 0.4, 1.0)})
-    if not fitted:
-        models = [
-            fit(
-                model,
-                records,
-                criterion=criterion,
-                progress=part(update, 0.3 * i / len(models), 0.3 * (i + 1) / len(models)),
-            ).model
-            if model.free
-            else model
-            for i, model in enumerate(models)
-        ]
-    rest = part(update, 0.3, 1.0)
-    if show is not None:
-        return Next(suggest_effect(models[0], show, records, limits, progress=rest, **options))
-    return next_of_models(models, records, limits, criterion, {**options, "progress": rest}, fitted=not fitted)
+    return Ladder(kept.ladder, tuple(records)), records

@@ -19,9 +19,9 @@ from idloop.cli._common import (
     read_fitted_and_unseen,
 )
 from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
-from idloop.cli._ladder_folder import Kept, check_target, write_ladder
 from idloop.cli._places import OUTPUT_FOLDER, force_option
 from idloop.ending_signals import event_on_ending_signal
+from idloop.reporting.ladder_folder import Kept, check_target, write_ladder
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder

@@ -10,11 +10,10 @@ import numpy as np
 from bokeh.models import HoverTool, Range1d
 from bokeh.plotting import figure
 
-from idloop.reporting.effect_names import words
+from idloop.reporting.detectability import undetectable
 from idloop.reporting.figures.ladder import ROW, name_rows
 from idloop.reporting.figures.theme import LIGHT, Theme, new_figure, source
-from idloop.reporting.plots.ladder import p_text
-from idloop.reporting.unshown import unshown
+from idloop.reporting.terms import effect_words, p_text
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis, Ladder
@@ -63,7 +62,7 @@ class EffectRow:
     def evidence(self) -> str:
         """Its standing in a few words."""
         if self.standing == TIED:
-            return f"as likely as {words(self.tied_with)}"
+            return f"as likely as {effect_words(self.tied_with)}"
         if self.standing == UNTESTABLE or not np.isfinite(self.p_value):
             return SAID[self.standing]
         return f"{SAID[self.standing]}, {p_text(self.p_value)}"
@@ -89,7 +88,7 @@ def ladder_rows(ladder: Ladder) -> list[EffectRow]:
             EffectRow(name, TIED, np.nan, np.nan, np.nan, _text(known.get(name)), step.added.name)
             for name in ladder.rivals(step)
         ]
-    return _with_rest(rows, ladder.candidates, tuple(unshown(ladder)), WEIGHED)
+    return _with_rest(rows, ladder.candidates, tuple(undetectable(ladder)), WEIGHED)
 
 
 def diagnosis_rows(diagnosis: Diagnosis) -> list[EffectRow]:
@@ -108,8 +107,6 @@ def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: 
 
     Parameters
     ----------
-    rows : sequence of EffectRow
-    theme : Theme
     most : int
         At most so many; effects that this data cannot show are left to a list.
 
@@ -121,7 +118,7 @@ def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: 
     drawn = [row for row in rows if row.standing != UNTESTABLE][:most]
     if not drawn:
         return None
-    names = [words(row.name) for row in drawn]
+    names = [effect_words(row.name) for row in drawn]
     share = np.array([100.0 * row.explains for row in drawn])
     most_share = max(float(np.nanmax(share)) if np.any(np.isfinite(share)) else 0.0, 1.0)
     plot = new_figure(
@@ -152,7 +149,7 @@ def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: 
 def _standing(row: EffectRow) -> str:
     """As few words as a phone has room for."""
     if row.standing == TIED:
-        return f"ties with {words(row.tied_with).partition(' @ ')[0]}"
+        return f"ties with {effect_words(row.tied_with).partition(' @ ')[0]}"
     return p_text(row.p_value) if row.standing == WEIGHED else SAID[row.standing]
 
 

@@ -19,8 +19,6 @@ def characteristic_figure(one: Characteristic, theme: Theme = LIGHT, *, height: 
 
     Parameters
     ----------
-    one : Characteristic
-    theme : Theme
     height : int
         [CSS pixels].
 

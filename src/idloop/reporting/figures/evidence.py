@@ -11,8 +11,8 @@ from bokeh.models import HoverTool
 from bokeh.models.annotations import Span
 from bokeh.plotting import figure
 
-from idloop.reporting.effect_names import words
 from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, padded, source
+from idloop.reporting.terms import effect_words
 
 # Lines that are drawn: those with most evidence; a phone shows the legend of no more.
 MOST = 6
@@ -27,8 +27,6 @@ class Decided:
     ----------
     seconds : float
         New samples that had been scored [s].
-    samples : int
-    log_e : float
     """
 
     seconds: float
@@ -53,8 +51,6 @@ def evidence_figure(
         Log-evidence by effect; NaN before an effect was weighed.
     threshold : float
         Log-evidence that decides.
-    decided : mapping of str to Decided
-    theme : Theme
     """
     newest = {name: values[-1] for name, values in lines.items() if len(values)}
     shown = sorted(newest, key=lambda name: (name not in decided, -newest[name]))[:MOST]
@@ -69,14 +65,14 @@ def evidence_figure(
     # In the order in which they appeared, so that a line keeps its colour.
     for index, name in enumerate(one for one in lines if one in shown):
         look, mark = theme.model(index), MARKS[index % len(MARKS)]
-        told = source(x=list(seconds), y=list(lines[name]), name=[words(name)] * len(seconds))
+        told = source(x=list(seconds), y=list(lines[name]), name=[effect_words(name)] * len(seconds))
         drawn = [
             plot.line("x", "y", source=told, line_width=2, **look),
             plot.scatter("x", "y", source=told, size=4, marker=mark, color=look["color"], name="looks"),
         ]
         if name in decided:
             one = decided[name]
-            at = source(x=[one.seconds], y=[one.log_e], samples=[one.samples], name=[words(name)])
+            at = source(x=[one.seconds], y=[one.log_e], samples=[one.samples], name=[effect_words(name)])
             drawn.append(
                 plot.scatter(
                     "x",
@@ -90,7 +86,7 @@ def evidence_figure(
                     name="decided",
                 )
             )
-        entries.append((words(name), drawn))
+        entries.append((effect_words(name), drawn))
     look = {"line_color": theme.limit, "line_dash": [6, 4], "line_width": 1.6}
     plot.add_layout(Span(location=threshold, dimension="width", **look))
     entries.append((f"decides: log(m/α) = {threshold:.1f}", [plot.line([np.nan], [np.nan], **look)]))

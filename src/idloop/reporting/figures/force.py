@@ -24,7 +24,6 @@ def force_figures(
         Label of each model and its drive side.
     unit : str
         Of the force.
-    theme : Theme
     buckets : int
         As for `idloop.reporting.figures.thinning.kept`.
 

@@ -15,10 +15,8 @@ from bokeh.models.annotations import Label, Span
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from idloop.reporting.effect_names import words
 from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, source
-from idloop.reporting.plots.ladder import p_text
-from idloop.reporting.use import SAID
+from idloop.reporting.terms import DATA_USE, effect_words, p_text
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder, Step
@@ -42,7 +40,6 @@ class ErrorLine:
     ----------
     label : str
         For the legend.
-    kind : {"train", "validation"}
     colour : int
         Number of the quantity; train and validation of one have the same.
     error : array, shape (steps,)
@@ -58,7 +55,7 @@ class ErrorLine:
 def step_names(ladder: Ladder) -> list[str]:
     """What each step added, in words, with its number so that no two are equal."""
     return [
-        f"{number}  " + ("start" if step.added is None else f"+ {words(step.added.name)}")
+        f"{number}  " + ("start" if step.added is None else f"+ {effect_words(step.added.name)}")
         for number, step in enumerate(ladder.steps)
     ]
 
@@ -86,10 +83,8 @@ def ladder_figures(ladder: Ladder, floor: Mapping[str, float] | None = None, the
 
     Parameters
     ----------
-    ladder : Ladder
     floor : mapping of str to float, optional
         NRMSE that the noise of each output alone leaves.
-    theme : Theme
 
     Returns
     -------
@@ -117,7 +112,7 @@ def _lines(ladder: Ladder, quantities: Mapping[str, object]) -> list[ErrorLine]:
         for colour, (name, read) in enumerate(quantities.items()):
             error = np.array([_number(read(getattr(step, kind))) for step in ladder.steps])  # type: ignore[operator]
             if np.any(np.isfinite(error)):
-                found.append(ErrorLine(f"{name}, {SAID[kind]} data" if unseen else name, kind, colour, error))
+                found.append(ErrorLine(f"{name}, {DATA_USE[kind]} data" if unseen else name, kind, colour, error))
     return found
 
 
@@ -191,8 +186,6 @@ def name_rows(plot: figure, names: Sequence[str], theme: Theme) -> Array:
     ----------
     plot : figure
         Its vertical axis is hidden.
-    names : sequence of str
-    theme : Theme
 
     Returns
     -------
@@ -221,6 +214,6 @@ def _evidence(step: Step, ladder: Ladder) -> str:
         return "the model as it was given, fitted"
     if step.chosen_by == "user":
         return "chosen by the user"
-    others = [words(name) for name in ladder.rivals(step)]
+    others = [effect_words(name) for name in ladder.rivals(step)]
     tie = f"; cannot be told from {', '.join(others)}" if others else ""
     return (p_text(step.p_value) if step.p_value is not None else "") + tie

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.plotting import figure
 
-from idloop.reporting.effect_names import in_words
 from idloop.reporting.experiment_rows import Row, reach, rival_name, rows_of
 from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, padded, source
 from idloop.reporting.figures.thinning import BUCKETS, thinned
+from idloop.reporting.terms import in_words
 
 if TYPE_CHECKING:
     from idloop.diagnosis.design.suggest import Suggestion

@@ -32,9 +32,6 @@ def overlay(
     ----------
     panel : Panel
         As for the printed figure (`idloop.reporting.plots.comparison`).
-    output_names, output_units : sequence of str, length p
-    input_name, input_unit : str
-    theme : Theme
     buckets : int
         Stretches of time of which the least and the largest value are kept.
 

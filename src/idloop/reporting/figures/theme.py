@@ -81,7 +81,6 @@ def new_figure(
 
     Parameters
     ----------
-    theme : Theme
     x, y : tuple of (str, str or None)
         Name and unit of each axis; an empty name leaves the axis without a label (a category's ticks are words).
     height : int
@@ -127,8 +126,6 @@ def add_legend(plot: figure, theme: Theme, entries: list[tuple[str, list[Any]]])
 
     Parameters
     ----------
-    plot : bokeh.plotting.figure
-    theme : Theme
     entries : list of (str, list of GlyphRenderer)
         What each says, and for what.
     """

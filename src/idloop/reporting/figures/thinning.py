@@ -52,10 +52,6 @@ def thinned(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> tuple[NDArray
     ----------
     x, y, buckets
         As for `kept`.
-
-    Returns
-    -------
-    x, y : array of float32, shape (m,)
     """
     index = kept(x, y, buckets)
     return np.asarray(x, dtype=np.float32)[index], np.asarray(y, dtype=np.float32)[index]

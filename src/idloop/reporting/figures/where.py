@@ -29,7 +29,6 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
         Label of each model and where it fails, of one output (or the drive force) on one record.
     variable : str
         One of `idloop.validation.variables.VARIABLES`.
-    theme : Theme
 
     Returns
     -------

@@ -12,7 +12,7 @@ import numpy as np
 from idloop.diagnosis.evidence.characteristic import Characteristic, characteristic
 from idloop.errors import IdloopError
 from idloop.reporting.sensor_noise import believed_noise, refuted_noise
-from idloop.reporting.use import FITTED, UNSEEN
+from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.validation import Comparison, compare
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ class Judged:
 
     Attributes
     ----------
-    use : {"fitted", "unseen"}
     rows : tuple of (str, Comparison)
         Label and comparison, one where nothing was added.
     driven : tuple of (str, Comparison), optional
@@ -65,7 +64,6 @@ class Contents:
 
     Attributes
     ----------
-    ladder : Ladder
     judged : tuple of Judged
         Unseen records first.
     floor : mapping of str to float
@@ -76,7 +74,6 @@ class Contents:
         Where sines were run.
     suggestion : Suggestion or None
         The next experiment with its rivals.
-    provenance : mapping
     refuted_noise : mapping of str to float
         Outputs that are quieter than the model file says, and the most that their noise can be.
     drawn_at : mapping of str to int
@@ -146,11 +143,8 @@ def gather(
 
     Parameters
     ----------
-    ladder : Ladder
     records, validation : sequence of Record
         What the ladder was fitted to, and what it did not see.
-    suggestion : Suggestion, optional
-    provenance : mapping, optional
     progress : callable, optional
         Called with the share done and a text.
     """
@@ -199,8 +193,6 @@ def noise_floor(model: Model, records: Sequence[Record], refuted: Iterable[str] 
 
     Parameters
     ----------
-    model : Model
-    records : sequence of Record
     refuted : iterable of str
         Outputs whose stated noise the data refute: they have no floor.
     """

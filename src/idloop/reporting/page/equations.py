@@ -27,7 +27,6 @@ class Equation:
 
     Attributes
     ----------
-    latex : str
     about : str
         What it says, in a few words.
     effect : str

@@ -12,17 +12,23 @@ from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import Twins, ladder_twins
 from idloop.diagnosis.evidence.characteristic import shifts_in_time
 from idloop.reporting.breakdowns import finding
-from idloop.reporting.effect_names import in_words, words
+from idloop.reporting.detectability import detection_limits, undetectable
 from idloop.reporting.estimates import NORMAL_95, figure_text, fit_text, held_parameters, percent_text, with_interval
 from idloop.reporting.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.reporting.page.contents import driven_step, step_force
 from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
-from idloop.reporting.plots.ladder import p_text
-from idloop.reporting.remains import FEWEST_FOR_TESTS, Remainder, remainder_lines, remainders
-from idloop.reporting.tried import only_tried, only_words
-from idloop.reporting.unshown import absent, unshown
-from idloop.reporting.use import FITTED, SAID
-from idloop.reporting.verdicts import CRITERIA, basis, conclusion, explained_of, stand_ins, unexplained
+from idloop.reporting.residual_findings import FEWEST_FOR_TESTS, ResidualFinding, residual_findings, residual_warnings
+from idloop.reporting.terms import DATA_USE, FITTED, effect_words, in_words, p_text
+from idloop.reporting.verdicts import (
+    CRITERIA,
+    basis,
+    conclusion,
+    confounding_effects,
+    effects_looked_for,
+    explained_of,
+    scope_text,
+    unexplained_cause,
+)
 from idloop.spelling import joined_names
 from idloop.validation.variables import TITLES
 
@@ -52,7 +58,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
             _capital(line) + "."
             for line in (
                 *(f"beware: {one.text}" for one in ladder.worsened),
-                *remainder_lines(ladder.verdict, _fitted_remainders(contents)),
+                *residual_warnings(ladder.verdict, _fitted_remainders(contents)),
             )
         ],
         "steps": [
@@ -63,7 +69,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "rungs": rungs(ladder),
         "forces": any(part.get("force") is not None for step in ladder.steps for part in (step.validation, step.train)),
         "kinds": [
-            (kind, SAID[kind])
+            (kind, DATA_USE[kind])
             for kind in ("validation", "train")
             if any(getattr(step, kind) for step in ladder.steps)
         ],
@@ -78,7 +84,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "unknown": None if ladder.unknown is None else _capital(ladder.unknown.text),
         "weighed": [
             {
-                "name": words(row.name),
+                "name": effect_words(row.name),
                 "explains": figure_text(100.0 * row.explains, 2) if np.isfinite(row.explains) else "–",
                 "gain": figure_text(row.gain, 4) if np.isfinite(row.gain) else "–",
                 "evidence": row.evidence,
@@ -87,9 +93,9 @@ def page_words(contents: Contents) -> dict[str, Any]:
             for row in ladder_rows(ladder)
             if row.standing != UNTESTABLE
         ],
-        "passed_over": [{"name": words(name), "why": in_words(why)} for name, why in ladder.passed_over.items()],
+        "passed_over": [{"name": effect_words(name), "why": in_words(why)} for name, why in ladder.passed_over.items()],
         "untestable": _untestable(ladder),
-        "absent": [{"name": words(name), "size": size} for name, size in absent(ladder).items()],
+        "detection_limits": [{"name": effect_words(name), "size": size} for name, size in detection_limits(ladder).items()],
         "findings": list(ladder.findings),
         "suggestion": _suggestion(ladder),
         "experiment": _experiment(ladder),
@@ -109,9 +115,9 @@ def page_words(contents: Contents) -> dict[str, Any]:
 def headline(ladder: Ladder) -> str:
     """Say in one sentence what is missing."""
     # An effect that stands in for another one is not what is missing.
-    in_place = stand_ins(ladder)
+    in_place = confounding_effects(ladder)
     names = [_or_its_rivals(ladder, name) for name in ladder.added if name not in in_place]
-    something = unexplained(only_words(ladder))
+    something = unexplained_cause(scope_text(ladder))
     if in_place or (names and ladder.verdict == "unknown_structure"):
         names.append(something)
     shape = ladder.unknown
@@ -119,7 +125,7 @@ def headline(ladder: Ladder) -> str:
         names = [*(name for name in names if name != something), f"{shape.of} that is not constant"]
     if names:
         return f"Missing from the model: {joined_names(list(dict.fromkeys(names)))}."
-    if only_tried(ladder):
+    if effects_looked_for(ladder):
         return {
             "adequate": "Nothing that was looked for is missing.",
             "unknown_structure": f"{_capital(something)} is missing.",
@@ -134,10 +140,10 @@ def headline(ladder: Ladder) -> str:
 
 def _or_its_rivals(ladder: Ladder, name: str) -> str:
     """An added effect without its place, and that it may as well be another one where the data cannot tell."""
-    plain = words(name).partition(" @ ")[0]
+    plain = effect_words(name).partition(" @ ")[0]
     step = next((s for s in ladder.steps if s.added is not None and s.added.name == name), None)
     rivals = () if step is None else ladder.rivals(step)
-    others = list(dict.fromkeys(words(rival).partition(" @ ")[0] for rival in rivals))
+    others = list(dict.fromkeys(effect_words(rival).partition(" @ ")[0] for rival in rivals))
     others = [other for other in others if other != plain]
     if not others:
         return plain
@@ -146,18 +152,17 @@ def _or_its_rivals(ladder: Ladder, name: str) -> str:
     return f"{plain} or one of {len(others)} others that this data cannot tell from it"
 
 
-def verdict_text(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
+def verdict_text(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
     """Say how the ladder ended, as a sentence.
 
     Parameters
     ----------
-    ladder : Ladder
-    left : sequence of Remainder
+    left : sequence of ResidualFinding
         Residual tests of the last model on the fitted data.
     """
-    only = only_words(ladder)
+    only = scope_text(ladder)
     end = conclusion(ladder, left, only)
-    if end.startswith(unexplained(only)):
+    if end.startswith(unexplained_cause(only)):
         return f"{_capital(end)}."
     if only:
         return f"{_end_text(ladder, end.partition(':')[0])} {_capital(only)}."
@@ -166,11 +171,11 @@ def verdict_text(ladder: Ladder, left: Sequence[Remainder] = ()) -> str:
 
 def _end_text(ladder: Ladder, end: str) -> str:
     """How a ladder ended, with what the headline does not say."""
-    hidden = unshown(ladder)
+    hidden = undetectable(ladder)
     if ladder.verdict == "not_excited" and hidden:
-        names = joined_names([words(name) for name in hidden])
+        names = joined_names([effect_words(name) for name in hidden])
         return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
-    if not ladder.added and ladder.verdict == "adequate" and not only_tried(ladder):
+    if not ladder.added and ladder.verdict == "adequate" and not effects_looked_for(ladder):
         return "What is left is noise."
     shape = ladder.unknown
     if ladder.verdict == "unknown_structure" and shape is not None and len(shape.force):
@@ -227,7 +232,7 @@ def _no_force(ladder: Ladder) -> str:
         return ""
     first = len(known) - known[::-1].index(True)
     added = ladder.steps[first].added
-    what = "" if added is None else f" with {words(added.name)}"
+    what = "" if added is None else f" with {effect_words(added.name)}"
     return f"–: the force that a model{what} needs cannot be read off what is measured."
 
 
@@ -252,8 +257,8 @@ def _noise(contents: Contents) -> dict[str, str]:
     return said
 
 
-def _fitted_remainders(contents: Contents) -> list[Remainder]:
-    return remainders(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
+def _fitted_remainders(contents: Contents) -> list[ResidualFinding]:
+    return residual_findings(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
 
 
 def _kind(parameter: Parameter, *, at_bound: bool, held: bool) -> str:
@@ -270,10 +275,10 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     now = effect_parameters(last, added.name) or added.parameters
     twins = [group for group in ladder_twins(ladder) if added.name in group.names]
     told = {name for group in twins for name in group.names}
-    others = [words(name) for name in ladder.rivals(step) if name not in told]
+    others = [effect_words(name) for name in ladder.rivals(step) if name not in told]
     return {
         "number": number,
-        "name": _capital(words(added.effect)),
+        "name": _capital(effect_words(added.effect)),
         "site": added.at,
         "text": added.text,
         "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
@@ -321,7 +326,7 @@ def _then(added: Candidate, last: Model) -> str:
 
 
 def _said(group: Twins, name: str) -> dict[str, Any]:
-    others = [words(other) for other in group.names if other != name]
+    others = [effect_words(other) for other in group.names if other != name]
     return {"others": joined_names(others), "checks": [_capital(check) for check in group.checks]}
 
 
@@ -349,7 +354,7 @@ def rungs(ladder: Ladder) -> list[dict[str, Any]]:
             }
         rows.append(
             {
-                "name": "start" if step.added is None else f"+ {words(step.added.name)}",
+                "name": "start" if step.added is None else f"+ {effect_words(step.added.name)}",
                 "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
                 "errors": errors,
             }
@@ -426,7 +431,7 @@ def _residuals(contents: Contents) -> list[dict[str, Any]]:
 
 
 def _untestable(ladder: Ladder) -> list[dict[str, str]]:
-    return [{"name": words(name), "why": why} for name, why in unshown(ladder).items()]
+    return [{"name": effect_words(name), "why": why} for name, why in undetectable(ladder).items()]
 
 
 def _experiment(ladder: Ladder) -> str:
@@ -455,7 +460,7 @@ def _parameters(ladder: Ladder) -> list[dict[str, Any]]:
         rows.append(
             {
                 "key": parameter.name,
-                "name": words(parameter.name.replace(".", " ")),
+                "name": effect_words(parameter.name.replace(".", " ")),
                 "value": with_interval(parameter.value, parameter.stderr if parameter.free else None),
                 "unit": parameter.unit,
                 "kind": _kind(parameter, at_bound=at_bound, held=parameter.name in held),

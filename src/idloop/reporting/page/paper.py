@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from idloop import drawing
 from idloop.reporting.page.page_figures import panel_of
-from idloop.reporting.plots.comparison import plot_comparison
+from idloop.reporting.plots.comparison import plot_panels
 from idloop.reporting.plots.ladder import plot_ladder, plot_unknown
 from idloop.reporting.plots.where import plot_where
 from idloop.validation.where import DRIVE_FORCE
@@ -30,10 +30,7 @@ def paper_figures(contents: Contents) -> dict[str, Figure]:
     """
     figures = {"ladder": plot_ladder(contents.ladder, contents.floor)}
     for index, judged in enumerate(contents.judged, start=1):
-        record = judged.record
-        figures[f"compare_{index}_{judged.use}"] = plot_comparison(
-            [panel_of(judged)], record.output_names, record.output_units, record.input_name, record.input_unit
-        )
+        figures[f"compare_{index}_{judged.use}"] = plot_panels([panel_of(judged)], judged.record)
         figures[f"where_{index}_{judged.use}"] = plot_where(_where(judged))
     if contents.ladder.unknown is not None:
         figures["unknown"] = plot_unknown(contents.ladder.unknown)
@@ -59,7 +56,6 @@ def save_paper_figures(contents: Contents, folder: Path) -> list[Path]:
 
     Parameters
     ----------
-    contents : Contents
     folder : Path
         Is made where it is not there.
 

@@ -20,6 +20,7 @@ from idloop.reporting.sensor_noise import believed_noise, refuted_noise
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from idloop.records import Record
     from idloop.validation import Comparison
 
 Array = NDArray[np.float64]
@@ -144,6 +145,11 @@ def plot_comparison(
         axes[-1, 0].set_ylabel(drawing.label(input_name, input_unit))
         figure.align_ylabels(axes[:, 0])
     return figure
+
+
+def plot_panels(panels: Sequence[Panel], record: Record) -> Figure:
+    """Draw panels of records that have the signals of `record`."""
+    return plot_comparison(panels, record.output_names, record.output_units, record.input_name, record.input_unit)
 
 
 def _fit_frame(axes: Any, frame: Frame | None) -> None:

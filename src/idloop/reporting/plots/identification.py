@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
-from idloop.estimation.black_box.bode_labels import ratio_unit
+from idloop.estimation.black_box.labels import ratio_unit
 from idloop.reporting.plots.comparison import legend_above
 from idloop.spelling import listed
 
@@ -35,8 +35,6 @@ class Drawn:
 
     Attributes
     ----------
-    label : str
-    found : Identified
     score : Score or None
         None for responses.
     """
@@ -52,7 +50,6 @@ class SweepLine:
 
     Attributes
     ----------
-    label : str
     value : ndarray, shape (k,)
         Those that gave a model.
     free_run, ahead : ndarray, shape (k,)
@@ -72,7 +69,6 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
 
     Parameters
     ----------
-    drawn : sequence of Drawn
     data : sequence of SampledData
         On which the models were judged; the longest stretch is drawn.
     title : str
@@ -125,10 +121,8 @@ def plot_sweep(name: str, unit: str | None, lines: Sequence[SweepLine], steps: i
     ----------
     name, unit : str, str or None
         Of the setting.
-    lines : sequence of SweepLine
     steps : int
         How far ahead the prediction is [samples].
-    title : str
     """
     with drawing.styled():
         figure, axes = drawing.new_figure(2, 1, (2.2, 2.2))
@@ -255,7 +249,7 @@ def _response(found: Identified, column: int, grid: Array) -> tuple[Array, NDArr
         return model.frequency[kept], value, radius, np.where(np.isfinite(radius), turn, np.nan)
     polynomials = getattr(model, "polynomials", ())
     if polynomials and len(polynomials[column].b) == len(model.input_names):
-        from idloop.estimation.polynomial.response_error import response_error
+        from idloop.estimation.polynomial.polynomials import response_error
 
         value, size_error, angle_error = response_error(polynomials[column], 0, grid)
         return grid, value, _WIDE * size_error, _WIDE * angle_error

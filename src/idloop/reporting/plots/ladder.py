@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop import drawing
-from idloop.reporting.effect_names import words
-from idloop.reporting.tried import only_words
-from idloop.reporting.use import SAID
-from idloop.reporting.verdicts import conclusion
+from idloop.reporting.terms import DATA_USE, effect_words, p_text
+from idloop.reporting.verdicts import conclusion, scope_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +24,6 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
 
     Parameters
     ----------
-    ladder : Ladder
     floor : mapping of str to float, optional
         NRMSE that the noise of each output alone leaves, by its name.
 
@@ -56,7 +53,7 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
         if ladder.unknown is not None:
             _draw_unknown(axes[-1], ladder.unknown)
         axes[0].set_title(
-            f"{ladder.steps[0].model.name}: {conclusion(ladder, (), only_words(ladder)).partition(':')[0]}",
+            f"{ladder.steps[0].model.name}: {conclusion(ladder, (), scope_text(ladder)).partition(':')[0]}",
             loc="left",
             fontweight="bold",
         )
@@ -82,7 +79,7 @@ def _draw_errors(axes: Any, ladder: Ladder, floor: Mapping[str, float]) -> None:
         for kind, look in (("train", (0, (4, 2))), ("validation", "-")):
             values = np.array([_measure(step, kind, "nrmse", name) for step in ladder.steps])
             if np.any(np.isfinite(values)):
-                label = f"{name}, {SAID[kind]}" if unseen else name
+                label = f"{name}, {DATA_USE[kind]}" if unseen else name
                 axes.plot(places, values, color=colour, linestyle=look, marker="o", markersize=3.5, label=label)
         if np.isfinite(floor.get(name, np.nan)) and floor[name] > 0.0:
             axes.axhline(floor[name], color=colour, linewidth=0.8, linestyle=":", label=f"{name}, noise floor")
@@ -96,7 +93,7 @@ def _draw_forces(axes: Any, ladder: Ladder) -> None:
         values = np.array([np.nan if value is None else 100.0 * value for value in found])
         if np.any(np.isfinite(values)):
             axes.plot(
-                places, values, color=drawing.COMMAND, linestyle=look, marker="o", markersize=3.5, label=SAID[kind]
+                places, values, color=drawing.COMMAND, linestyle=look, marker="o", markersize=3.5, label=DATA_USE[kind]
             )
             shown = values  # of unseen data, where there is any
     for place, value in zip(places, shown, strict=True):
@@ -141,7 +138,6 @@ def step_label(step: Step, ladder: Ladder) -> str:
 
     Parameters
     ----------
-    step : Step
     ladder : Ladder
         Of which it is one.
 
@@ -152,18 +148,13 @@ def step_label(step: Step, ladder: Ladder) -> str:
     """
     if step.added is None:
         return "start"
-    lines = [f"+ {words(step.added.effect)}", f"@ {step.added.at}"]
+    lines = [f"+ {effect_words(step.added.effect)}", f"@ {step.added.at}"]
     if step.chosen_by == "user":
         lines.append("chosen by the user")
     elif step.p_value is not None:
         lines.append(p_text(step.p_value))
-    lines += [f"[or {words(name)}]" for name in ladder.rivals(step)]
+    lines += [f"[or {effect_words(name)}]" for name in ladder.rivals(step)]
     return "\n".join(lines)
-
-
-def p_text(p_value: float) -> str:
-    """Text of a p-value; a bootstrap knows no smaller one than its own share."""
-    return f"p = {p_value:.2g}" if p_value >= 1e-3 else "p < 0.001"
 
 
 def _draw_unknown(axes: Any, unknown: UnknownStructure) -> None:

@@ -29,7 +29,6 @@ def plot_tracking(
 
     Parameters
     ----------
-    without, compensated : Tracking
     output : str
         The output to show.
     input_name, input_unit : str

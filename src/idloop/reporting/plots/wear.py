@@ -28,8 +28,6 @@ def plot_wear(baseline: Baseline, records: Sequence[Record], traces: Sequence[Tr
 
     Parameters
     ----------
-    baseline : Baseline
-    records : sequence of Record
     traces : sequence of Trace
         What the monitor made of each record; drawn one after the other.
 

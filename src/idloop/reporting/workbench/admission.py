@@ -36,7 +36,6 @@ class Admission(HTTPServerConnectionDelegate):
 
     Parameters
     ----------
-    application : HTTPServerConnectionDelegate
     rule : callable
         Given method, path and headers of a request, returns the status with which it is refused; 0 lets it in.
     headers : callable

@@ -29,10 +29,8 @@ class Assessment:
 
     Attributes
     ----------
-    model : str
     effects : tuple of str
         Of the model.
-    record : str
     stamps : array of int, shape (n,)
         Of the measurements [ns].
     simulated, predicted : array, shape (n, p)
@@ -43,7 +41,6 @@ class Assessment:
         Measured minus free run.
     fit : dict of str to float
         FIT of the free run by output [%].
-    where : Where
     """
 
     model: str
@@ -94,8 +91,6 @@ def draw_characteristics(candidates: Sequence[Candidate], record: Record, report
     ----------
     candidates : sequence of Candidate
         Best first; those that were not fitted, and have no model, are passed over.
-    record : Record
-    report : callable
 
     Returns
     -------

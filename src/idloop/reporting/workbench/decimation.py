@@ -27,7 +27,6 @@ def extremes(time: Array, values: Array, width: float) -> tuple[Array, Array]:
     time : array, shape (m,)
         First and last instant of every bucket that holds samples; the samples themselves where buckets would
         not make them fewer.
-    values : array, shape (m, k)
     """
     n = len(time)
     if n == 0 or width <= 0.0:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from idloop.diagnosis import Ladder
     from idloop.reporting.workbench.signals import Signals
-    from idloop.reporting.workbench.source import Snapshot, Source
+    from idloop.reporting.workbench.state import Snapshot, Source
 
 PERIOD = 250  # milliseconds between two looks at what is new
 SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
@@ -44,7 +44,6 @@ def judged_spread(ladder: Ladder, name: str) -> float:
 
     Parameters
     ----------
-    ladder : Ladder
     name : str
         Of the output.
 
@@ -66,8 +65,6 @@ def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int)
 
     Parameters
     ----------
-    doc : Document
-    source : Source
     key : str
         Without it no order is taken.
     run : str
@@ -79,7 +76,7 @@ def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int)
     cookies = {} if request is None else request.cookies
     theme = cookies.get("idloop_theme", LIGHT.name)
     page = Page(doc, source, theme if theme in THEMES else LIGHT.name)
-    doc.title = f"idloop workbench: {source.board.snapshot.title}"
+    doc.title = f"idloop workbench: {source.state.snapshot.title}"
     doc.template = _template()
     doc.template_variables.update(
         key=key, run=run, stop_port=stop_port, variables=[(name, TITLES[name]) for name in VARIABLES], spans=SPANS,
@@ -102,8 +99,6 @@ class Page:
 
     Parameters
     ----------
-    doc : Document
-    source : Source
     theme : str
         ``light`` or ``dark``.
 
@@ -161,7 +156,7 @@ class Page:
             return
         self._doc.hold("combine")
         try:
-            self._draw_findings(self.source.board.snapshot)
+            self._draw_findings(self.source.state.snapshot)
         finally:
             self._doc.unhold()
 

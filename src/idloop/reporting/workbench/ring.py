@@ -58,7 +58,6 @@ class Ring:
         ----------
         stamps : array, shape (m,)
             Nanoseconds.
-        values : array, shape (m, columns)
 
         Returns
         -------
@@ -91,7 +90,6 @@ class Ring:
 
         Parameters
         ----------
-        start, stop : int
         before : bool
             Include the last sample before `start`, which still holds there.
         """

@@ -35,8 +35,8 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.workbench.admission import Admission
 from idloop.reporting.workbench.page import make_page
-from idloop.reporting.workbench.source import ORDERS, Source
-from idloop.reporting.workbench.state import page_state
+from idloop.reporting.workbench.state import ORDERS, Source
+from idloop.reporting.workbench.state_json import page_state
 from idloop.reporting.workbench.stop_server import StopServer
 from idloop.reporting.workbench.strips import Question, answer
 
@@ -84,7 +84,6 @@ class Site:
     ----------
     source : Source
         What it shows.
-    place : Place
 
     Attributes
     ----------
@@ -310,7 +309,7 @@ class StateHandler(_Handler):
     def get(self) -> None:
         """Answer with all of it, or with the version alone where the page has it already."""
         site = self.site
-        snapshot = site.source.board.snapshot
+        snapshot = site.source.state.snapshot
         head = {"run": site.run, "version": snapshot.version}
         if self.get_query_argument("have", "") == f"{site.run}:{snapshot.version}":
             self.answer(head)

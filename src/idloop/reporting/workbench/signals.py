@@ -165,8 +165,6 @@ class Signals:
 
         Parameters
         ----------
-        start, stop : float
-        buckets : int
         streams : collection of str
             That are wanted.
         since : dict of str to float, optional

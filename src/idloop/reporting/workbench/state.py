@@ -1,315 +1,271 @@
-"""The page's words and numbers beside its figures, as plain JSON."""
+"""State of the page: plain objects that a live graph or a set of recordings fill in, and the page shows."""
 
 from __future__ import annotations
 
-import math
+import threading
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
-
-from idloop import drawing
-from idloop.diagnosis.design.expected_outcome import describe_signal
-from idloop.diagnosis.equivalence.equivalent_effects import find_twins, one_of_each
-from idloop.reporting.breakdowns import finding, shown_first
-from idloop.reporting.effect_names import in_words, words
-from idloop.reporting.estimates import with_interval
-from idloop.reporting.plots.ladder import p_text
-from idloop.reporting.tried import only_words
-from idloop.reporting.use import FITTED, UNSEEN
-from idloop.reporting.verdicts import basis, conclusion, explained_of, stand_ins
-from idloop.validation.words import percent, short
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Candidate, Ladder, Step
+    from idloop.diagnosis import Candidate, Ladder, UnknownStructure
+    from idloop.diagnosis.design.suggest import Suggestion
     from idloop.diagnosis.evidence.characteristic import Characteristic
+    from idloop.reporting.figures.evidence import Decided
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
-    from idloop.reporting.workbench.source import Evidence, Missing, Snapshot
-    from idloop.validation.where import ErrorMap
 
-MOST_STRETCHES = 5
-TROUBLE = (
-    "missed_deadlines", "silences", "clock_jumps", "saturated", "dropped_by_queue", "unreadable", "restarts",
-    "skipped", "worker_failures",
-)  # fmt: skip
-LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
-ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
+# What a live graph may do without being asked.
+AUTOMATIC = ("add", "experiment")
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3  # as in diagnostic_msgs
+
+# What is known of the stop, see `Snapshot`.
+FREE, SENT, STOPPED, RELEASING = "", "sent", "stopped", "releasing"
+
+ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
 
 
-def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
-    """Return everything that the page shows in words.
+@dataclass(frozen=True)
+class Health:
+    """One check of one node.
 
-    Parameters
+    Attributes
     ----------
-    snapshot : Snapshot
-    signals : Signals
-        For names and units.
-
-    Returns
-    -------
-    dict
-        JSON without NaN.
+    name : str
+        ``node: check``.
+    level : int
+        OK, WARN, ERROR or STALE.
     """
-    return {
-        "live": snapshot.live,
-        "title": snapshot.title,
-        "moves": snapshot.moves,
-        "stop": snapshot.stop,
-        "automatic": None if snapshot.automatic is None else list(snapshot.automatic),
-        "effects": [words(name) for name in snapshot.effects],
-        "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],
-        "input": {"name": signals.input_name, "unit": signals.input_unit},
-        "followed": signals.followed,
-        "fit": _fit(snapshot),
-        "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder),
-        "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence),
-        "looks": snapshot.looks,
-        "recordings": list(snapshot.recordings),
-        "judged_on": _judged_on(snapshot),
-        "shown": snapshot.shown,
-        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder),
-        "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
-        "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
-        "activity": None
-        if snapshot.activity is None
-        else {"text": snapshot.activity.text, "share": snapshot.activity.share},
-        "note": None if snapshot.note is None else {"text": snapshot.note.text, "level": snapshot.note.level},
-        "health": [
-            {
-                "name": one.name,
-                "level": one.level,
-                "message": one.message,
-                "trouble": trouble(one.values),
-                "values": dict(one.values),
-            }
-            for one in snapshot.health
-        ],
-        "assessment": None if snapshot.assessment is None else _assessment(snapshot.assessment),
-    }
+
+    name: str
+    level: int = OK
+    message: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
 
 
-def _judged_on(snapshot: Snapshot) -> str:
-    """Whether the recording that is shown was fitted, as its name says; empty for a live graph."""
-    name = snapshot.recordings[snapshot.shown] if snapshot.shown < len(snapshot.recordings) else ""
-    return next((f"{use} data" for use in (UNSEEN, FITTED) if name.endswith(f"({use})")), "")
+@dataclass(frozen=True)
+class Fit:
+    """What the newest fit is worth on samples that it did not use.
+
+    Attributes
+    ----------
+    unseen, seen : dict of str to float
+        FIT by output [%] on samples after the fit's window, and on those of the fit.
+    seconds : float
+        Length of the unseen samples [s].
+    effects : tuple of str
+        In the model that was fitted.
+    error : str
+        Why there is no fit; empty when there is one.
+    """
+
+    unseen: Mapping[str, float] = field(default_factory=dict)
+    seen: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+    effects: tuple[str, ...] = ()
+    error: str = ""
 
 
-def trouble(values: Mapping[str, str]) -> list[str]:
-    """Say which counters of a check are not at zero: missed deadlines, drops, losses, limits."""
-    return [f"{name.replace('_', ' ')} {value}" for name, value in values.items() if _counts_trouble(name, value)]
+@dataclass(frozen=True)
+class Missing:
+    """What the newest diagnosis found.
+
+    Attributes
+    ----------
+    verdict : str
+        ``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``.
+    line : str
+        The verdict for a person.
+    candidates : tuple of Candidate
+        Best first.
+    set : tuple of str
+        Effects that this data cannot tell from the best one, that one included.
+    pair : tuple of str
+        Two that show only together.
+    untestable, findings : tuple of str
+        What this data cannot show, and what it can.
+    passed_over : mapping of str to str
+        Effects that are significant and were not taken for what is missing, and why.
+    error : str
+        Why there is no diagnosis; empty when there is one.
+    """
+
+    verdict: str = ""
+    line: str = ""
+    candidates: tuple[Candidate, ...] = ()
+    set: tuple[str, ...] = ()
+    pair: tuple[str, ...] = ()
+    untestable: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    unknown: UnknownStructure | None = None
+    error: str = ""
+    passed_over: Mapping[str, str] = field(default_factory=dict)
 
 
-def _counts_trouble(name: str, value: str) -> bool:
-    return (name in TROUBLE or name.startswith("lost/")) and value not in ("", "0")
+@dataclass(frozen=True)
+class TrustedEstimate:
+    """One estimate of a live graph, with its 95 % interval, whether it may be trusted, and why."""
+
+    name: str
+    text: str
+    trusted: bool
+    why: str
 
 
-def p_words(value: float | None) -> str:
-    """Say a family-wise p-value; empty where there is none."""
-    return "" if value is None or not math.isfinite(value) else p_text(value)
+@dataclass(frozen=True)
+class Evidence:
+    """How the evidence for missing effects has grown on a live graph.
+
+    Attributes
+    ----------
+    line : str
+        The newest look for a person.
+    effects : tuple of str
+        Of the model that they were weighed against.
+    seconds : tuple of float
+        New samples that had been scored at each look [s].
+    lines : mapping of str to tuple of float
+        Log-evidence at each look by effect; NaN before an effect was weighed.
+    threshold : float
+        Log-evidence that decides.
+    ended : str
+        Why the experiment has been ended; empty where it has not.
+    """
+
+    line: str = ""
+    effects: tuple[str, ...] = ()
+    seconds: tuple[float, ...] = ()
+    lines: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    threshold: float = float("inf")
+    decided: Mapping[str, Decided] = field(default_factory=dict)
+    estimates: tuple[TrustedEstimate, ...] = ()
+    ended: str = ""
 
 
-def parameter_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Say every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"; one that is held is said to be."""
-    said = []
-    for name, entry in parameters.items():
-        value, unit = entry.get("value"), entry.get("unit") or ""
-        if value is not None:
-            text = f"{name.replace('_', ' ')} {with_interval(value, entry.get('stderr'))} {unit.strip('-')}".rstrip()
-            said.append(f"{text} (held)" if entry.get("held") else text)
-    return said
+@dataclass(frozen=True)
+class Activity:
+    """What is being worked out; `share` is None while nobody knows how far it is."""
+
+    text: str
+    share: float | None = None
 
 
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
+@dataclass(frozen=True)
+class Note:
+    """An answer to the reader, with the level of a `Health`."""
+
+    text: str
+    level: int = OK
 
 
-def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: _finite(value) for name, value in values.items()}
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything that the page shows beside the streams.
+
+    Attributes
+    ----------
+    version : int
+        Grows with every change.
+    live : bool
+        A graph that runs, not recordings.
+    effects : tuple of str
+        Of the present model.
+    looks : int
+        Diagnoses that have come in so far.
+    suggested : dict or None
+        The next experiment as `idloop suggest` writes it.
+    suggestion : Suggestion or None
+        The same with its rivals, for the figures; a live graph sends none.
+    note : Note or None
+        Answer to the last order.
+    limits : tuple of (str, str)
+        What an experiment may do: name, value with unit.
+    automatic : tuple of str, or None
+        Those of `AUTOMATIC` that are switched on; None where there is nothing to switch.
+    stop : str
+        `FREE`; `SENT`: the stop is set or asked for, and not seen to work; `STOPPED`: the last node before the motor
+        has confirmed it, and neutral commands have been seen since; `RELEASING`: the reset is asked for.
+    moves : bool
+        There is a motor that a button could move.
+    assessment : Assessment or None
+        Where the model fails.
+    pictures : dict of str to Characteristic
+        Of effects that may be missing, by ``effect@site``.
+    recordings : tuple of str
+        That may be shown, and `shown`, which of them is.
+    """
+
+    version: int = 0
+    live: bool = False
+    title: str = ""
+    effects: tuple[str, ...] = ()
+    fit: Fit | None = None
+    missing: Missing | None = None
+    evidence: Evidence | None = None
+    looks: int = 0
+    ladder: Ladder | None = None
+    suggested: Mapping[str, Any] | None = None
+    suggestion: Suggestion | None = None
+    activity: Activity | None = None
+    note: Note | None = None
+    health: tuple[Health, ...] = ()
+    limits: tuple[tuple[str, str], ...] = ()
+    automatic: tuple[str, ...] | None = None
+    stop: str = FREE
+    moves: bool = False
+    assessment: Assessment | None = None
+    pictures: Mapping[str, Characteristic] = field(default_factory=dict)
+    recordings: tuple[str, ...] = ()
+    shown: int = 0
 
 
-def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
-    fit = snapshot.fit
-    if fit is None:
-        return None
-    return {
-        "unseen": _numbers(fit.unseen),
-        "seen": _numbers(fit.seen),
-        "seconds": fit.seconds,
-        "error": fit.error,
-        "effects": [words(name) for name in fit.effects],
-    }
+class State:
+    """The newest snapshot; any thread may change and read it."""
+
+    def __init__(self, first: Snapshot) -> None:
+        self._lock = threading.Lock()
+        self._snapshot = first
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The newest one."""
+        return self._snapshot
+
+    def change(self, **values: Any) -> None:
+        """Put new values in; the version grows where something has really changed."""
+        with self._lock:
+            before = self._snapshot
+            same = (getattr(before, name) is value or getattr(before, name) == value for name, value in values.items())
+            if not all(same):
+                self._snapshot = replace(before, version=before.version + 1, **values)
 
 
-def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
-    lacking = [words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
-    level = LEVEL if ladder is None else ladder.level
-    twins = () if ladder is None else find_twins(ladder.model, found.set)
-    return {
-        "verdict": found.verdict,
-        "conclusion": "" if ladder is None or ladder.verdict != found.verdict else _contradicted(ladder),
-        "explains": f"of {explained_of('' if ladder is None else ladder.criterion)}",
-        "basis": _capital(f"{basis(lacking)}this data cannot show"),
-        "line": found.line,
-        "error": found.error,
-        "tied": [words(name) for name in found.set],
-        "pair": [words(name) for name in found.pair],
-        # What is one equation no experiment tells apart, a check by hand does.
-        "separable": len(one_of_each(found.set, twins)) > 1,
-        "twins": [
-            {"text": f"{_capital(in_words(one.text))}.", "checks": [f"{_capital(check)}." for check in one.checks]}
-            for one in twins
-        ],
-        "candidates": [
-            _candidate(one, place, found, pictures.get(one.name), level) for place, one in enumerate(found.candidates)
-        ],
-        "untestable": [
-            {"name": words(name), "why": next((c.why for c in found.candidates if c.name == name), "")}
-            for name in found.untestable
-        ],
-        "findings": list(found.findings),
-        "unknown": "" if found.unknown is None else f"{_capital(found.unknown.text)}.",
-    }
+class Source(Protocol):
+    """What a page is made for: a live graph or recordings."""
 
+    state: State
+    signals: Signals
 
-def _evidence(found: Evidence) -> dict[str, Any]:
-    newest = {name: values[-1] for name, values in found.lines.items() if values}
-    decided = {name: f"{one.seconds:.4g} s, {one.samples} samples" for name, one in found.decided.items()}
-    effects = [
-        {"words": words(name), "log_e": f"{newest[name]:.1f}".replace("-", "−"), "decided": decided.get(name, "")}
-        for name in sorted(newest, key=lambda name: -newest[name])
-    ]
-    return {
-        "line": _capital(in_words(found.line)),
-        "threshold": f"{found.threshold:.1f}" if math.isfinite(found.threshold) else "",
-        "effects": effects,
-        "ended": in_words(found.ended),
-        "estimates": [
-            {"name": one.name, "text": one.text, "trusted": one.trusted, "why": _capital(in_words(one.why))}
-            for one in found.estimates
-        ],
-    }
+    def order(self, verb: str, what: str = "") -> str:
+        """Start one of `ORDERS`; what comes of it appears in the state.
 
+        Parameters
+        ----------
+        what : str
+            ``effect@site`` for ``add``, the number of a recording for ``show``, one of `AUTOMATIC` with `` on`` or
+            `` off`` for ``automatic``.
 
-def _contradicted(ladder: Ladder) -> str:
-    """The conclusion where the plain words of the verdict would say too much; empty otherwise."""
-    only = only_words(ladder)
-    told = ladder.verdict != "missing" and (stand_ins(ladder) or only)
-    return _capital(f"{conclusion(ladder, (), only)}.") if told else ""
+        Returns
+        -------
+        str
+            What was started, for the reader.
 
+        Raises
+        ------
+        InputError
+            It cannot be given now, and why.
+        """
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def _sentence(text: str) -> str:
-    return f"{_capital(text)}." if text else ""
-
-
-def _candidate(
-    one: Candidate, place: int, found: Missing, picture: Characteristic | None, level: float
-) -> dict[str, Any]:
-    significant = one.name in found.set or one.name in found.pair
-    return {
-        "name": one.name,
-        "words": words(one.name),
-        "significant": significant,
-        "best": significant and place == 0,
-        "fitted": bool(one.parameters) or math.isfinite(one.gain),
-        "p": p_words(one.p_value),
-        "explains": one.explains,
-        "share": percent(one.explains),
-        "testable": one.testable,
-        "why": one.why,
-        "text": one.text,
-        "replaces": words(one.replaces) if one.replaces else "",
-        "below_level": one.p_value < level,
-        "passed_over": in_words(found.passed_over.get(one.name, "")),
-        "parameters": parameter_words(one.parameters),
-        "picture": None if picture is None else _picture(picture),
-    }
-
-
-def _picture(one: Characteristic) -> dict[str, Any]:
-    """What is left of the data along a variable, and the fitted effect; a few points for a small picture."""
-    return {
-        "x": drawing.label(one.variable, one.unit),
-        "y": drawing.label(one.quantity, one.quantity_unit),
-        "curve": _points(one.curve_x, one.curve_y),
-        "data": _points(one.centre, one.mean),
-    }
-
-
-def _points(x: Any, y: Any) -> list[list[float]]:
-    return [[float(f"{a:.5g}"), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
-
-
-def _ladder(ladder: Ladder) -> dict[str, Any]:
-    return {
-        "steps": [_step(number, step, ladder) for number, step in enumerate(ladder.steps)],
-        "verdict": ladder.verdict,
-        "unseen": any(step.validation for step in ladder.steps),
-        "beware": [_capital(f"beware: {one.text}.") for one in ladder.worsened],
-    }
-
-
-def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
-    judged = step.validation or step.train
-    added = step.added
-    return {
-        "number": number,
-        "words": "start" if added is None else f"+ {words(added.name)}",
-        "by": "" if added is None else step.chosen_by,
-        "p": p_words(step.p_value),
-        "ties": [words(name) for name in ladder.rivals(step)],
-        "fit": _numbers(judged.get("fit", {})),
-        "force": None if judged.get("force") is None else 100.0 * judged["force"],
-        "parameters": [] if added is None else parameter_words(added.parameters),
-    }
-
-
-def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
-    signal, adds_to = found.get("signal"), found.get("adds_to")
-    return {
-        "signal": _capital(describe_signal(signal, str(adds_to), str(found.get("unit", ""))))
-        if signal and adds_to
-        else "",
-        "text": _capital(in_words(str(found.get("text", "")))),
-        "duration": _finite(found.get("duration")),
-        "outcomes": [_capital(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],
-    }
-
-
-def _assessment(found: Assessment) -> dict[str, Any]:
-    first = shown_first(found.where.maps)
-    return {
-        "record": found.record,
-        "effects": [words(name) for name in found.effects],
-        "fit": _numbers(found.fit),
-        "force": next((_finite(100.0 * m.relative) for m in found.where.maps if m.basis == "force"), None),
-        "maps": [_map(one) for one in found.where.maps],
-        "telling": None if first is None else dict(zip(("error", "variable"), first, strict=True)),
-    }
-
-
-def _map(one: ErrorMap) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "unit": one.unit,
-        "kind": one.kind,
-        "why": one.why,
-        "rms": f"{short(one.rms)} {one.unit}",
-        "relative": percent(one.relative) if math.isfinite(one.relative) else "",
-        "variables": [b.variable for b in one.breakdowns],
-        "left_out": dict(one.left_out),
-        "stands_out": {b.variable: _sentence(text) for b in one.breakdowns if (text := finding(b))},
-        "everywhere": _everywhere(one),
-        "stretches": [
-            {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
-            for s in one.stretches[:MOST_STRETCHES]
-        ],
-    }
-
-
-def _everywhere(one: ErrorMap) -> str:
-    """Say that most of an error is one constant; empty where it is not."""
-    constant = math.isfinite(one.mean) and abs(one.mean) > ONE_SIGN * one.rms
-    return f"Most of it is the same everywhere: {short(one.mean)} {one.unit} on average." if constant else ""
+    def stop(self) -> str:
+        """Stop the motor at once, whatever else goes on; return what was done."""

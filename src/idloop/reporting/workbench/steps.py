@@ -27,10 +27,8 @@ class Study:
         What is fitted, and what the fits do not see.
     level : float
         Family-wise error rate.
-    criterion : str
     effects : tuple of str
         That are looked for; all when empty.
-    seed : int
     limits : Limits or None
         Of a suggested experiment.
     duration : float or None

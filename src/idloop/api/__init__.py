@@ -1,0 +1,1 @@
+"""The public functions and results: what `import idloop` offers; command line, nodes and workbench call these."""

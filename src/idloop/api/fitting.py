@@ -1,0 +1,142 @@
+"""The fit of a model's free parameters, judged on fitted and unseen records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from idloop.api.result import Progress, Result, as_records, ignore_progress, part
+from idloop.reporting.terms import FITTED, UNSEEN
+from idloop.reporting.text.blocks import Block
+from idloop.reporting.text.comparison import hint, hopeless, measures_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from idloop.estimation import FitResult
+    from idloop.physics import Model
+    from idloop.records import Record
+    from idloop.validation import Comparison as RecordComparison
+
+
+@dataclass(frozen=True)
+class Fit(Result):
+    """A fitted model, its uncertainty, and how well it does.
+
+    Attributes
+    ----------
+    result : idloop.estimation.FitResult
+        Values, standard errors, covariance, criterion, warnings.
+    train, validation : tuple of idloop.validation.Comparison
+        The fitted model beside each record that the fit has seen, and that it has not seen.
+    unrelated : str
+        That the motion does not follow the command; empty where it does.
+    """
+
+    result: FitResult
+    train: tuple[RecordComparison, ...]
+    validation: tuple[RecordComparison, ...] = ()
+    unrelated: str = ""
+
+    @property
+    def model(self) -> Model:
+        """The model with fitted values and standard errors."""
+        return self.result.model
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by parameter, each in the parameter's unit."""
+        return dict(zip(self.result.names, map(float, self.result.values), strict=True))
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % confidence interval by parameter."""
+        return {name: self.result.interval(name) for name in self.result.names}
+
+    @property
+    def rows(self) -> list[tuple[str, RecordComparison]]:
+        """Every comparison with the use of its record: "fitted" or "unseen"."""
+        return [(FITTED, one) for one in self.train] + [(UNSEEN, one) for one in self.validation]
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield parameters with intervals, measures of every record, and what to do next."""
+        yield self.result.summary()
+        yield ""
+        yield from measures_of(self.rows)
+        if not self.unrelated:
+            yield from hint(self.rows)
+
+    def plot(self) -> Figure:
+        """Draw measurement and free run of every record, with what is left over."""
+        from idloop.reporting.plots.comparison import make_panel, plot_panels
+
+        panels = [make_panel(f"{label}: {one.record.name}", [(self.model.name, one)]) for label, one in self.rows]
+        return plot_panels(panels, self.train[0].record)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of schema ``idloop/fit/1``."""
+        return {
+            "schema": "idloop/fit/1",
+            **self.result.to_dict(),
+            "train": [one.to_dict() for one in self.train],
+            "validation": [one.to_dict() for one in self.validation],
+        }
+
+
+def fit(
+    model: Model,
+    records: Record | Iterable[Record],
+    validate: Record | Iterable[Record] = (),
+    *,
+    criterion: str = "auto",
+    progress: Progress = ignore_progress,
+) -> Fit:
+    """Estimate the free parameters of a model from all records together.
+
+    Parameters
+    ----------
+    model : Model
+        A parameter is free where the model file writes it as a mapping.
+    records, validate : Record or iterable of Record
+        What is fitted, and what the fit does not see.
+    criterion : {"auto", "prediction", "simulation", "force"}
+        What is made small: one-step errors, free-run errors or the unexplained drive force.
+    progress : callable, optional
+        Called with the share done in [0, 1] and a short text.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        Records that do not suit the model, nothing free, or an unknown criterion.
+
+    Examples
+    --------
+    >>> import idloop
+    >>> model = idloop.load_model("dc_motor")
+    >>> record = idloop.simulate(model, idloop.excitation("prbs", sample_time=0.01, duration=20.0))
+    >>> fitted = idloop.fit(model, record)
+    >>> low, high = fitted.intervals["drive.gain"]
+    >>> low < fitted.values["drive.gain"] < high
+    True
+    """
+    from idloop.estimation import fit as fit_model
+    from idloop.validation import compare
+
+    train, validation = as_records(records), as_records(validate)
+    result = fit_model(model, train, criterion=criterion, progress=part(progress, 0.0, 0.9))
+    progress(0.9, "comparing")
+    seen, unseen = ([compare(result.model, record) for record in part_] for part_ in (train, validation))
+    unrelated = ""
+    if hopeless(seen):
+        from idloop.diagnosis.screening.command_response import response_of
+
+        progress(0.95, "testing whether the motion follows the command")
+        unrelated = response_of(model, train).text
+        if unrelated:
+            result = replace(result, warnings=(*result.warnings, unrelated))
+    return Fit(result, tuple(seen), tuple(unseen), unrelated)

@@ -1,1 +1,0 @@
-"""Elements whose describing function is known in closed form, one per file."""

@@ -1,0 +1,159 @@
+"""What is to be done next: the experiment that settles what is open, a check by hand, or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from idloop.diagnosis.equivalence.equivalent_effects import Twins, ladder_twins, one_of_each, rival_twins
+from idloop.reporting.detectability import undetectable
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Diagnosis, Ladder, Step
+    from idloop.diagnosis.design.suggest import Limits, Suggestion
+    from idloop.physics import Model
+    from idloop.records import Record
+
+# Expected lead in log-likelihood below which an experiment says nothing at all.
+_NOTHING = 1.0
+
+
+@dataclass(frozen=True)
+class Next:
+    """What is to be done next.
+
+    Attributes
+    ----------
+    suggestion : Suggestion or None
+        An experiment that is worth running.
+    twins : tuple of Twins
+        What no experiment settles.
+    undetectable : mapping of str to str
+        Effects that the data cannot show, and why; those that the experiment would show included.
+    reason : str
+        Why there is no experiment, in words; empty where there is one.
+    futile : bool
+        The best experiment is expected to say nothing.
+    lead : str
+        What was found before; empty where that is known.
+    """
+
+    suggestion: Suggestion | None = None
+    twins: tuple[Twins, ...] = ()
+    undetectable: Mapping[str, str] = field(default_factory=dict)
+    reason: str = ""
+    futile: bool = False
+    lead: str = ""
+
+    @property
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        told = [*([self.lead] if self.lead else []), *(line for group in self.twins for line in group.lines)]
+        if self.suggestion is not None:
+            return [*told, self.suggestion.summary()]
+        return [*told, *([self.reason] if self.reason else [])]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What goes beside the experiment in JSON."""
+        return {
+            "one_equation": [group.to_dict() for group in self.twins],
+            "untestable": dict(self.unshown),
+            "reason": self.reason,
+        }
+
+
+def next_of_ladder(ladder: Ladder, records: Sequence[Record], limits: Limits, options: Mapping[str, Any]) -> Next:
+    """What settles what a ladder has left open.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    records : sequence of Record
+    limits : Limits
+    options : mapping
+        Further arguments of `idloop.diagnosis.design.next_experiment.suggest_next`.
+
+    Returns
+    -------
+    Next
+    """
+    from idloop.diagnosis.design.next_experiment import suggest_next
+
+    twins = ladder_twins(ladder)
+    steps = [replace(step, set=one_of_each(_first(ladder, step), twins)) for step in ladder.steps]
+    open_ = undetectable(ladder)
+    asked = replace(ladder, steps=tuple(steps), untestable=tuple(open_))
+    return _judged(suggest_next(asked, records, limits, **options), twins, open_, ladder.verdict)
+
+
+def next_of_diagnosis(found: Diagnosis, records: Sequence[Record], limits: Limits, options: Mapping[str, Any]) -> Next:
+    """What settles what a diagnosis has left open; arguments as those of `next_of_ladder`."""
+    from idloop.diagnosis.design.next_experiment import suggest_next
+
+    twins = found.twins
+    open_ = {name: found.gate.why.get(name, "") for name in found.untestable if name not in found.set}
+    asked = replace(found, set=one_of_each(found.set, twins))
+    best = found.best
+    if best is not None and best.model is not None and len(asked.set) == 1 and not _ties(asked):
+        # What else there is to ask is asked of the model that has what is missing.
+        left = {name: answer for name, answer in found.gate.testable.items() if name not in found.set}
+        asked = replace(asked, model=best.model, gate=replace(found.gate, testable=left))
+    answer = _judged(suggest_next(asked, records, limits, **options), twins, open_, found.verdict)
+    if best is None:
+        return answer
+    lacking = f"{best.name} is" if found.pair is None else f"{' and '.join(found.pair)} are"
+    return replace(answer, lead=f"{lacking} missing, which idloop refine adds; what else is open:")
+
+
+def next_of_models(
+    models: Sequence[Model],
+    records: Sequence[Record],
+    limits: Limits,
+    criterion: str,
+    options: Mapping[str, Any],
+    *,
+    fitted: bool,
+) -> Next:
+    """What separates rival models; those that are one equation count once where they are fitted."""
+    from idloop.diagnosis.design.suggest import suggest
+
+    kept, twins = rival_twins(models) if fitted else (tuple(range(len(models))), None)
+    groups = () if twins is None else (twins,)
+    if len(kept) < 2:
+        return Next(twins=groups)
+    found = suggest([models[i] for i in kept], records, limits, criterion=criterion, **options)
+    return _judged(found, groups, {}, "")
+
+
+def _first(ladder: Ladder, step: Step) -> tuple[str, ...]:
+    """The tied effects, that of the model before those that would do in its place."""
+    if step.added is None:
+        return step.set
+    return (step.added.name, *ladder.rivals(step))
+
+
+def _ties(found: Diagnosis) -> bool:
+    return any(len(rung.set) > 1 for rung in found.rungs)
+
+
+def _judged(found: Suggestion | None, twins: Sequence[Twins], open_: Mapping[str, str], verdict: str) -> Next:
+    """The answer; an experiment that is expected to say nothing is none."""
+    if found is not None and any(outcome.in_favour >= _NOTHING for outcome in found.outcomes):
+        return Next(found, tuple(twins), open_)
+    reason = found.text if found is not None else _reason(open_, verdict, tied=bool(twins))
+    return Next(None, tuple(twins), open_, reason, futile=found is not None)
+
+
+def _reason(open_: Mapping[str, str], verdict: str, *, tied: bool) -> str:
+    """Why there is nothing to run."""
+    ties = "no others tie" if tied else "no two effects tie"
+    if open_:
+        listing = "".join(f"\n  {name}{f': {why}' if why else ''}" for name, why in open_.items())
+        return (
+            f"{ties}, and within the limits of this data no experiment would show the effects below; some may show "
+            f"with more of --max-command, --position-range or --max-velocity:{listing}"
+        )
+    if verdict == "unknown_structure":
+        return f"{ties}; what is left is structured, and the data show every effect of the catalogue: none is it"
+    return f"nothing {'else ' if tied else ''}is open: {ties}, and the data would show every other one"

@@ -1,0 +1,132 @@
+"""Tests of the one-step prediction errors of a model, and what they say against a verdict of noise."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import IdloopError
+from idloop.reporting.terms import p_value_text
+from idloop.validation.measures import NEGLIGIBLE, nrmse
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Record
+    from idloop.validation import Comparison
+    from idloop.validation.residual import ResidualTest
+
+Array = NDArray[np.float64]
+
+# The residual tests look at 25 lags, which fewer samples do not carry.
+FEWEST_FOR_TESTS = 100
+
+
+@dataclass(frozen=True)
+class ResidualFinding:
+    """Residual test of one output on one record."""
+
+    record: str
+    test: ResidualTest
+
+    @property
+    def drive(self) -> str:
+        """What the errors were tested against, as one says it of a machine."""
+        return "command" if self.test.against == "input" else self.test.against
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {"record": self.record, **self.test.to_dict()}
+
+
+def residual_findings(comparisons: Iterable[Comparison]) -> list[ResidualFinding]:
+    """Tests of the one-step errors of every output.
+
+    Parameters
+    ----------
+    comparisons : iterable of Comparison
+        One model on one or several records.
+
+    Returns
+    -------
+    list of ResidualFinding
+        Records that are too short for the tests are left out, and outputs of which the free run misses a negligible
+        part: what is left of exact data is the simulator's doing.
+    """
+    return [
+        ResidualFinding(one.record.name, test)
+        for one in comparisons
+        if len(one.time) >= FEWEST_FOR_TESTS
+        for test, missed in zip(one.residual_tests(), _missed(one), strict=False)
+        if not missed < NEGLIGIBLE
+    ]
+
+
+def _missed(one: Comparison) -> Array:
+    """Error of the free run as a part of each output's standard deviation."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(nrmse(one.measured, one.simulated))
+
+
+def findings_on_records(model: Model, records: Sequence[Record]) -> list[ResidualFinding]:
+    """As `residual_findings`, of a model on records."""
+    from idloop.validation import compare
+
+    found = []
+    for record in records:
+        # What cannot be compared cannot be tested; the verdict stands by itself then.
+        with contextlib.suppress(IdloopError):
+            if len(record.time) >= FEWEST_FOR_TESTS:
+                found += residual_findings([compare(model, record)])
+    return found
+
+
+def residual_warnings(verdict: str, found: Sequence[ResidualFinding]) -> list[str]:
+    """What the tests say against a verdict that reads as if noise were left.
+
+    Parameters
+    ----------
+    found : sequence of ResidualFinding
+        On the fitted data.
+
+    Returns
+    -------
+    list of str
+        What more is left, and of which outputs; empty where the verdict says so already.
+    """
+    from idloop.diagnosis.search.step import SAY_NOISE  # not before: a comparison needs no diagnosis
+
+    if verdict not in SAY_NOISE:
+        return []
+    follows = [one for one in found if not one.test.input_free]
+    coloured = [one for one in found if not one.test.white and one.test.name not in {o.test.name for o in follows}]
+    structure = "a structure that no effect that was looked for explains significantly"
+    lines = []
+    if follows:
+        p = min(one.test.cross_p for one in follows)
+        what = f"still {'follow' if _several(follows) else 'follows'} the {follows[0].drive} (p {p_value_text(p)})"
+        lines.append(f"but {_errors(follows, found)} {what}: {structure} is left")
+    if coloured:
+        p = min(one.test.ljung_box_p for one in coloured)
+        what = f"{'are' if _several(coloured) else 'is'} not white (Ljung-Box p {p_value_text(p)})"
+        lines.append(f"but {_errors(coloured, found)} {what}: noise or a disturbance with a memory, or {structure}")
+    return lines
+
+
+def _several(part: Sequence[ResidualFinding]) -> bool:
+    return len({one.test.name for one in part}) > 1
+
+
+def _errors(part: Sequence[ResidualFinding], whole: Sequence[ResidualFinding]) -> str:
+    """Whose errors, and in how many of the records."""
+    from idloop.spelling import joined_names
+
+    names = list(dict.fromkeys(one.test.name for one in part))
+    records, all_ = len({one.record for one in part}), len({one.record for one in whole})
+    where = f" in {records} of {all_} records" if all_ > 1 else ""
+    where += " on the fitted data" if all_ < 2 else " of the fitted data"
+    return f"the one-step error{'s' if len(names) > 1 else ''} of {joined_names(names)}{where}"

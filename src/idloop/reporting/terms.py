@@ -1,0 +1,49 @@
+"""Words that a reader meets everywhere: names of effects, what data served for, p-values, sentences."""
+
+from __future__ import annotations
+
+import math
+import re
+
+# What data served for; the keys are those that the errors of a ladder's steps and the JSON documents have.
+FITTED, UNSEEN = "fitted", "unseen"
+DATA_USE = {"train": FITTED, "validation": UNSEEN}
+
+# Effects that bear the name of someone.
+_PEOPLE = ("coulomb", "stribeck")
+# A bootstrap knows no smaller p-value than its own share.
+_LEAST_P = 1e-3
+
+
+def effect_words(effect: str) -> str:
+    """Write ``coulomb_friction@axis`` as "Coulomb friction @ axis"."""
+    name, at, site = effect.partition("@")
+    name = " ".join(part.capitalize() if part in _PEOPLE else part for part in name.split("_"))
+    return f"{name} @ {site}" if at else name
+
+
+def in_words(text: str) -> str:
+    """Write every ``effect@site`` of a sentence in words."""
+    return re.sub(r"\b[a-z]\w*(?:#\d+)?@[\w\[\]]+", lambda found: effect_words(found[0]), text)
+
+
+def p_value_text(p_value: float) -> str:
+    """Write a p-value: "0.012", "< 0.001"."""
+    return f"{p_value:.2g}" if p_value >= _LEAST_P else f"< {_LEAST_P:g}"
+
+
+def p_text(p_value: float | None) -> str:
+    """Write "p = 0.012" or "p < 0.001"; empty where there is none."""
+    if p_value is None or not math.isfinite(p_value):
+        return ""
+    return f"p {p_value_text(p_value)}" if p_value < _LEAST_P else f"p = {p_value_text(p_value)}"
+
+
+def capitalised(text: str) -> str:
+    """A text with a capital at its beginning."""
+    return text[:1].upper() + text[1:]
+
+
+def sentence(text: str) -> str:
+    """A text with a capital and a full stop; empty where it is."""
+    return f"{capitalised(text)}." if text else ""

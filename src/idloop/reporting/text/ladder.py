@@ -1,0 +1,104 @@
+"""A ladder in words: one line a step, the verdict, what would be next, the parameters of the last model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from idloop.diagnosis.equivalence.equivalent_effects import ladder_twins
+from idloop.estimation.statistics.interval_text import interval_text
+from idloop.reporting.detectability import significant_not_added, undetectable
+from idloop.reporting.estimates import fit_text, held_parameters, parameter_estimates, read_off_parameters
+from idloop.reporting.residual_findings import residual_warnings
+from idloop.reporting.terms import DATA_USE
+from idloop.reporting.text.blocks import Block, Table, number
+from idloop.reporting.text.parameters import p_text, parameters_text
+from idloop.reporting.verdicts import basis, conclusion, scope_text
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Ladder
+    from idloop.reporting.residual_findings import ResidualFinding
+
+
+def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Iterator[Block]:
+    """Yield the table of steps, the verdict with its physics and caveats, and what would be next.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    left : sequence of ResidualFinding
+        Residual tests of the last model on the fitted data.
+    """
+    yield from ladder.findings
+    kind = "validation" if any(step.validation for step in ladder.steps) else "train"
+    names = list(ladder.steps[0].model.output_names)
+    forces = any(getattr(step, kind).get("force") is not None for step in ladder.steps)
+    rows = []
+    for step in ladder.steps:
+        measures: Mapping[str, Any] = getattr(step, kind)
+        added = step.added
+        force = measures.get("force")
+        rows.append(
+            (
+                "start" if added is None else f"+ {added.name}",
+                "-" if added is None else "own choice" if step.chosen_by == "user" else p_text(step.p_value),
+                *(fit_text(measures.get("fit", {}).get(name)) for name in names),
+                *(["-" if force is None else number(100.0 * force, 3)] if forces else []),
+                "" if added is None else parameters_text(added.parameters),
+            )
+        )
+    measured = [*(f"FIT % {name}" for name in names), *(["force error %"] if forces else [])]
+    yield Table.of(("step", "p", *measured, "parameters at that step (95 %)"), rows)
+    yield f"(errors of the {DATA_USE[kind]} data)"
+    for step in ladder.steps:
+        others = ladder.rivals(step)
+        if step.added is not None:
+            yield f"{step.added.name}: {step.added.text}"
+            if replaced := ladder.replaced(step):
+                yield f"  {replaced}"
+        if others:
+            yield f"  this data cannot tell it from {', '.join(others)}"
+    for group in ladder_twins(ladder):
+        yield from group.lines
+    yield f"verdict: {conclusion(ladder, left, scope_text(ladder))}"
+    for one in ladder.worsened:
+        yield f"beware: {one.text}"
+    if ladder.unknown is not None:
+        yield ladder.unknown.text
+    yield from residual_warnings(ladder.verdict, left)
+    over = ", ".join(f"{one.name} (p {p_text(one.p_value)})" for one in significant_not_added(ladder))
+    if over and ladder.verdict == "missing":
+        yield f"significant as well: {over}"
+    for name, why in ladder.passed_over.items():
+        yield f"significant on the fitted data, yet not added: {name}: {why}"
+    hidden = undetectable(ladder)
+    if hidden:
+        lacking = ["what is still missing"] if ladder.verdict == "missing" else []
+        yield f"{basis(lacking)}this data cannot show: {', '.join(hidden)}"
+    suggested = ladder.suggested_experiment
+    if suggested is not None:
+        yield f"next experiment: {suggested['text']}"
+        for outcome in suggested["outcomes"]:
+            yield f"  {outcome['text']}"
+
+
+def parameter_blocks(ladder: Ladder) -> Iterator[Block]:
+    """Yield the last model's parameters: those of a step are biased by what was still missing then."""
+    rows = [
+        (
+            name,
+            number(one["value"], 6),
+            "not determined" if None in one["interval"] else interval_text(*one["interval"]),
+            f"{one['unit']}{'  at its bound' if one['at_bound'] else ''}",
+        )
+        for name, one in parameter_estimates(ladder.model).items()
+    ]
+    if rows:
+        yield ""
+        yield "parameters of the last model, all refitted:"
+        yield Table.of(("parameter", "value", "95 % interval", "unit"), rows)
+    for name, one in read_off_parameters(ladder).items():
+        yield f"read off the readings: {name} {number(one.value, 6)} {one.unit}"
+    held = [f"{name} {number(one.value)} {one.unit}".rstrip(" -") for name, one in held_parameters(ladder).items()]
+    if held:
+        yield f"held, not estimated: {', '.join(held)}"

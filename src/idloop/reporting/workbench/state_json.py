@@ -1,0 +1,315 @@
+"""The page's words and numbers beside its figures, as plain JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from idloop import drawing
+from idloop.diagnosis.design.expected_outcome import describe_signal
+from idloop.diagnosis.equivalence.equivalent_effects import find_twins, one_of_each
+from idloop.reporting.breakdowns import finding, shown_first
+from idloop.reporting.estimates import with_interval
+from idloop.reporting.terms import FITTED, UNSEEN, effect_words, in_words, p_text
+from idloop.reporting.verdicts import basis, conclusion, confounding_effects, explained_of, scope_text
+from idloop.validation.words import percent, short
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Candidate, Ladder, Step
+    from idloop.diagnosis.evidence.characteristic import Characteristic
+    from idloop.reporting.workbench.assessment import Assessment
+    from idloop.reporting.workbench.signals import Signals
+    from idloop.reporting.workbench.state import Evidence, Missing, Snapshot
+    from idloop.validation.where import ErrorMap
+
+MOST_STRETCHES = 5
+TROUBLE = (
+    "missed_deadlines", "silences", "clock_jumps", "saturated", "dropped_by_queue", "unreadable", "restarts",
+    "skipped", "worker_failures",
+)  # fmt: skip
+LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
+ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
+
+
+def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
+    """Return everything that the page shows in words.
+
+    Parameters
+    ----------
+    signals : Signals
+        For names and units.
+
+    Returns
+    -------
+    dict
+        JSON without NaN.
+    """
+    return {
+        "live": snapshot.live,
+        "title": snapshot.title,
+        "moves": snapshot.moves,
+        "stop": snapshot.stop,
+        "automatic": None if snapshot.automatic is None else list(snapshot.automatic),
+        "effects": [effect_words(name) for name in snapshot.effects],
+        "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],
+        "input": {"name": signals.input_name, "unit": signals.input_unit},
+        "followed": signals.followed,
+        "fit": _fit(snapshot),
+        "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder),
+        "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence),
+        "looks": snapshot.looks,
+        "recordings": list(snapshot.recordings),
+        "judged_on": _judged_on(snapshot),
+        "shown": snapshot.shown,
+        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder),
+        "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
+        "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
+        "activity": None
+        if snapshot.activity is None
+        else {"text": snapshot.activity.text, "share": snapshot.activity.share},
+        "note": None if snapshot.note is None else {"text": snapshot.note.text, "level": snapshot.note.level},
+        "health": [
+            {
+                "name": one.name,
+                "level": one.level,
+                "message": one.message,
+                "trouble": trouble(one.values),
+                "values": dict(one.values),
+            }
+            for one in snapshot.health
+        ],
+        "assessment": None if snapshot.assessment is None else _assessment(snapshot.assessment),
+    }
+
+
+def _judged_on(snapshot: Snapshot) -> str:
+    """Whether the recording that is shown was fitted, as its name says; empty for a live graph."""
+    name = snapshot.recordings[snapshot.shown] if snapshot.shown < len(snapshot.recordings) else ""
+    return next((f"{use} data" for use in (UNSEEN, FITTED) if name.endswith(f"({use})")), "")
+
+
+def trouble(values: Mapping[str, str]) -> list[str]:
+    """Say which counters of a check are not at zero: missed deadlines, drops, losses, limits."""
+    return [f"{name.replace('_', ' ')} {value}" for name, value in values.items() if _counts_trouble(name, value)]
+
+
+def _counts_trouble(name: str, value: str) -> bool:
+    return (name in TROUBLE or name.startswith("lost/")) and value not in ("", "0")
+
+
+def p_words(value: float | None) -> str:
+    """Say a family-wise p-value; empty where there is none."""
+    return "" if value is None or not math.isfinite(value) else p_text(value)
+
+
+def parameter_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Say every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"; one that is held is said to be."""
+    said = []
+    for name, entry in parameters.items():
+        value, unit = entry.get("value"), entry.get("unit") or ""
+        if value is not None:
+            text = f"{name.replace('_', ' ')} {with_interval(value, entry.get('stderr'))} {unit.strip('-')}".rstrip()
+            said.append(f"{text} (held)" if entry.get("held") else text)
+    return said
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: _finite(value) for name, value in values.items()}
+
+
+def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
+    fit = snapshot.fit
+    if fit is None:
+        return None
+    return {
+        "unseen": _numbers(fit.unseen),
+        "seen": _numbers(fit.seen),
+        "seconds": fit.seconds,
+        "error": fit.error,
+        "effects": [effect_words(name) for name in fit.effects],
+    }
+
+
+def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
+    lacking = [effect_words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
+    level = LEVEL if ladder is None else ladder.level
+    twins = () if ladder is None else find_twins(ladder.model, found.set)
+    return {
+        "verdict": found.verdict,
+        "conclusion": "" if ladder is None or ladder.verdict != found.verdict else _contradicted(ladder),
+        "explains": f"of {explained_of('' if ladder is None else ladder.criterion)}",
+        "basis": _capital(f"{basis(lacking)}this data cannot show"),
+        "line": found.line,
+        "error": found.error,
+        "tied": [effect_words(name) for name in found.set],
+        "pair": [effect_words(name) for name in found.pair],
+        # What is one equation no experiment tells apart, a check by hand does.
+        "separable": len(one_of_each(found.set, twins)) > 1,
+        "twins": [
+            {"text": f"{_capital(in_words(one.text))}.", "checks": [f"{_capital(check)}." for check in one.checks]}
+            for one in twins
+        ],
+        "candidates": [
+            _candidate(one, place, found, pictures.get(one.name), level) for place, one in enumerate(found.candidates)
+        ],
+        "untestable": [
+            {"name": effect_words(name), "why": next((c.why for c in found.candidates if c.name == name), "")}
+            for name in found.untestable
+        ],
+        "findings": list(found.findings),
+        "unknown": "" if found.unknown is None else f"{_capital(found.unknown.text)}.",
+    }
+
+
+def _evidence(found: Evidence) -> dict[str, Any]:
+    newest = {name: values[-1] for name, values in found.lines.items() if values}
+    decided = {name: f"{one.seconds:.4g} s, {one.samples} samples" for name, one in found.decided.items()}
+    effects = [
+        {
+            "words": effect_words(name),
+            "log_e": f"{newest[name]:.1f}".replace("-", "−"),
+            "decided": decided.get(name, ""),
+        }
+        for name in sorted(newest, key=lambda name: -newest[name])
+    ]
+    return {
+        "line": _capital(in_words(found.line)),
+        "threshold": f"{found.threshold:.1f}" if math.isfinite(found.threshold) else "",
+        "effects": effects,
+        "ended": in_words(found.ended),
+        "estimates": [
+            {"name": one.name, "text": one.text, "trusted": one.trusted, "why": _capital(in_words(one.why))}
+            for one in found.estimates
+        ],
+    }
+
+
+def _contradicted(ladder: Ladder) -> str:
+    """The conclusion where the plain words of the verdict would say too much; empty otherwise."""
+    only = scope_text(ladder)
+    told = ladder.verdict != "missing" and (confounding_effects(ladder) or only)
+    return _capital(f"{conclusion(ladder, (), only)}.") if told else ""
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _sentence(text: str) -> str:
+    return f"{_capital(text)}." if text else ""
+
+
+def _candidate(
+    one: Candidate, place: int, found: Missing, picture: Characteristic | None, level: float
+) -> dict[str, Any]:
+    significant = one.name in found.set or one.name in found.pair
+    return {
+        "name": one.name,
+        "words": effect_words(one.name),
+        "significant": significant,
+        "best": significant and place == 0,
+        "fitted": bool(one.parameters) or math.isfinite(one.gain),
+        "p": p_words(one.p_value),
+        "explains": one.explains,
+        "share": percent(one.explains),
+        "testable": one.testable,
+        "why": one.why,
+        "text": one.text,
+        "replaces": effect_words(one.replaces) if one.replaces else "",
+        "below_level": one.p_value < level,
+        "passed_over": in_words(found.passed_over.get(one.name, "")),
+        "parameters": parameter_words(one.parameters),
+        "picture": None if picture is None else _picture(picture),
+    }
+
+
+def _picture(one: Characteristic) -> dict[str, Any]:
+    """What is left of the data along a variable, and the fitted effect; a few points for a small picture."""
+    return {
+        "x": drawing.label(one.variable, one.unit),
+        "y": drawing.label(one.quantity, one.quantity_unit),
+        "curve": _points(one.curve_x, one.curve_y),
+        "data": _points(one.centre, one.mean),
+    }
+
+
+def _points(x: Any, y: Any) -> list[list[float]]:
+    return [[float(f"{a:.5g}"), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
+
+
+def _ladder(ladder: Ladder) -> dict[str, Any]:
+    return {
+        "steps": [_step(number, step, ladder) for number, step in enumerate(ladder.steps)],
+        "verdict": ladder.verdict,
+        "unseen": any(step.validation for step in ladder.steps),
+        "beware": [_capital(f"beware: {one.text}.") for one in ladder.worsened],
+    }
+
+
+def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
+    judged = step.validation or step.train
+    added = step.added
+    return {
+        "number": number,
+        "words": "start" if added is None else f"+ {effect_words(added.name)}",
+        "by": "" if added is None else step.chosen_by,
+        "p": p_words(step.p_value),
+        "ties": [effect_words(name) for name in ladder.rivals(step)],
+        "fit": _numbers(judged.get("fit", {})),
+        "force": None if judged.get("force") is None else 100.0 * judged["force"],
+        "parameters": [] if added is None else parameter_words(added.parameters),
+    }
+
+
+def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
+    signal, adds_to = found.get("signal"), found.get("adds_to")
+    return {
+        "signal": _capital(describe_signal(signal, str(adds_to), str(found.get("unit", ""))))
+        if signal and adds_to
+        else "",
+        "text": _capital(in_words(str(found.get("text", "")))),
+        "duration": _finite(found.get("duration")),
+        "outcomes": [_capital(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],
+    }
+
+
+def _assessment(found: Assessment) -> dict[str, Any]:
+    first = shown_first(found.where.maps)
+    return {
+        "record": found.record,
+        "effects": [effect_words(name) for name in found.effects],
+        "fit": _numbers(found.fit),
+        "force": next((_finite(100.0 * m.relative) for m in found.where.maps if m.basis == "force"), None),
+        "maps": [_map(one) for one in found.where.maps],
+        "telling": None if first is None else dict(zip(("error", "variable"), first, strict=True)),
+    }
+
+
+def _map(one: ErrorMap) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "unit": one.unit,
+        "kind": one.kind,
+        "why": one.why,
+        "rms": f"{short(one.rms)} {one.unit}",
+        "relative": percent(one.relative) if math.isfinite(one.relative) else "",
+        "variables": [b.variable for b in one.breakdowns],
+        "left_out": dict(one.left_out),
+        "stands_out": {b.variable: _sentence(text) for b in one.breakdowns if (text := finding(b))},
+        "everywhere": _everywhere(one),
+        "stretches": [
+            {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
+            for s in one.stretches[:MOST_STRETCHES]
+        ],
+    }
+
+
+def _everywhere(one: ErrorMap) -> str:
+    """Say that most of an error is one constant; empty where it is not."""
+    constant = math.isfinite(one.mean) and abs(one.mean) > ONE_SIGN * one.rms
+    return f"Most of it is the same everywhere: {short(one.mean)} {one.unit} on average." if constant else ""

@@ -1,0 +1,164 @@
+"""What the page says in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
+
+from idloop.diagnosis import Candidate, Ladder, Step
+from idloop.physics import load_model
+from idloop.reporting import breakdowns
+from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.workbench.signals import Signals
+from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, TrustedEstimate
+
+
+def error(mean=0.0, rms=1.0, **variables):
+    """An error of the force along variables: how much of it follows each, and whether it stands out."""
+    along = {
+        name: SimpleNamespace(variable=name, follows=follows, stands_out=loud, worst=SimpleNamespace(text="loud here"))
+        for name, (follows, loud) in variables.items()
+    }
+    return SimpleNamespace(
+        name="drive force", basis="force", unit="N", mean=mean, rms=rms, breakdowns=tuple(along.values()),
+        along=along.get,
+    )  # fmt: skip
+
+
+def first_shown(one):
+    found = breakdowns.shown_first((one,))
+    return dict(zip(("error", "variable"), found, strict=True))
+
+
+def test_what_stands_out_is_shown_before_what_only_varies():
+    one = error(velocity=(0.1, False), position=(0.2, False), command=(0.15, True), frequency=(0.9, True))
+    assert first_shown(one) == {"error": "drive force", "variable": "command"}
+
+
+def test_what_the_error_follows_most_is_shown_of_several():
+    one = error(velocity=(0.3, True), position=(0.6, True), command=(0.5, False))
+    assert first_shown(one) == {"error": "drive force", "variable": "position"}
+
+
+def test_the_variable_that_is_shown_first_has_something_to_say():
+    one = error(velocity=(0.1, False), position=(0.2, False), time=(0.4, False))
+    assert first_shown(one)["variable"] == "time"
+    assert breakdowns.finding(one.along("time")) == "a curve over time makes up 40 % of the error"
+    assert breakdowns.finding(one.along("velocity")) == ""
+    both = error(velocity=(0.5, True)).along("velocity")
+    assert breakdowns.finding(both) == "loud here; a curve over velocity makes up 50 % of the error"
+
+
+def test_velocity_is_shown_where_nothing_says_anything():
+    assert first_shown(error(velocity=(0.01, False), position=(0.02, False)))["variable"] == "velocity"
+    assert first_shown(error(command=(0.01, False), position=(0.02, False)))["variable"] == "position"
+
+
+def test_an_error_of_one_sign_is_said_to_be_the_same_everywhere():
+    assert state_json._everywhere(error(mean=-2.5, rms=2.6)) == "Most of it is the same everywhere: −2.5 N on average."
+    assert state_json._everywhere(error(mean=0.3, rms=2.6)) == ""
+
+
+def test_a_parameter_has_as_many_digits_as_its_interval_lets_stand():
+    found = state_json.parameter_words({
+        "width": {"value": 0.29812, "stderr": 0.00139, "unit": "V"},
+        "rest_position": {"value": -1.22e4, "stderr": None, "unit": "rad"},
+        "ratio": {"value": 2.0, "stderr": 0.1, "unit": "-"},
+        "resistance": {"value": 1.0, "stderr": None, "unit": "Ω", "held": True},
+    })  # fmt: skip
+    assert found == [
+        "width 0.2981 ± 0.0027 V",
+        "rest position −1.22 · 10⁴ rad",
+        "ratio 2.00 ± 0.20",
+        "resistance 1 Ω (held)",
+    ]
+
+
+def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_to_be_so():
+    model = load_model("axis")
+    cogging = Candidate("cogging", "axis", "yes", "", "", model=model.with_effects(["cogging@axis"]))
+    steps = tuple(
+        Step(added, one, set=(), train=errors, validation=errors)
+        for added, one, error in ((None, model, 0.1), (cogging, cogging.model, 0.6))
+        for errors in [{"nrmse": {"axis.position": error}}]
+    )
+    ladder = Ladder(steps, verdict="adequate", criterion="force")
+    (told,) = state_json._ladder(ladder)["beware"]
+    assert told.startswith("Beware: cogging@axis makes the free run of axis.position on data that no fit saw worse")
+    good = state_json._missing(Missing("adequate"), {}, ladder)
+    assert good["conclusion"].startswith("Something that no effect of the catalogue explains is missing")
+    assert "drive force" in good["explains"]
+    assert good["basis"] == "This data cannot show"
+    few = replace(ladder, steps=steps[:1], candidates=(replace(cogging, model=None),))
+    assert state_json._missing(Missing("adequate"), {}, few)["conclusion"] == (
+        "Nothing significant is left of what was looked for: only cogging was looked for, not the whole catalogue."
+    )
+    lacking = state_json._missing(Missing("missing", set=("dead_zone@input",)), {}, ladder)
+    assert lacking["conclusion"] == ""
+    assert lacking["basis"] == "As long as dead zone @ input is not in the model, this data cannot show"
+    assert state_json._missing(Missing("adequate"), {}, replace(ladder, steps=steps[:1]))["conclusion"] == ""
+
+
+def test_what_was_passed_over_has_its_reason_on_its_card():
+    lag = Candidate("actuator_lag", "input", "yes", "", "It comes late.", gain=9.0, p_value=1e-5)
+    found = Missing("adequate", candidates=(lag,), passed_over={lag.name: "it does harm on the unseen data"})
+    (card,) = state_json._missing(found, {}, None)["candidates"]
+    assert not card["significant"]
+    assert card["passed_over"] == "it does harm on the unseen data"
+
+
+@pytest.mark.parametrize(("shown", "said"), ((0, "unseen data"), (1, "fitted data"), (2, ""), (3, "")))
+def test_a_fit_says_which_data_it_is_of(shown, said):
+    snapshot = Snapshot(recordings=("b (unseen)", "a (fitted)", "c"), shown=shown)
+    assert state_json.page_state(snapshot, Signals(load_model("dc_motor"), capacity=10))["judged_on"] == said
+
+
+def test_a_tie_that_no_experiment_can_end_says_what_to_do_by_hand():
+    ladder = Ladder((Step(None, load_model("dc_motor")),), criterion="prediction")
+    twins = ("input_offset@input", "load_torque@motor")
+    told = state_json._missing(Missing("missing", set=twins), {}, ladder)
+    assert not told["separable"]
+    (one,) = told["twins"]
+    assert one["text"].startswith("No motion can tell input offset @ input and load torque @ motor apart")
+    assert "With the load off" in one["checks"][0]
+    third = state_json._missing(Missing("missing", set=(*twins, "dead_zone@input")), {}, ladder)
+    assert third["separable"]
+    assert len(third["twins"]) == 1
+    assert state_json._missing(Missing("missing", set=twins[:1]), {}, ladder)["twins"] == []
+    assert state_json._missing(Missing("missing", set=twins), {}, None)["separable"]
+
+
+def test_an_experiment_says_what_it_sends_in():
+    signal = {"name": "sine", "duration": 11.0, "amplitude": 0.4, "offset": 0.4, "sample_time": 0.01}
+    told = state_json._suggested({"signal": signal, "adds_to": "command", "text": "tells dead_zone@input apart"})
+    assert told["signal"] == "Sine on the command, 11 s, amplitude 0.4, offset 0.4"
+    assert told["text"] == "Tells dead zone @ input apart"
+    steps = {"name": "multilevel", "duration": 2.0, "amplitude": 4.0, "offset": 0.0, "hold_min": 0.1821, "levels": 0}
+    told = state_json._suggested({"signal": steps, "adds_to": "command", "unit": "V"})
+    assert told["signal"] == "Multilevel on the command, 2 s, amplitude 4 V, hold min 0.1821 s, levels 0"
+    assert state_json._suggested({"text": "it moves"})["signal"] == ""
+
+
+def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
+    found = state_json._evidence(
+        Evidence(
+            "decided: dead_zone@input", (), (5.0, 10.0),
+            {"cogging@motor": (float("nan"), -2.04), "dead_zone@input": (6.0, 18.37)}, 7.9,
+            {"dead_zone@input": Decided(10.0, 1000, 18.37)},
+            (TrustedEstimate("drive.gain", "8.0 N·m/V", False, "missing from the model: dead_zone@input"),),
+            "decided: dead_zone@input",
+        )
+    )  # fmt: skip
+    assert [(one["log_e"], one["decided"]) for one in found["effects"]] == [
+        ("18.4", "10 s, 1000 samples"),
+        ("−2.0", ""),
+    ]
+    assert found["threshold"] == "7.9"
+    assert "dead zone @ input" in found["ended"]
+    (estimate,) = found["estimates"]
+    assert not estimate["trusted"]
+    assert "dead zone @ input" in estimate["why"]
