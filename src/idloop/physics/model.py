@@ -471,6 +471,6 @@ class Model:
 
         return to_yaml(self)
 
-    def save(self, path: Path) -> None:
-        """Write the model file; the caller has made sure that nothing is lost."""
-        path.write_text(self.to_yaml(), encoding="utf-8")
+    def save(self, path: str | Path) -> None:
+        """Write the model file; a file that is there is replaced."""
+        Path(path).write_text(self.to_yaml(), encoding="utf-8")
