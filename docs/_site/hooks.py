@@ -1,4 +1,4 @@
-"""What MkDocs does beside its plugins: equations become MathML, notebooks become pages. Nothing is loaded by a script."""
+"""Build steps of the site: equations become MathML, and notebooks become pages of the tutorial."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ NOTEBOOKS = ROOT / "examples" / "notebooks"
 def notebook_page(source: Path) -> str:
     """Return a notebook in percent format as Markdown, with a line that says where the notebook is."""
     notebook = jupytext.read(source)
-    cells = [cell.source if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```" for cell in notebook.cells]
+    cells = [
+        cell.source if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```" for cell in notebook.cells
+    ]
     title, _, rest = cells[0].partition("\n")
     origin = f"*This page is the notebook `{source.relative_to(ROOT)}`: `jupyter lab` opens it with jupytext.*"
     return "\n\n".join([title, origin, rest.strip(), *cells[1:]]) + "\n"
@@ -36,6 +38,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Set equations as MathML, which every browser reads by itself."""
     markdown = re.sub(
-        r"^```math\n(.*?)\n```$", lambda m: f"\n{convert(m[1], display='block')}\n", markdown, flags=re.DOTALL | re.MULTILINE
+        r"^```math\n(.*?)\n```$",
+        lambda m: f"\n{convert(m[1], display='block')}\n",
+        markdown,
+        flags=re.DOTALL | re.MULTILINE,
     )
     return re.sub(r"\$`(.+?)`\$", lambda m: convert(m[1]), markdown)

@@ -26,8 +26,8 @@ import idloop
 # %% [markdown]
 # ## A log
 #
-# This cell writes the log that the rest of the notebook reads: a linear axis with a current command in mA and an encoder
-# in mm. Replace it by your own file.
+# This cell writes the log that the rest of the notebook reads: a linear axis with a current command in mA and an
+# encoder in mm. Replace it by your own file.
 
 # %%
 stage = """\

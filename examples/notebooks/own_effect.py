@@ -73,6 +73,7 @@ machine = model.with_effect("eddy_brake", "axis", peak=0.3, critical_speed=4.0)
 #
 # The diagnosis treats the effect like those of the catalogue.
 
+
 # %%
 def experiment(amplitude: float, seed: int) -> idloop.Record:
     """Ten seconds at 100 Hz."""

@@ -55,4 +55,6 @@ def test_every_command_runs_as_it_stands(tmp_path: Path) -> None:
             command, cwd=checkout, env=os.environ | {"MPLBACKEND": "agg"}, text=True, check=False, capture_output=True
         )
         assert run.returncode == 0, f"{block}\n{run.stdout}\n{run.stderr}"
-    assert {"bags", "refined", "figures", "report.html", "controller.yaml"} <= {path.name for path in checkout.iterdir()}
+    assert {"bags", "refined", "figures", "report.html", "controller.yaml"} <= {
+        path.name for path in checkout.iterdir()
+    }

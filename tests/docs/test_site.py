@@ -11,7 +11,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ASSET = re.compile(r"<(?:script|img|iframe|source)[^>]*\bsrc=\"(?://|https?:)[^\"]*|<link[^>]*\bhref=\"(?://|https?:)[^\"]*")
+ASSET = re.compile(
+    r"<(?:script|img|iframe|source)[^>]*\bsrc=\"(?://|https?:)[^\"]*|<link[^>]*\bhref=\"(?://|https?:)[^\"]*"
+)
 
 
 @pytest.mark.slow
