@@ -99,7 +99,7 @@ def test_a_recursion_that_cannot_follow_an_integrator_says_so(name):
 def test_an_output_far_from_zero_is_noted(name):
     u, _, y = made()
     far = identify(record(u, y + 1e5), name, Choices(order=2))
-    assert any("times its whole motion from 0" in note for note in far.model.notes)
+    assert any("times its range" in note for note in far.model.notes)
     assert not any("whole motion" in note for note in identify(record(u, y), name, Choices(order=2)).model.notes)
 
 

@@ -7,8 +7,8 @@ from idloop.estimation.describing_functions import (
     DeadZone,
     Relay,
     describing_function,
+    effect_element,
     limit_cycles,
-    lone_effect,
     relay_cycles,
     simulate_loop,
 )
@@ -16,7 +16,7 @@ from idloop.estimation.describing_functions import (
 # In closed form, and computed for any effect of the catalogue.
 amplitude = np.array([0.2, 0.5, 2.0])
 exact = describing_function(DeadZone(0.12), amplitude, input_unit="V")
-effect = describing_function(lone_effect("dead_zone", width=0.12), amplitude, input_unit="V")
+effect = describing_function(effect_element("dead_zone", width=0.12), amplitude, input_unit="V")
 print("gain of the dead zone", np.round(exact.gain.real, 3), "and of the effect", np.round(effect.gain.real, 3))
 
 # Where −1/N(A) meets G(jω) the loop oscillates; the simulation says whether it does.

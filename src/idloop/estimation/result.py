@@ -132,7 +132,7 @@ class FitResult:
     def system(self) -> control.StateSpace:
         """Linear part of the fitted model as a python-control system, from the command to the outputs."""
         import control
-        from idloop.estimation.black_box.control_names import control_names
+        from idloop.estimation.black_box.labels import control_names
         from idloop.physics import Engine
 
         linear = Engine(self.model).linearise()

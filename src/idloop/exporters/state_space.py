@@ -60,7 +60,7 @@ def from_document(document: Mapping[str, Any]) -> control.StateSpace:
 
 def to_document(model: Model) -> dict[str, Any]:
     """Return matrices, names and units of the linear part, as plain JSON types."""
-    from idloop.estimation.black_box.control_names import control_names
+    from idloop.estimation.black_box.labels import control_names
 
     engine = Engine(model)
     linear, layout = engine.linearise(), engine.layout()

@@ -13,7 +13,9 @@ from idloop.estimation.black_box.prefilter import prefiltered
 from idloop.estimation.black_box.sampled import SampledData
 
 
-@pytest.mark.parametrize("first", ["prefilter", "polynomial", "linear", "linear.prediction_error", "subspace"])
+@pytest.mark.parametrize(
+    "first", ["black_box.prefilter", "polynomial", "linear", "linear.prediction_error", "subspace"]
+)
 def test_whatever_is_imported_first(first):
     code = (
         f"import idloop.estimation.{first}; from idloop.estimation.black_box.prefilter import prefiltered;"

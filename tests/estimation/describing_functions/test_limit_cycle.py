@@ -17,11 +17,11 @@ from idloop.estimation.describing_functions import (
     Relay,
     Saturation,
     describing_function,
+    effect_element,
     limit_cycles,
-    lone_effect,
     simulate_loop,
 )
-from idloop.estimation.describing_functions.roots import grid_roots
+from idloop.estimation.describing_functions.limit_cycle import grid_roots
 
 LAG = control.tf([1.0], [1.0, 2.0, 1.0, 0.0])  # 1 / (s (s + 1)²)
 CUBE = control.tf([12.0], [1.0, 3.0, 3.0, 1.0])
@@ -155,7 +155,7 @@ def test_the_simulation_of_a_relay_is_exact() -> None:
 
 
 def test_an_effect_of_the_catalogue_through_its_table() -> None:
-    table = describing_function(lone_effect("saturation", limit=1.0), np.geomspace(1.01, 10.0, 60))
+    table = describing_function(effect_element("saturation", limit=1.0), np.geomspace(1.01, 10.0, 60))
     (ours,) = limit_cycles(CUBE, table).cycles
     (exact,) = limit_cycles(CUBE, Saturation(1.0)).cycles
     assert ours.amplitude == pytest.approx(exact.amplitude, rel=1e-3)
@@ -171,8 +171,8 @@ def test_a_table_over_amplitude_and_frequency() -> None:
         needs_frequency = True
 
         def answer(self, interval: float):
-            lag = lone_effect("actuator_lag", time_constant=0.5).answer(interval)
-            limit = lone_effect("saturation", limit=1.0).answer(interval)
+            lag = effect_element("actuator_lag", time_constant=0.5).answer(interval)
+            limit = effect_element("saturation", limit=1.0).answer(interval)
             return lambda value, rate, total: lag(limit(value, 0.0, 0.0), 0.0, 0.0)
 
     table = describing_function(Limited(), np.geomspace(1.01, 10.0, 15), np.geomspace(0.1, 0.5, 12), samples=128)
@@ -203,7 +203,7 @@ def test_results_draw_themselves_and_fit_json() -> None:
         (lambda: limit_cycles(LAG, Relay(1.0), delay=-1.0), "the delay is -1"),
         (lambda: limit_cycles(LAG, Relay(1.0), frequency=(2.0, 1.0)), "band must be positive"),
         (lambda: limit_cycles(LAG, Relay(1.0), amplitude=[-1.0, 1.0]), "amplitudes must be"),
-        (lambda: limit_cycles(LAG, lone_effect("saturation", limit=1.0)), "tabulate it"),
+        (lambda: limit_cycles(LAG, effect_element("saturation", limit=1.0)), "tabulate it"),
         (lambda: limit_cycles(LAG, describing_function(Relay(1.0), [1.0])), "two amplitudes or more"),
     ],
 )
@@ -215,7 +215,7 @@ def test_wrong_use_in_one_line(make, words: str) -> None:
 
 def test_what_cannot_be_simulated() -> None:
     (cycle,) = limit_cycles(CUBE, Saturation(1.0)).cycles
-    with pytest.raises(InputError, match="answers at once"):
+    with pytest.raises(InputError, match="direct feedthrough"):
         simulate_loop(control.tf([1.0, 1.0], [1.0, 3.0]), Saturation(1.0), cycle)
     with pytest.raises(InputError, match="no whole number of samples"):
         simulate_loop(control.c2d(CUBE, 0.01), Saturation(1.0), cycle, delay=0.015)

@@ -89,7 +89,7 @@ def test_limit_cycles_names_what_the_first_harmonic_misses():
     [
         (LAG, Relay(1.0, 0.3), "with a dead zone"),
         (control.c2d(LAG, 0.1), Relay(1.0), "continuous system"),
-        (control.tf([1.0, 2.0], [1.0, 1.0]), Relay(1.0), "answers at once"),
+        (control.tf([1.0, 2.0], [1.0, 1.0]), Relay(1.0), "direct feedthrough"),
     ],
 )
 def test_what_has_no_exact_cycle_is_one_line(system, relay: Relay, words: str):

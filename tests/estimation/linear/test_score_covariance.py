@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from idloop.estimation.linear.score_covariance import autoregressive_covariance
+from idloop.estimation.linear.search import autoregressive_covariance
 
 
 @pytest.mark.parametrize("poles", [[0.0, 0.0], [0.8, 0.0], [0.9 * np.exp(0.3j), 0.9 * np.exp(-0.3j)]])

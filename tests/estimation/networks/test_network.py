@@ -13,7 +13,7 @@ from idloop.estimation.networks.network import (
     slopes,
     with_parameters,
 )
-from idloop.estimation.networks.tapped_delays import regressors
+from idloop.estimation.networks.training_data import regressors
 
 BOUND = np.full(2, np.inf)
 

@@ -121,7 +121,7 @@ def test_bad_input_is_one_line(plant, options, message):
 
 def test_data_that_tells_nothing(plant):
     data = plant.narx(0, 300)
-    with pytest.raises(InputError, match="y stands still"):
+    with pytest.raises(InputError, match="y does not move"):
         narx_neural(plant.pack(data.input, np.full(300, 2.0)))
     with pytest.raises(InputError, match="no data"):
         narx_neural([])

@@ -3,9 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.estimation.networks.in_order import InOrder
 from idloop.estimation.networks.network import SIGMOID, Network
-from idloop.estimation.networks.one_step import OneStep
+from idloop.estimation.networks.training import InOrder, OneStep
 from idloop.estimation.networks.training_data import TrainingData
 
 

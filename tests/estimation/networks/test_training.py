@@ -6,11 +6,10 @@ from scipy.optimize import least_squares
 
 from idloop.errors import InputError
 from idloop.estimation.networks import Division, TrainingRules, narx_neural
-from idloop.estimation.networks.division import divide
 from idloop.estimation.networks.network import ahead, parameters, with_parameters
 from idloop.estimation.networks.neural import nguyen_widrow
 from idloop.estimation.networks.training import mean_squares, train
-from idloop.estimation.networks.training_data import TrainingData
+from idloop.estimation.networks.training_data import TrainingData, divide
 
 
 def training_data(data, purpose=None, first=2):

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from idloop.errors import InputError
 from idloop.estimation.networks import Division, TappedDelays, TrainingRules, narx_wavelet
 from idloop.estimation.networks.network import SCALING, WAVELET
-from idloop.estimation.networks.orthogonal_selection import select
-from idloop.estimation.networks.wavelet import dyadic_grid
+from idloop.estimation.networks.wavelet import dyadic_grid, select
 
 
 def fit(data, run):

@@ -40,7 +40,7 @@ def test_bad_input_is_one_line(plant):
     with pytest.raises(InputError, match="no reference"):
         indirect(plant.open_loop(0))
     data = plant.closed_loop(0, 1000)
-    with pytest.raises(InputError, match="reference stands still"):
+    with pytest.raises(InputError, match="reference does not move"):
         indirect(plant.pack(data.input, data.output, np.zeros(1000)))
     gap = data.reference.copy()
     gap[3] = np.nan

@@ -85,7 +85,7 @@ def test_without_prewhitening_a_coloured_input_smears_and_is_told(plant):
 @pytest.mark.parametrize(
     ("change", "options", "message"),
     [
-        (np.zeros_like, {}, "stands still"),
+        (np.zeros_like, {}, "does not move"),
         (lambda u: np.sin(0.3 * np.arange(len(u)))[:, None], {}, "too few frequencies"),
         (lambda u: u, {"lags": 400}, "are needed"),
         (lambda u: u, {"lags": 0}, "are needed"),

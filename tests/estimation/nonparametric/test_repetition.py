@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.estimation.nonparametric.repetition import misfit, mismatches, repetition
+from idloop.estimation.nonparametric.periodic import misfit, mismatches, repetition
 
 
 def periodic(period: int, times: float, seed: int = 0, noise: float = 0.0, top: int | None = None):

@@ -122,7 +122,7 @@ def test_without_noise_the_system_comes_out_exactly_from_any_first_state(made):
 def test_too_high_an_order_on_exact_data_says_so_and_still_predicts(made):
     data = made(300, noise=0.0)
     model = arx(data, 5, 5)
-    assert "cannot tell" in model.notes[0]
+    assert "do not determine" in model.notes[0]
     assert np.isnan(stderr(model)).any()
     np.testing.assert_allclose(model.simulate(data), data.output, atol=1e-6)
 

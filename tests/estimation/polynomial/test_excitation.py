@@ -6,7 +6,7 @@ import pytest
 from idloop.estimation.black_box.identification import identify
 from idloop.estimation.black_box.method import Choices
 from idloop.estimation.black_box.sampled import SampledData
-from idloop.estimation.polynomial.excitation import excited_order
+from idloop.estimation.polynomial.model import excited_order
 
 TIME = np.arange(2000) * 0.01
 WAVE = np.sin(2.0 * np.pi * 2.0 * TIME)

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from idloop.errors import InputError
 from idloop.estimation.linear.propagate import respond
 from idloop.estimation.polynomial import Orders, Polynomials
-from idloop.estimation.polynomial.realization import matrix_form, stack
-from idloop.estimation.polynomial.stability import radius, reflect
+from idloop.estimation.polynomial.polynomials import matrix_form, radius, reflect, stack
 
 numbers = st.integers(0, 3)
 orders = st.builds(

@@ -7,8 +7,8 @@ from scipy.signal import cont2discrete, lfilter
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.polynomial import Orders, armax, box_jenkins, output_error, polynomial_model
-from idloop.estimation.polynomial.channels import Channel
-from idloop.estimation.polynomial.objective import Objective
+from idloop.estimation.polynomial.regression import Channel
+from idloop.estimation.polynomial.search import Objective
 
 OUTPUT = {"a": [1.0], "f": [1.0, -1.5, 0.7]}
 ARMAX = {"c": [1.0, -1.0, 0.2]}

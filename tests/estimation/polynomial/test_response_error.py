@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.polynomial import arx, box_jenkins
-from idloop.estimation.polynomial.response_error import response_error
+from idloop.estimation.polynomial.polynomials import response_error
 
 B, A = [0.0, 0.0, 0.4, 0.2], [1.0, -1.2, 0.6]
 HZ = np.array([0.02, 0.1, 0.2, 0.4])

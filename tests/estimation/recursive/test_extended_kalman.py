@@ -14,8 +14,7 @@ from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.polynomial import Orders, Polynomials
 from idloop.estimation.recursive import ExtendedKalman, extended_kalman_filter, recursive_arx, track
-from idloop.estimation.recursive.extended_kalman import stationary_gain
-from idloop.estimation.recursive.first_samples import start_from
+from idloop.estimation.recursive.extended_kalman import start_from, stationary_gain
 from idloop.estimation.recursive.step import stable
 
 POLES = [1.0, -1.5, 0.7]

@@ -5,18 +5,15 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
 from idloop.estimation.subspace import compression as compression_module
-from idloop.estimation.subspace import correlations as correlations_module
 from idloop.estimation.subspace.compression import compress
-from idloop.estimation.subspace.future import toeplitz
-from idloop.estimation.subspace.projection import regress, row_basis
-from idloop.estimation.subspace.realisation import Noise, reflected
-from idloop.estimation.subspace.ridge import evidence_regression
+from idloop.estimation.subspace.projection import evidence_regression, regress, row_basis
+from idloop.estimation.subspace.realisation import Noise, reflected, toeplitz
 
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_compression_has_the_moments_of_all_windows(true, made, monkeypatch, exact):
     monkeypatch.setattr(compression_module, "_SMALLEST_BLOCK", 64)
-    monkeypatch.setattr(correlations_module, "_BLOCK", 64)
+    monkeypatch.setattr(compression_module, "_SUMMED_AT_ONCE", 64)
     parts = [made(true, 300, 0.1, seed) for seed in range(2)]
     found = compress(parts, 4, exact=exact)
     assert found.squared is not exact

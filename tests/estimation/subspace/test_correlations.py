@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.estimation.linear.error_covariance import error_covariance
+from idloop.estimation.linear.model import error_covariance
 from idloop.estimation.subspace import cva, moesp, n4sid, pbsid
-from idloop.estimation.subspace.commands import command_matrices
-from idloop.estimation.subspace.compression import compress
-from idloop.estimation.subspace.correlations import news, triangular
-from idloop.estimation.subspace.modal_regression import modal_regression
+from idloop.estimation.subspace.compression import compress, innovation_sizes, triangular
+from idloop.estimation.subspace.model import command_matrices, modal_regression
 
 
 @pytest.mark.parametrize("method", [n4sid, moesp, cva])
@@ -86,4 +84,4 @@ def test_a_factor_that_does_not_exist_is_none():
 
 
 def test_news_of_a_row_is_what_the_rows_above_leave():
-    np.testing.assert_allclose(news(np.array([[2.0, 0.0], [3.0, 4.0]])), [1.0, 0.8])
+    np.testing.assert_allclose(innovation_sizes(np.array([[2.0, 0.0], [3.0, 4.0]])), [1.0, 0.8])

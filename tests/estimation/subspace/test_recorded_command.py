@@ -10,7 +10,7 @@ from idloop.errors import InputError
 from idloop.estimation.black_box.method import Choices
 from idloop.estimation.black_box.methods import find_method
 from idloop.estimation.black_box.sampled import sampled
-from idloop.estimation.subspace.recorded_command import command_misfit, controller_notes
+from idloop.estimation.subspace.known_controller import command_misfit, controller_notes
 from idloop.records import Record
 
 STEP = 0.01
@@ -65,7 +65,7 @@ def test_another_gain_is_told_with_its_figure_and_another_sign_is_refused():
     (note,) = controller_notes(spec("p", kp=1.3), data)
     assert "misses the recorded command by 30 %" in note
     for kp, share in ((-1.0, 200), (10.0, 900)):
-        with pytest.raises(InputError, match=f"by {share} % .* another one ran") as caught:
+        with pytest.raises(InputError, match=f"by {share} % .* another controller ran") as caught:
             find_method("vodma").run(data, Choices(controller=spec("p", kp=kp)), 3, 1)
         assert "\n" not in str(caught.value)
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float, str], None]
 
-_DELAYS = 20  # samples that "auto" looks back for the first effect of the command
-_FAR = 10.0  # times its motion that an output may lie from 0 before that is noted
+_DELAYS = 20  # samples within which "auto" seeks the first effect of the command
+_LARGEST_OFFSET = 10.0  # of an output, over its range, that gets no note
 
 
 def identify(
@@ -37,7 +37,7 @@ def identify(
         One of `METHODS`.
     choices : Choices, optional
     progress : callable, optional
-        Told the share done and what is tried.
+        Called with the share done and what is tried.
 
     Raises
     ------
@@ -53,14 +53,14 @@ def identify(
     orders, delays = _orders(found, chosen), _delays(found, chosen, experiments)
     tries = list(product(orders, delays))
     if len(tries) == 1:
-        return _tried(found, experiments, chosen, *tries[0])
+        return _fitted(found, experiments, chosen, *tries[0])
     models: list[Identified] = []
     trials: list[Trial] = []
     failure: IdloopError | None = None
     for index, (order, delay) in enumerate(tries):
         progress(index / len(tries), f"order {order}, delay {delay}" if "delay" in found.needs else f"order {order}")
         try:
-            models.append(_tried(found, experiments, chosen, order, delay))
+            models.append(_fitted(found, experiments, chosen, order, delay))
         except IdloopError as error:
             failure = failure or error
             trials.append(Trial(order, delay, error=str(error)))
@@ -94,7 +94,7 @@ def information(found: Identified, data: Sequence[SampledData]) -> Information:
 
 
 def _check_structure(method: Method, choices: Choices) -> None:
-    """Refuse degrees that would be passed over in silence."""
+    """Refuse degrees that the method does not have."""
     unknown = [name for name in choices.structure if name not in method.polynomials]
     if unknown:
         own = f"its polynomials are {', '.join(method.polynomials)}" if method.polynomials else "it has no polynomials"
@@ -104,12 +104,12 @@ def _check_structure(method: Method, choices: Choices) -> None:
 
 
 def _check_outputs(method: Method, data: Sequence[SampledData]) -> None:
-    """Refuse outputs whose errors have no determinant: a model of one of them is one of all."""
+    """Refuse linearly dependent outputs: the covariance of their errors would be singular."""
     import numpy as np
 
-    from idloop.estimation.statistics.collinear import move_together
+    from idloop.estimation.statistics.collinear import any_collinear
 
-    if method.kind != "response" and move_together(np.vstack([one.output for one in data])):
+    if method.kind != "response" and any_collinear(np.vstack([one.output for one in data])):
         raise InputError(
             f"{data[0].name}: the outputs {', '.join(data[0].output_names)} move together at every sample, one is a"
             " combination of the others; identify one of them (--output)"
@@ -117,7 +117,7 @@ def _check_outputs(method: Method, data: Sequence[SampledData]) -> None:
 
 
 def _criteria(models: Sequence[Identified], data: Sequence[SampledData]) -> list[float]:
-    """Criterion of each that chooses between orders and delays; NaN or infinite of a free run that runs away.
+    """Criterion of each that chooses between orders and delays; NaN or infinite where the free run diverges.
 
     Errors of a free run are as coloured as the disturbance, which no order of the model makes white: only the share of
     them that is independent in the best one counts.
@@ -126,20 +126,20 @@ def _criteria(models: Sequence[Identified], data: Sequence[SampledData]) -> list
 
     if models[0].method.selects == "prediction":
         return [one.bic for one in comparable([information(one, data) for one in models])]
-    told: list[tuple[Information, Any]] = []
+    found_errors: list[tuple[Information, Any]] = []
     for found in models:
         model: Any = found.model
         with np.errstate(all="ignore"):
             errors = np.concatenate([one.output - model.simulate(one) for one in data])
-            told.append((of_errors(errors, model.free), errors))
-    finite = [one for one in told if isfinite(one[0].loss)]
+            found_errors.append((of_errors(errors, model.free), errors))
+    finite = [one for one in found_errors if isfinite(one[0].loss)]
     if not finite:
-        return [one.bic for one, _ in told]
+        return [one.bic for one, _ in found_errors]
     share = independent_share(min(finite, key=lambda one: one[0].loss)[1])
-    return [replace(one, samples=share * one.samples).bic for one, _ in told]
+    return [replace(one, samples=share * one.samples).bic for one, _ in found_errors]
 
 
-def _tried(
+def _fitted(
     method: Method, data: list[SampledData], choices: Choices, order: int | Literal["auto"], delay: int
 ) -> Identified:
     from numpy.linalg import LinAlgError
@@ -160,17 +160,15 @@ def _tried(
 
 
 def _offset_notes(data: list[SampledData]) -> list[str]:
-    """One note for each output that lies so far from 0 that a linear model spends itself on that."""
+    """One note for each output whose offset is far larger than its motion."""
     import numpy as np
 
     notes = []
     for column, name in enumerate(data[0].output_names):
         levels = [abs(float(np.mean(one.output[:, column]))) for one in data]
         spans = [float(np.ptp(one.output[:, column])) for one in data]
-        if max(levels) > _FAR * max(spans):
-            notes.append(
-                f"{name} lies {max(levels) / max(spans):.0f} times its whole motion from 0: take that away first"
-            )
+        if max(levels) > _LARGEST_OFFSET * max(spans):
+            notes.append(f"{name} has an offset of {max(levels) / max(spans):.0f} times its range: remove it first")
     return notes
 
 

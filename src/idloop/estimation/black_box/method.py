@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 if TYPE_CHECKING:
     from idloop.estimation.linear import LinearModel
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from idloop.estimation.nonparametric import FrequencyResponse, ImpulseResponse
     from idloop.estimation.recursive import CoefficientHistory
 
-    Result = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
+    Result: TypeAlias = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
 
 Kind = Literal["response", "linear", "recursive", "network"]
 Numbers = int | tuple[int, ...] | Literal["auto"]
@@ -44,7 +44,7 @@ class Choices:
     stable : bool
         Reflect poles into the unit circle.
     integrates : bool, optional
-        Put the pole nearest 1 there; where nothing is said, n4sid, moesp and cva let the data decide.
+        Put the pole nearest 1 there; by default n4sid, moesp and cva let the data decide.
     closed_loop : bool
         Go by way of the reference where a method can.
     controller : mapping, optional
@@ -145,7 +145,7 @@ class Method:
     Attributes
     ----------
     name, summary : str
-        The summary says what it is for.
+        The summary states what it is for.
     kind : "response", "linear", "recursive" or "network"
     loop : str
         Which loop its theory allows: "open", "any", or "closed, controller known".
@@ -159,7 +159,7 @@ class Method:
         Orders tried for "auto"; empty where the method chooses itself.
     selects : "prediction" or "free run"
         Errors whose BIC chooses between orders. Instrumental variables and output errors have no noise model: errors
-        one step ahead say nothing of theirs.
+        one step ahead do not measure their quality.
     """
 
     name: str

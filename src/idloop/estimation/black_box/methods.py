@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.black_box.method import Choices, Method
@@ -21,64 +22,54 @@ if TYPE_CHECKING:
     from idloop.estimation.polynomial import Orders
     from idloop.estimation.recursive import CoefficientHistory, RecursivePolynomial
 
-    Result = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
+    Result: TypeAlias = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
 
-_ORDERS = tuple(range(1, 9))  # tried for "auto" where a method has no choice of its own
-_SHORTENED = 0.02  # share of a recursion's steps that may be shortened before that is noted
-_HISTORY = 2000  # rows that are remembered of a recursive estimate
+Run = Callable[..., Any]
+
+_ORDERS = tuple(range(1, 9))  # tried for "auto" where a method does not choose its order itself
+_SHORTENED = 0.02  # share of the steps of a recursion that may be shortened before a note says so
+_HISTORY = 2000  # rows that are kept of a recursive estimate
+
+
+def _call(function: str, *arguments: Any, **options: Any) -> Any:
+    """Call a function of `idloop.estimation`, such as "nonparametric.spa"; its package is imported only now."""
+    package, name = function.rsplit(".", 1)
+    return getattr(import_module(f"idloop.estimation.{package}"), name)(*arguments, **options)
 
 
 # ---------------------------------------------------------------- responses
 
 
+def _windowed(function: str, default: int | None = None) -> Run:
+    """Run of a response whose only setting is a window or a largest lag [samples]."""
+
+    def run(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+        found: Result = _call(function, data, default if choices.window is None else choices.window)
+        return found
+
+    return run
+
+
 def _etfe(data: list[SampledData], choices: Choices, *_: Any) -> Result:
     from idloop.estimation.nonparametric import etfe
 
-    width = None if choices.window is None else 1.0 / (choices.window * data[0].sample_time)
-    return etfe(data, width)
+    return etfe(data, None if choices.window is None else 1.0 / (choices.window * data[0].sample_time))
 
 
-def _spa(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    from idloop.estimation.nonparametric import spa
+def _best_linear_approximation(kind: Literal["robust", "fast"] | None) -> Run:
+    """Run of one kind; without a kind the robust one for several records, else the fast one."""
 
-    return spa(data, choices.window)
+    def run(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+        chosen = kind or ("robust" if len(data) > 1 else "fast")
+        function = f"nonparametric.{chosen}_best_linear_approximation"
+        found: Result = _call(function, data, _period(data, choices), by_reference=choices.closed_loop)
+        return found
 
-
-def _welch(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    from idloop.estimation.nonparametric import welch
-
-    return welch(data, choices.window)
-
-
-def _indirect(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    from idloop.estimation.nonparametric import indirect
-
-    return indirect(data, choices.window)
-
-
-def _cra(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    from idloop.estimation.nonparametric import cra
-
-    return cra(data, choices.window or 20)
-
-
-def _bla_robust(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    from idloop.estimation.nonparametric import robust_best_linear_approximation
-
-    return robust_best_linear_approximation(data, _period(data, choices), by_reference=choices.closed_loop)
-
-
-def _bla_fast(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    from idloop.estimation.nonparametric import fast_best_linear_approximation
-
-    return fast_best_linear_approximation(data, _period(data, choices), by_reference=choices.closed_loop)
-
-
-def _bla(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    return _bla_robust(data, choices) if len(data) > 1 else _bla_fast(data, choices)
+    return run
 
 
 def _period(data: list[SampledData], choices: Choices) -> int:
+    """Period of the excitation [samples]."""
     if choices.period is None:
         raise InputError("a best linear approximation needs the excitation's period; give --period SECONDS")
     samples = choices.period / data[0].sample_time
@@ -93,52 +84,37 @@ def _period(data: list[SampledData], choices: Choices) -> int:
 # ---------------------------------------------------------------- polynomials
 
 
-def _degree(choices: Choices, name: str, order: int) -> int:
-    return choices.structure.get(name, order)
+def _degrees(choices: Choices, names: tuple[str, ...], order: int) -> dict[str, int]:
+    """Degree of each polynomial: the order where the structure does not set it."""
+    return {name: choices.structure.get(name, order) for name in names}
 
 
-def _weighed(data: list[SampledData], choices: Choices) -> dict[str, Any]:
-    """At which frequencies errors are made small."""
+def _prefilter(data: list[SampledData], choices: Choices) -> dict[str, Any]:
+    """Frequency weighting of the fit."""
     from idloop.estimation.black_box.prefilter import band_filter
 
-    prefilter = None if choices.band is None else band_filter(*choices.band, data[0].sample_time)
-    return {"prefilter": prefilter}
+    return {"prefilter": None if choices.band is None else band_filter(*choices.band, data[0].sample_time)}
 
 
-def _arx(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
-    from idloop.estimation.polynomial import arx
+def _polynomial(function: str, *names: str, with_focus: bool = True) -> Run:
+    """Run of a polynomial method with these degrees."""
 
-    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
-    return arx(data, na, nb, delay, focus=choices.focus, **_weighed(data, choices))
+    def run(data: list[SampledData], choices: Choices, order: int, delay: int) -> LinearModel:
+        options = {**_degrees(choices, names, order), **_prefilter(data, choices)}
+        if with_focus:
+            options["focus"] = choices.focus
+        found: LinearModel = _call(f"polynomial.{function}", data, nk=delay, **options)
+        return found
+
+    return run
 
 
-def _iv4(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+def _iv4(data: list[SampledData], choices: Choices, order: int, delay: int) -> LinearModel:
     from idloop.estimation.polynomial import iv4
 
-    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
     instruments: Literal["reference", "command"] = "reference" if choices.closed_loop else "command"
-    return iv4(data, na, nb, delay, instruments=instruments, **_weighed(data, choices))
-
-
-def _armax(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
-    from idloop.estimation.polynomial import armax
-
-    na, nb, nc = (_degree(choices, name, order) for name in ("na", "nb", "nc"))
-    return armax(data, na, nb, nc, delay, focus=choices.focus, **_weighed(data, choices))
-
-
-def _oe(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
-    from idloop.estimation.polynomial import output_error
-
-    nb, nf = (_degree(choices, name, order) for name in ("nb", "nf"))
-    return output_error(data, nb, nf, delay, **_weighed(data, choices))
-
-
-def _bj(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
-    from idloop.estimation.polynomial import box_jenkins
-
-    nb, nc, nd, nf = (_degree(choices, name, order) for name in ("nb", "nc", "nd", "nf"))
-    return box_jenkins(data, nb, nc, nd, nf, delay, focus=choices.focus, **_weighed(data, choices))
+    degrees = _degrees(choices, ("na", "nb"), order)
+    return iv4(data, **degrees, nk=delay, instruments=instruments, **_prefilter(data, choices))
 
 
 # ---------------------------------------------------------------- state space
@@ -150,34 +126,26 @@ def _poles(choices: Choices) -> dict[str, Any]:
     return {"stable": choices.stable, **known}
 
 
-def _n4sid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> LinearModel:
-    from idloop.estimation.subspace import n4sid
+def _subspace(function: str, horizon: str = "horizon", *, with_focus: bool = False) -> Run:
+    """Run of a subspace method; `horizon` is the name of its argument for it."""
 
-    return n4sid(data, order, horizon=choices.horizon, focus=choices.focus, **_poles(choices))
+    def run(data: list[SampledData], choices: Choices, order: int | Literal["auto"], *_: Any) -> LinearModel:
+        options = {horizon: choices.horizon, **_poles(choices)}
+        if with_focus:
+            options["focus"] = choices.focus
+        found: LinearModel = _call(f"subspace.{function}", data, order, **options)
+        return found
 
-
-def _moesp(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
-    from idloop.estimation.subspace import moesp
-
-    return moesp(data, order, horizon=choices.horizon, focus=choices.focus, **_poles(choices))
-
-
-def _cva(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
-    from idloop.estimation.subspace import cva
-
-    return cva(data, order, horizon=choices.horizon, focus=choices.focus, **_poles(choices))
+    return run
 
 
-def _pbsid(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> LinearModel:
-    from idloop.estimation.subspace import pbsid
-
-    return pbsid(data, order, past=choices.horizon, **_poles(choices))
+_n4sid, _pbsid = _subspace("n4sid", with_focus=True), _subspace("pbsid", "past")
 
 
-def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto"], *_: Any) -> LinearModel:
     from idloop.control.linear import linear_feedback
     from idloop.estimation.subspace import vodma
-    from idloop.estimation.subspace.recorded_command import controller_notes
+    from idloop.estimation.subspace.known_controller import controller_notes
 
     if choices.controller is None:
         raise InputError("vodma needs the controller that ran; give a file with one: --controller FILE")
@@ -187,13 +155,7 @@ def _vodma(data: list[SampledData], choices: Choices, order: int | Literal["auto
     return replace(model, notes=(*model.notes, *notes))
 
 
-def _vodma_direct(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
-    from idloop.estimation.subspace import vodma_direct
-
-    return vodma_direct(data, order, horizon=choices.horizon, **_poles(choices))
-
-
-def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"], _: int) -> Result:
+def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"], *_: Any) -> LinearModel:
     from idloop.estimation.black_box.prefilter import prefiltered
     from idloop.estimation.linear import prediction_error
 
@@ -202,78 +164,74 @@ def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"]
             "pem: a noise model that shares the plant's states takes up the filter of a band;"
             " add --focus simulation, or take bj"
         )
-    weighed = _weighed(data, choices)
+    weighting = _prefilter(data, choices)
     # One-step errors suit any loop, and so does the start for them; free runs are for the open one, as their start is.
     if choices.focus == "simulation":
-        start = _n4sid(prefiltered(data, weighed["prefilter"]), choices, order, 1)
-        return prediction_error(data, start, focus="simulation", **weighed)
-    start = _pbsid(data, choices, order, 1)
+        start = _n4sid(prefiltered(data, weighting["prefilter"]), choices, order)
+        return prediction_error(data, start, focus="simulation", **weighting)
+    start = _pbsid(data, choices, order)
     try:
-        # Where sensor noise is all there is, the way from a subspace method's Kalman gain to none is long and bent.
-        quiet = prediction_error(data, start, focus="simulation")
+        # Where all noise is the sensor's, the gain is zero, which a search from a subspace estimate hardly finds.
+        without_gain = prediction_error(data, start, focus="simulation")
     except IdloopError:
         return prediction_error(data, start)
-    return prediction_error(data, min(quiet, start, key=lambda model: model.loss))
+    return prediction_error(data, min(without_gain, start, key=lambda model: model.loss))
 
 
 # ---------------------------------------------------------------- networks
 
 
-def _narx_wavelet(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+def _narx_wavelet(data: list[SampledData], choices: Choices, order: int, delay: int) -> NarxModel:
     from idloop.estimation.networks import TappedDelays, TrainingRules, narx_wavelet
 
-    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
-    delays = TappedDelays(na, nb, delay)
+    delays = TappedDelays(**_degrees(choices, ("na", "nb"), order), nk=delay)
     # Only training fits a free run; the selection of units is one-step.
     trained: dict[str, Any] = {"form": "parallel", "refine": TrainingRules()} if choices.focus == "simulation" else {}
     return narx_wavelet(data, delays, units=choices.units or 25, seed=choices.seed, **trained)
 
 
-def _narx_neural(data: list[SampledData], choices: Choices, order: int, delay: int) -> Result:
+def _narx_neural(data: list[SampledData], choices: Choices, order: int, delay: int) -> NarxModel:
     from idloop.estimation.networks import TappedDelays, narx_neural
 
-    na, nb = (_degree(choices, name, order) for name in ("na", "nb"))
+    delays = TappedDelays(**_degrees(choices, ("na", "nb"), order), nk=delay)
     form: Literal["parallel", "series-parallel"] = "parallel" if choices.focus == "simulation" else "series-parallel"
-    return narx_neural(data, TappedDelays(na, nb, delay), hidden=choices.units or 10, form=form, seed=choices.seed)
+    return narx_neural(data, delays, hidden=choices.units or 10, form=form, seed=choices.seed)
 
 
 # ---------------------------------------------------------------- recursive
 
 
-def _recursive(name: str) -> Callable[..., tuple[LinearModel, tuple[CoefficientHistory, ...]]]:
-    """Run of a recursive method, whose polynomials have the order as degree where the settings say nothing else."""
+def _recursive(name: str) -> Run:
+    """Run of a recursive method, whose polynomials have the order as degree where the settings do not set it."""
 
     def run(
         data: list[SampledData], choices: Choices, order: int, delay: int
     ) -> tuple[LinearModel, tuple[CoefficientHistory, ...]]:
+        from idloop.estimation.polynomial import Orders
         from idloop.estimation.recursive import RECURSIVE_METHODS, recursive_estimator
-        from idloop.estimation.recursive.estimator import structure
 
         degrees: dict[str, Any] = {
-            polynomial: _degree(choices, polynomial, order * times)
+            polynomial: choices.structure.get(polynomial, order * times)
             for polynomial, times in RECURSIVE_METHODS[name].degrees.items()
         }
-        # A delay for each input also tells their number.
-        orders = structure(**degrees, nk=(delay,) * data[0].input.shape[1])
-
-        def make(output: str) -> RecursivePolynomial:
-            return recursive_estimator(
-                name, orders, sample_time=data[0].sample_time, input_names=data[0].input_names, output_name=output
-            )
-
-        return _tracked(data, orders, make)
+        orders = Orders.of(data[0].input.shape[1], **degrees, nk=delay)
+        labels = {"sample_time": data[0].sample_time, "input_names": data[0].input_names}
+        estimators = [
+            recursive_estimator(name, orders, **labels, output_name=output) for output in data[0].output_names
+        ]
+        return _tracked(data, orders, estimators)
 
     return run
 
 
 def _tracked(
-    data: list[SampledData], orders: Orders, make: Callable[[str], RecursivePolynomial]
+    data: list[SampledData], orders: Orders, estimators: list[RecursivePolynomial]
 ) -> tuple[LinearModel, tuple[CoefficientHistory, ...]]:
-    """Model of the last coefficients of every output, and their way there."""
+    """Model of the final coefficients of every output, and their histories."""
     import numpy as np
 
-    from idloop.estimation.polynomial.channels import check_inputs
     from idloop.estimation.polynomial.model import assemble
+    from idloop.estimation.polynomial.regression import check_inputs
     from idloop.estimation.recursive import track
 
     check_inputs(data, orders)
@@ -283,7 +241,6 @@ def _tracked(
             f"{data[0].name}: {total} samples for {orders.size} coefficients; record longer or lower the orders"
         )
     every = max(total // _HISTORY, 1)
-    estimators = [make(name) for name in data[0].output_names]
     histories = tuple(track(one, [each.outputs([i]) for each in data], every=every) for i, one in enumerate(estimators))
     notes = [
         f"{one.output_name}: {one.projections} of {total} steps were shortened to keep the predictor stable;"
@@ -293,12 +250,12 @@ def _tracked(
     ]
     notes += [
         f"{one.output_name}: C or F is hardly positive real, so pseudo-linear regression converges slowly and its"
-        " standard errors leave out what is left of the start; take rpem"
+        " standard errors leave out the error of the start; take rpem"
         for one in estimators
         if one.slow
     ]
     model = assemble("recursive", data, [h.final for h in histories], [[h.innovations] for h in histories], notes=notes)
-    # The loss is that of the last model on all data, as of the other methods; not that of its way there.
+    # The loss is that of the final model on all data, as of the other methods; not that of the recursion.
     with np.errstate(all="ignore"):
         errors = np.concatenate([model.innovations(one) for one in data])
         covariance = errors.T @ errors / len(errors)
@@ -319,58 +276,62 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "spa", "response", "Smooth frequency response with coherence and bands.", "open", f"{_LJUNG}, 6.4",
-            ("window",), _spa,
+            ("window",), _windowed("nonparametric.spa"),
         ),
         Method(
             "welch", "response", "Frequency response of long records, averaged over segments.", "open", "Welch 1967",
-            ("window",), _welch,
+            ("window",), _windowed("nonparametric.welch"),
         ),
         Method(
             "indirect", "response", "Frequency response under feedback, by way of the reference.",
             "closed, reference recorded", "Wellstead 1981",
-            ("window",), _indirect,
+            ("window",), _windowed("nonparametric.indirect"),
         ),
         Method(
-            "cra", "response", "Impulse response: delay, feedback, and how long the plant remembers.", "open",
-            f"{_LJUNG}, 6.1", ("window",), _cra,
+            "cra", "response", "Impulse response: delay, feedback, and length of the memory.", "open",
+            f"{_LJUNG}, 6.1", ("window",), _windowed("nonparametric.cra", 20),
         ),
         Method(
-            "bla", "response", "Noise and nonlinearity told apart; bla-robust for several bags, else bla-fast.",
+            "bla", "response", "Noise and nonlinearity separated; bla-robust for several bags, else bla-fast.",
             "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3",
-            ("period", "closed_loop"), _bla,
+            ("period", "closed_loop"), _best_linear_approximation(None),
         ),
         Method(
             "bla-robust", "response", "The same from several random-phase multisines.",
             "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3.1",
-            ("period", "closed_loop"), _bla_robust,
+            ("period", "closed_loop"), _best_linear_approximation("robust"),
         ),
         Method(
             "bla-fast", "response", "The same from one odd random-phase multisine.",
             "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3.2",
-            ("period", "closed_loop"), _bla_fast,
+            ("period", "closed_loop"), _best_linear_approximation("fast"),
         ),
         Method(
-            "arx", "linear", "Least squares: quick, right in little noise.", "any, white equation error",
-            f"{_LJUNG}, 7.3", ("order", "delay", "structure", "focus", "band"), _arx, ("na", "nb"), _ORDERS,
+            "arx", "linear", "Least squares: fast, accurate in little noise.", "any, white equation error",
+            f"{_LJUNG}, 7.3", ("order", "delay", "structure", "focus", "band"), _polynomial("arx", "na", "nb"),
+            ("na", "nb"), _ORDERS,
         ),
         Method(
-            "iv4", "linear", "Instrumental variables: right whatever the noise, without a search.",
+            "iv4", "linear", "Instrumental variables: consistent in noise of any colour, without a search.",
             "open, with --closed-loop by the reference", f"{_LJUNG}, 15.3; Gilson and Van den Hof 2005",
             ("order", "delay", "structure", "closed_loop", "band"), _iv4, ("na", "nb"), _ORDERS,
             "free run",
         ),
         Method(
             "armax", "linear", "Disturbances that enter where the command does.", "any, noise model right",
-            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus", "band"), _armax, ("na", "nb", "nc"), _ORDERS,
+            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus", "band"),
+            _polynomial("armax", "na", "nb", "nc"), ("na", "nb", "nc"), _ORDERS,
         ),
         Method(
             "oe", "linear", "The best free run: sensor noise, simulation, control design.",
             "open; closed in white noise only", f"{_LJUNG}, 4.2",
-            ("order", "delay", "structure", "band"), _oe, ("nb", "nf"), _ORDERS, "free run",
+            ("order", "delay", "structure", "band"),
+            _polynomial("output_error", "nb", "nf", with_focus=False), ("nb", "nf"), _ORDERS, "free run",
         ),
         Method(
-            "bj", "linear", "Plant and noise share nothing.", "any, noise model right", f"{_LJUNG}, 4.2",
-            ("order", "delay", "structure", "focus", "band"), _bj, ("nb", "nc", "nd", "nf"), _ORDERS,
+            "bj", "linear", "Plant and noise model have no polynomial in common.", "any, noise model right",
+            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus", "band"),
+            _polynomial("box_jenkins", "nb", "nc", "nd", "nf"), ("nb", "nc", "nd", "nf"), _ORDERS,
         ),
         Method(
             "n4sid", "linear", "State space without a search; the order shows in the singular values.", "open",
@@ -378,11 +339,11 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "moesp", "linear", "The same from the shift of the observability matrix.", "open", "Verhaegen 1994",
-            (*_SUBSPACE, "focus"), _moesp,
+            (*_SUBSPACE, "focus"), _subspace("moesp", with_focus=True),
         ),
         Method(
             "cva", "linear", "The same from canonical variates: outputs of any unit and noise.", "open",
-            "Larimore 1990", (*_SUBSPACE, "focus"), _cva,
+            "Larimore 1990", (*_SUBSPACE, "focus"), _subspace("cva", with_focus=True),
         ),
         Method(
             "vodma", "linear", "State space in a loop whose controller is known and linear.",
@@ -390,10 +351,10 @@ METHODS: dict[str, Method] = {
         ),
         Method(
             "vodma-direct", "linear", "The same without the controller.", "open", "Linköping thesis 2009, 3.4",
-            _SUBSPACE, _vodma_direct,
+            _SUBSPACE, _subspace("vodma_direct"),
         ),
         Method(
-            "pbsid", "linear", "State space under any feedback, nothing known of it.", "any", "Chiuso 2007",
+            "pbsid", "linear", "State space under any feedback, the controller unknown.", "any", "Chiuso 2007",
             _SUBSPACE, _pbsid,
         ),
         Method(
@@ -418,7 +379,7 @@ METHODS: dict[str, Method] = {
             for name, summary, loop, source, polynomials in (
                 ("rarx", "Least squares, sample by sample.", "any, white equation error", f"{_LJUNG}, 11.2",
                  ("na", "nb")),
-                ("kalman", "The same for coefficients that wander.", "any, white equation error", f"{_LJUNG}, 11.2",
+                ("kalman", "The same for time-varying coefficients.", "any, white equation error", f"{_LJUNG}, 11.2",
                  ("na", "nb")),
                 ("ekf", "State and coefficients in one extended Kalman filter: biased where its noises are wrong.",
                  "any, noise levels right", "Ljung 1979", ("na", "nb")),

@@ -35,7 +35,7 @@ def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[S
     from scipy.signal import lfilter, lfilter_zi
 
     # Here, because the polynomial methods import this file.
-    from idloop.estimation.polynomial.stability import radius
+    from idloop.estimation.polynomial.polynomials import radius
 
     numerator, denominator = _coefficients(prefilter, data[0].sample_time)
     if denominator[0] == 0.0 or radius(denominator / denominator[0]) >= 1.0:

@@ -244,7 +244,7 @@ def _part(value: Array | None, stretch: slice) -> Array | None:
 
 
 def held_sum(record: Record, time: Array, *columns: tuple[str, int]) -> Array | None:
-    """Sum of columns of the reference and the excitation at given times; None where none of them says anything.
+    """Sum of columns of the reference and the excitation at given times; None where none of them was recorded.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def held_sum(record: Record, time: Array, *columns: tuple[str, int]) -> Array | 
         when, what = getattr(record, f"{name}_time"), getattr(record, name)
         if when is None or what is None or not np.any(np.isfinite(what[:, column])):
             continue
-        # Before its first sample, and where it says nothing, a signal adds nothing.
+        # Before its first sample, and where it was not recorded, a signal adds nothing.
         held = np.nan_to_num(resample_held(when, what[:, column], time))
         total = held if total is None else total + held
     return total

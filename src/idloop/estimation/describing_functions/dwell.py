@@ -8,16 +8,57 @@ from dataclasses import dataclass
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.harmonics import Floats
-from idloop.estimation.describing_functions.recorded_signal import recorded_signal
+from idloop.estimation.describing_functions.element import Floats
 from idloop.estimation.describing_functions.sine_fit import refine_frequency
 from idloop.records import Record
 from idloop.signals import Signal
+from idloop.spelling import did_you_mean_or_known
 
 # A crossing counts once the signal has left this part of its range.
 _HYSTERESIS = 0.005
 # Periods and amplitudes that differ by less than this part belong to one step.
 _ALIKE = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSignal:
+    """Stamps and values of one signal, what was not measured left out.
+
+    `name`, `unit`: as in the record; the unit of a reference or excitation is not recorded; `time`, `value` (n,):
+    stamps [s] and values.
+    """
+
+    name: str
+    unit: str
+    time: Floats
+    value: Floats
+    held: bool  # held from each stamp to the next (command, reference, excitation), or sampled (outputs)
+
+
+def recorded_signal(record: Record, name: str) -> RecordedSignal:
+    """Find a signal: the command, an output, or a column of the reference or the excitation.
+
+    `record`: the experiment; `name`: ``record.input_name``, one of ``record.output_names``, ``reference.position``,
+    ``reference.velocity``, ``excitation.position`` or ``excitation.effort``. Raises InputError: no such signal, or it
+    was never measured.
+    """
+    known: dict[str, tuple[Floats, Floats, str, bool]] = {
+        record.input_name: (record.input_time, record.input, record.input_unit, True)
+    }
+    for column, output in enumerate(record.output_names):
+        known[output] = (record.time, record.output[:, column], record.output_units[column], False)
+    for kind, fields in (("reference", ("position", "velocity")), ("excitation", ("position", "effort"))):
+        when, what = getattr(record, f"{kind}_time"), getattr(record, kind)
+        if when is not None and what is not None:
+            for column, field in enumerate(fields):
+                known[f"{kind}.{field}"] = (when, what[:, column], "", True)
+    if name not in known:
+        raise InputError(f"{record.name}: no signal {name!r}{did_you_mean_or_known(name, known)}")
+    time, value, unit, held = known[name]
+    there = np.isfinite(value)
+    if there.sum() < 2:
+        raise InputError(f"{record.name}: {name} was not measured; choose another signal")
+    return RecordedSignal(name, unit, time[there], value[there], held)
 
 
 @dataclass(frozen=True)
@@ -80,7 +121,7 @@ def find_dwells(record: Record, source: str | None = None, settle_periods: int =
     record : Record
         The experiment.
     source : str, optional
-        Signal to look at; the command by default.
+        Signal to search; the command by default.
     settle_periods : int
         Periods left out at the beginning of each step.
 

@@ -10,24 +10,54 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.describing_function import DescribingFunction, closed_form
-from idloop.estimation.describing_functions.drawing import new_axes, with_unit
-from idloop.estimation.describing_functions.element import ClosedForm, positive_amplitudes
-from idloop.estimation.describing_functions.elements.relay import Relay
-from idloop.estimation.describing_functions.harmonics import Complexes, Floats
-from idloop.estimation.describing_functions.interpolation import Exact, Interpolated
+from idloop.estimation.describing_functions.describing_function import (
+    DescribingFunction,
+    Exact,
+    Interpolated,
+    closed_form,
+)
+from idloop.estimation.describing_functions.element import ClosedForm, Complexes, Floats, positive_amplitudes
+from idloop.estimation.describing_functions.elements import Relay
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.plain import plain, plain_list
+from idloop.estimation.describing_functions.presentation import new_axes, plain, plain_list, with_unit
 from idloop.estimation.describing_functions.relay_cycle import RelayCycle, relay_cycles
-from idloop.estimation.describing_functions.roots import grid_roots
 from idloop.estimation.describing_functions.sine_drive import drive_by_sine
 
+# A zero on an edge belongs to both triangles: better found twice than never.
+_EDGE = 1e-9
 # Amplitudes of the grid: how close to the threshold they begin, how far they reach, how many.
 NEAREST, FARTHEST, AMPLITUDES = 1e-4, 1e4, 500
 # Two answers that differ by less than this part are one limit cycle.
 SAME = 1e-4
-
 Gain = Exact | Interpolated
+
+
+def grid_roots(value: Complexes) -> Floats:
+    """Zeros of the function that is linear on each half of every cell of a grid.
+
+    `value` (m, k): values at the grid's points; cells with a value that is not finite hold no zero. Returns shape (r,
+    2): fractional row and column of each zero; one on an edge may appear twice.
+    """
+    if min(value.shape) < 2:
+        return np.zeros((0, 2))
+    low, right, up, far = value[:-1, :-1], value[:-1, 1:], value[1:, :-1], value[1:, 1:]
+    first, second = _triangle(low, up, right), _triangle(far, right, up)
+    found = [np.zeros((0, 2))]
+    for (rows, columns, s, t), sign, origin in ((first, 1.0, 0), (second, -1.0, 1)):
+        found.append(np.column_stack([rows + origin + sign * s, columns + origin + sign * t]))
+    return np.concatenate(found)
+
+
+def _triangle(corner: Complexes, row: Complexes, column: Complexes) -> tuple[Floats, Floats, Floats, Floats]:
+    """Cells whose triangle holds 0, and how far along the row and the column it lies there."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        along, across = row - corner, column - corner
+        area = along.real * across.imag - along.imag * across.real
+        s = (across.real * corner.imag - across.imag * corner.real) / area
+        t = (along.imag * corner.real - along.real * corner.imag) / area
+        inside = (s >= -_EDGE) & (t >= -_EDGE) & (s + t <= 1.0 + 2.0 * _EDGE)
+    rows, columns = np.nonzero(inside)
+    return rows.astype(float), columns.astype(float), s[inside], t[inside]
 
 
 @dataclass(frozen=True)
@@ -122,7 +152,7 @@ class LimitCycles:
     def __repr__(self) -> str:
         """Name the element and its cycles; the curves are what `plot` and `to_dict` are for."""
         unit = f" {self.unit}" if self.unit else ""
-        told = [
+        first_harmonic = [
             f"{'stable' if one.stable else 'unstable'}: {one.amplitude:.4g}{unit} at {one.frequency:.4g} Hz"
             for one in self.cycles
         ]
@@ -130,7 +160,7 @@ class LimitCycles:
             f"exactly {'stable' if one.stable else 'unstable'}: peak {one.peak:.4g}{unit} at {one.frequency:.4g} Hz"
             for one in self.exact
         ]
-        first = told or ["none by the first harmonic" if exact else "none"]
+        first = first_harmonic or ["none by the first harmonic" if exact else "none"]
         return f"LimitCycles({self.name}: {'; '.join([*first, *exact])})"
 
     @property
@@ -220,7 +250,7 @@ def limit_cycles(
     left of G(jω) with growing ω, out of the region that an open-loop stable G encircles (Loeb's criterion;
     Gelb and Vander Velde, Multiple-Input Describing Functions, 1968).
 
-    A first harmonic stands for the whole motion only where G takes the others away. Behind a lag of first order a
+    A first harmonic describes the whole motion only where G attenuates the others. Behind a lag of first order a
     relay with hysteresis oscillates (a thermostat), though −1/N has a negative real part and G none, so that they never
     meet: that is in `LimitCycles.exact`.
 
@@ -286,7 +316,7 @@ def _amplitudes(
     threshold = element.threshold
     if threshold > 0.0:
         return threshold * (1.0 + np.geomspace(NEAREST, FARTHEST, AMPLITUDES))
-    # N(A) = N(1)/A: the response itself says which amplitudes can meet it.
+    # N(A) = N(1)/A: the response itself gives the amplitudes that can meet it.
     sizes = np.abs(element.gain(1.0)) * np.abs(response[response != 0.0])
     return np.geomspace(0.5 * sizes.min(), 2.0 * sizes.max(), AMPLITUDES)
 
@@ -326,7 +356,7 @@ def _cycle(
     step = 1e-4
     high, low = gain(amplitude * (1.0 + step), frequency), gain(amplitude * (1.0 - step), frequency)
     point, here = complex(linear.response(frequency)[0]), gain(amplitude, frequency)
-    # N moves with the frequency as well where its table says so.
+    # N varies with the frequency as well where its table has several.
     bend = 1e-4 * frequency
     turn = (_inverse(gain(amplitude, frequency + bend)) - _inverse(gain(amplitude, frequency - bend))) / (
         4 * math.pi * bend
@@ -347,7 +377,7 @@ def _other_growth(linear: LinearPart, gain: complex, frequency: float) -> bool:
     """Whether a root other than the cycle's own pair grows, with the element as a constant gain."""
     roots = linear.closed_roots(gain)
     own = 2j * math.pi * frequency
-    # A complex gain stands for positive frequencies only: the other half mirrors it.
+    # A complex gain holds for positive frequencies only: the other half mirrors it.
     upper = roots[roots.imag >= -1e-9 * abs(own)]
     if upper.size == 0:
         return False

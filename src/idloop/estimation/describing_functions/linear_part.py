@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.harmonics import Complexes, Floats
+from idloop.estimation.describing_functions.element import Complexes, Floats
 
 # Frequencies per factor of ten, and around each resonance.
 PER_DECADE, PER_RESONANCE = 200, 41

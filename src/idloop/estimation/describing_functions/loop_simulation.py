@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.drawing import new_axes, with_unit
-from idloop.estimation.describing_functions.element import Element
-from idloop.estimation.describing_functions.harmonics import Floats
+from idloop.estimation.describing_functions.element import Element, Floats
 from idloop.estimation.describing_functions.limit_cycle import LimitCycle
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.plain import plain
+from idloop.estimation.describing_functions.presentation import new_axes, plain, with_unit
 from idloop.estimation.describing_functions.relay_cycle import RelayCycle
 from idloop.estimation.describing_functions.sine_drive import HARMONICS
 from idloop.estimation.describing_functions.sine_fit import refine_frequency, sine_fit
@@ -90,7 +88,7 @@ def simulate_loop(
     system : control.TransferFunction or control.StateSpace
         The linear part, strictly proper (or sampled and with a delay).
     element : Element
-        A closed-form element or a `LoneEffect`.
+        A closed-form element or a `EffectElement`.
     cycle : LimitCycle or RelayCycle
         Where to start, and how fast it turns.
     delay : float
@@ -116,7 +114,7 @@ def simulate_loop(
         raise InputError(f"simulation of a loop: {periods} periods of {steps} steps; take 20 and 16 or more")
     interval, late = _grid(linear, cycle, steps)
     if late == 0 and abs(float(linear.space.D[0, 0])) > 0.0:
-        raise InputError("simulation of a loop: the linear part answers at once; add its delay or a pole")
+        raise InputError("simulation of a loop: the linear part has a direct feedthrough; add its delay or a pole")
     count = math.ceil(periods / (cycle.frequency * interval))
     with np.errstate(over="ignore", invalid="ignore"):
         signal = _run(linear, element, cycle, start, interval, late, count)

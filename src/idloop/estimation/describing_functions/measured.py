@@ -11,11 +11,10 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.estimation.describing_functions.describing_function import DescribingFunction, Places
-from idloop.estimation.describing_functions.dwell import Dwell, find_dwells
-from idloop.estimation.describing_functions.harmonics import Floats
+from idloop.estimation.describing_functions.dwell import Dwell, RecordedSignal, find_dwells, recorded_signal
+from idloop.estimation.describing_functions.element import Floats
 from idloop.estimation.describing_functions.linear_part import linear_part
-from idloop.estimation.describing_functions.plain import plain_list
-from idloop.estimation.describing_functions.recorded_signal import RecordedSignal, recorded_signal
+from idloop.estimation.describing_functions.presentation import plain_list
 from idloop.estimation.describing_functions.sine_drive import HARMONICS
 from idloop.estimation.describing_functions.sine_fit import SineFit, held_sine_fit, sine_fit
 from idloop.records import Record
@@ -283,7 +282,7 @@ def _point(
 def _fit(
     where: str, signal: RecordedSignal, dwell: Dwell, start: float, harmonics: int, trend: bool, beside: Floats
 ) -> SineFit:  # fmt: skip
-    """Harmonics of one signal over one step, as many as its samples can tell."""
+    """Harmonics of one signal over one step, as many as its samples can resolve."""
     step = float(np.median(np.diff(signal.time)))
     slack = 0.5 * step
     # A held signal is known from its first stamp on for good, a sampled one between its stamps.

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.elements.relay import Relay
-from idloop.estimation.describing_functions.harmonics import Floats
+from idloop.estimation.describing_functions.element import Floats
+from idloop.estimation.describing_functions.elements import Relay
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.plain import plain
+from idloop.estimation.describing_functions.presentation import plain
 
 # Half periods that are tried, over the fastest and the slowest time constant, and how many for a factor of ten.
 SHORTEST, LONGEST, PER_DECADE = 1e-5, 20.0, 40
 # Phase that a ringing mode turns from one half period to the next [rad], how far it is followed, and until it decayed.
 TURN, MOST_TURNS, DECAYED = 0.15, 400.0, 7.0
-# Instants within a half period at which the relay's input is looked at, and for a radian of a ringing mode, at most.
+# Instants within a half period at which the relay's input is computed; for a radian of a ringing mode; the most.
 INSTANTS, PER_RADIAN, MOST_INSTANTS = 200, 8.0, 20_000
 # Of the input's swing: what rounding may leave of a threshold.
 ROUNDING = 1e-9
@@ -35,7 +35,7 @@ class RelayCycle:
     peak : float
         Greatest value of the relay's input.
     amplitude : float
-        First harmonic of the relay's input, which a describing function tells of.
+        First harmonic of the relay's input, to compare with a describing function.
     point : complex
         G(jω) there.
     stable : bool
@@ -88,7 +88,7 @@ def relay_cycles(system: Any, relay: Relay, *, delay: float = 0.0) -> tuple[Rela
     Raises
     ------
     InputError
-        A relay with a dead zone, a sampled system, or one that answers at once.
+        A relay with a dead zone, a sampled system, or one with a direct feedthrough.
 
     Notes
     -----
@@ -108,11 +108,11 @@ def relay_cycles(system: Any, relay: Relay, *, delay: float = 0.0) -> tuple[Rela
     """
     linear = linear_part(system, delay)
     if relay.on != -relay.lower:
-        raise InputError(f"{relay.name}: with a dead zone it rests between; give off = −on, or take limit_cycles")
+        raise InputError(f"{relay.name}: with a dead zone its output rests at 0; give off = −on or take limit_cycles")
     if linear.discrete:
         raise InputError("exact cycles of a relay: a continuous system is needed; take limit_cycles for a sampled one")
     if abs(float(linear.space.D[0, 0])) > 0.0:
-        raise InputError("exact cycles of a relay: the linear part answers at once; add a pole")
+        raise InputError("exact cycles of a relay: the linear part has a direct feedthrough; add a pole")
     sizes = np.abs(linear.space.poles())
     sizes = sizes[sizes > 1e-9 * float(np.max(sizes, initial=0.0))]
     sizes = np.append(sizes, 1.0 / delay) if delay > 0.0 else sizes

@@ -9,10 +9,15 @@ from typing import Any
 import numpy as np
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimation.describing_functions.drawing import new_axes
-from idloop.estimation.describing_functions.element import Element, check_size
-from idloop.estimation.describing_functions.harmonics import Complexes, Floats, distortion, period_harmonics
-from idloop.estimation.describing_functions.plain import plain, plain_list
+from idloop.estimation.describing_functions.element import (
+    Complexes,
+    Element,
+    Floats,
+    check_size,
+    distortion,
+    period_harmonics,
+)
+from idloop.estimation.describing_functions.presentation import new_axes, plain, plain_list
 
 SAMPLES = 2048  # per period: a switch is found to 0.2 % of the period
 HARMONICS = 9
@@ -108,7 +113,7 @@ def drive_by_sine(
     Parameters
     ----------
     element : Element
-        A closed-form element or a `LoneEffect`.
+        A closed-form element or a `EffectElement`.
     amplitude, bias : float
         In the input's unit.
     frequency : float
@@ -176,7 +181,7 @@ def drive_by_sine(
 
 
 def _settled(outputs: list[Floats]) -> Floats | None:
-    """The period that the last two or three tend to, or None as long as they do not tell."""
+    """The period that the last two or three tend to, or None while it is unknown."""
     if len(outputs) < 2:
         return None
     change, size = outputs[-1] - outputs[-2], float(np.max(np.abs(outputs[-1])))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idloop.estimation.describing_functions.harmonics import Complexes, Floats
+from idloop.estimation.describing_functions.element import Complexes, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def sine_fit(
     trend : bool
         Let the signal drift along a straight line, as a position does.
     beside : ndarray, shape (q,), optional
-        Frequencies [Hz] at which to look at the residual.
+        Frequencies [Hz] at which the residual is wanted.
     """
     phase = 2.0 * math.pi * frequency * np.outer(time, np.arange(1, harmonics + 1))
     middle, span = 0.5 * (time[0] + time[-1]), max(float(time[-1] - time[0]), 1e-300)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,16 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.black_box.control_names import control_names
+from idloop.estimation.black_box.labels import control_names
 from idloop.estimation.black_box.sampled import SampledData, check_fits
-from idloop.estimation.linear.initial_state import initial_state
-from idloop.estimation.linear.propagate import ahead, respond
+from idloop.estimation.linear.propagate import ahead, initial_state, respond
 from idloop.estimation.statistics.information_criteria import Information
 
 if TYPE_CHECKING:
     import control
 
 Array = NDArray[np.float64]
+# An integrator comes out a little to either side of the circle.
+_UNSTABLE = 1.001
+Focus = Literal["prediction", "simulation"]
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class LinearModel:
     singular_values : ndarray, or None
         Of the weighted projection (subspace methods): a gap shows the order.
     notes : tuple of str
-        What a user should know of this estimate.
+        Remarks on this estimate for the user.
     start : str
         Method of the model that a search began from (`prediction_error`); empty elsewhere.
     """
@@ -261,7 +264,7 @@ class LinearModel:
         import matplotlib.pyplot as plt
 
         from idloop import drawing
-        from idloop.estimation.black_box.bode_labels import bode_labels, title_over_legend
+        from idloop.estimation.black_box.labels import bode_labels, title_over_legend
 
         unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
         frequency = np.geomspace(1e-3, 0.5, 400) / self.sample_time
@@ -286,3 +289,32 @@ class LinearModel:
 
     def _check(self, data: SampledData) -> None:
         check_fits(data, self.method, self.b.shape[1], self.c.shape[0], self.sample_time)
+
+
+def instability_notes(a: NDArray[np.float64]) -> tuple[str, ...]:
+    """One note where the free run grows, none otherwise.
+
+    `a` (n, n): state matrix.
+    """
+    if not np.all(np.isfinite(a)):
+        return ()
+    radius = float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0))
+    if radius <= _UNSTABLE:
+        return ()
+    return (f"unstable: its free run grows by a factor of {radius:.4g} per sample; correct for an unstable plant only",)
+
+
+def error_covariance(model: LinearModel, experiments: Sequence[SampledData], focus: Focus = "prediction") -> Array:
+    """Mean product of the errors, the first state of each experiment estimated.
+
+    `focus`: errors one step ahead or of the free run. Returns shape (p, p): [output units squared]; infinite where the
+    errors overflow.
+    """
+    p = model.c.shape[0]
+    total, count = np.zeros((p, p)), 0
+    for one in experiments:
+        errors = model.innovations(one) if focus == "prediction" else one.output - model.simulate(one)
+        with np.errstate(all="ignore"):
+            total += errors.T @ errors
+        count += len(errors)
+    return np.where(np.isfinite(total), total / count, np.inf)

@@ -11,6 +11,7 @@ import numpy as np
 from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_npz, read_text
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.linear.model import Coefficient, LinearModel
+from idloop.json_values import to_json
 
 SCHEMA = "idloop/linear-model/1"
 SUFFIXES = (".json", ".npz")
@@ -67,7 +68,7 @@ def save(model: LinearModel, path: Path | str) -> Path:
                 arrays: dict[str, Any] = {key: np.asarray(value) for key, value in content.items()}
                 np.savez_compressed(file, **arrays)
         else:
-            path.write_text(json.dumps(content, indent=2, ensure_ascii=False, default=_plain) + "\n", encoding="utf-8")
+            path.write_text(json.dumps(to_json(content), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error
     return path
@@ -116,13 +117,6 @@ def check_suffix(path: Path) -> Path:
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: a linear model is a file with the suffix {' or '.join(SUFFIXES)}")
     return path
-
-
-def _plain(value: Any) -> Any:
-    """Nested lists of an array, with null for what is not finite."""
-    known = np.asarray(value, dtype=object)
-    known[~np.isfinite(value)] = None
-    return known.tolist()
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -11,24 +11,58 @@ from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.black_box.sampled import SampledData, check_fits, together
-from idloop.estimation.linear.error_covariance import Focus, error_covariance
-from idloop.estimation.linear.instability import instability_notes
-from idloop.estimation.linear.model import Coefficient, LinearModel
+from idloop.estimation.linear.conversion import c2d
+from idloop.estimation.linear.model import Coefficient, Focus, LinearModel, error_covariance, instability_notes
 from idloop.estimation.linear.propagate import respond
 from idloop.estimation.linear.search import Found, Parametrisation, mirrored, predictor_radius, search, stability_limit
 from idloop.estimation.linear.sensitivity import Matrices
-from idloop.estimation.linear.start_model import start_model
 from idloop.estimation.observer.observer import riccati
-from idloop.estimation.statistics.collinear import together_notes
+from idloop.estimation.statistics.collinear import collinearity_notes
 
 if TYPE_CHECKING:
     import control
     from idloop.estimation.black_box.prefilter import Filter
 
 Array = NDArray[np.float64]
-
 _PARTS = ("a", "b", "c", "d", "gain")
 _LOOKED_AT = 20_000  # samples from which the size of the states is taken
+
+
+def start_model(start: LinearModel | control.StateSpace | control.TransferFunction, data: SampledData) -> LinearModel:
+    """A model with the signals of the data; one that is a LinearModel already as it is.
+
+    `start`: of a python-control system the Kalman gain is zero; a continuous one is sampled, its commands held. Raises
+    InputError: neither of these, or a system with other numbers of inputs and outputs than the data.
+    """
+    import control
+
+    if isinstance(start, LinearModel):
+        return start
+    if not isinstance(start, control.StateSpace | control.TransferFunction):
+        raise InputError(
+            f"start model of type {type(start).__name__}; give a LinearModel, as the estimators return, or a"
+            " python-control StateSpace or TransferFunction"
+        )
+    outputs, inputs = data.output.shape[1], data.input.shape[1]
+    if (start.ninputs, start.noutputs) != (inputs, outputs):
+        raise InputError(
+            f"{data.name}: {inputs} inputs and {outputs} outputs; the start model has {start.ninputs} and"
+            f" {start.noutputs}"
+        )
+    sampled: Any = control.ss(c2d(start, data.sample_time) if start.isctime(strict=True) else start)
+    labels = data.labels | {"sample_time": data.sample_time if sampled.dt in (None, True) else float(sampled.dt)}
+    return LinearModel(
+        method="given",
+        a=np.asarray(sampled.A, dtype=float),
+        b=np.asarray(sampled.B, dtype=float),
+        c=np.asarray(sampled.C, dtype=float),
+        d=np.asarray(sampled.D, dtype=float),
+        gain=np.zeros((sampled.nstates, outputs)),
+        covariance=np.full((outputs, outputs), np.nan),
+        samples=0,
+        free=0,
+        **labels,
+    )
 
 
 def prediction_error(
@@ -134,7 +168,7 @@ def finished(
     focus: Focus,
     prefilter: Filter | None,
 ) -> LinearModel:
-    """Model at the end of a search, with its errors, coefficients and what there is to say of it.
+    """Model at the end of a search, with its error covariance, coefficients and notes.
 
     `shape`: whose method, signals and sample time the model has; `names`: of the parameters that are coefficients;
     `kept`: which parameters these are.
@@ -164,7 +198,7 @@ def finished(
         notes=(*notes, *instability_notes(matrices.a)),
     )
     model = replace(model, covariance=error_covariance(model, experiments, focus))
-    return replace(model, notes=(*model.notes, *together_notes(experiments, model)))
+    return replace(model, notes=(*model.notes, *collinearity_notes(experiments, model)))
 
 
 def overflowing(name: str, focus: Focus) -> InputError:

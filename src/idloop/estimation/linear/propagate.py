@@ -1,4 +1,4 @@
-"""The recursion of a discrete state-space model, compiled."""
+"""Response of a discrete state-space model, compiled, and its first state by least squares."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_LONGEST = 20_000  # samples: a mode that has not died away by then drifts in everything that follows as well
+_WEIGHINGS = 3  # rounds: the errors give the weights, and the weights the errors
+_LEAST_SHARE = 1e-9  # of an output's size: errors below are rounding
 
 
 @njit(cache=True)
@@ -75,3 +78,49 @@ def ahead(
         error = outputs[k] - c @ x - d @ inputs[k]
         x = a @ x + b @ inputs[k] + gain @ error
     return predicted
+
+
+def initial_state(a: Array, c: Array, rest: Array) -> Array:
+    """State that explains best what the model's response from rest leaves of the outputs.
+
+    Each output counts in units of its own errors, so that a noisy one does not spoil the estimate of a
+    mode that never dies away, such as an integrator's.
+
+    `a`, `c` (n, n), (p, n): of the model; of the predictor (A - K C) for prediction; `rest` (N, p): measured output
+    minus the response from the zero state. Returns shape (n,): of smallest norm where the outputs do not show the whole
+    state.
+    """
+    order = a.shape[0]
+    if order == 0 or rest.shape[0] == 0:
+        return np.zeros(order)
+    used = rest[:_LONGEST]
+    none = np.zeros((used.shape[0], 1))
+    b, d = np.zeros((order, 1)), np.zeros((c.shape[0], 1))
+    free = np.stack([respond(a, b, c, d, unit, none) for unit in np.eye(order)], axis=-1)
+    # Of a free response that overflows only the samples before count.
+    finite = np.all(np.isfinite(free) & (np.abs(free) < 1e12), axis=(1, 2))
+    last = used.shape[0] if finite.all() else int(np.argmin(finite))
+    columns, target = free[:last], used[:last]
+    size = np.sqrt(np.mean(target**2, axis=0))
+    floor = np.where(size > 0.0, _LEAST_SHARE * size, 1.0)
+    deviation, state = np.maximum(size, floor), np.zeros(order)
+    # Each output's response and measurements as one triangle: every round then weighs a few rows.
+    triangles = [_triangle(columns[:, j], target[:, j]) for j in range(len(c))]
+    for _ in range(_WEIGHINGS if len(c) > 1 else 1):
+        state = _least_squares(np.concatenate([one / d for one, d in zip(triangles, deviation, strict=True)]))
+        left = [float(np.linalg.norm(one[:, -1] - one[:, :-1] @ state)) for one in triangles]
+        deviation = np.maximum(np.array(left) / np.sqrt(last), floor)
+    return state
+
+
+def _triangle(columns: Array, target: Array) -> Array:
+    """Rows (k, n + 1) with the lengths and angles of the columns and the target."""
+    return np.asarray(np.linalg.qr(np.column_stack([columns, target]), mode="r"))
+
+
+def _least_squares(rows: Array) -> Array:
+    """State of least errors, of smallest norm where the outputs do not show the whole of it."""
+    columns, target = rows[:, :-1], rows[:, -1]
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(columns / scale, target, rcond=None)[0] / scale)

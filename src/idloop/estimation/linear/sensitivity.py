@@ -121,7 +121,7 @@ def compressed_errors(
     `whitener` (p, p): applied to each error; `initial`: whether the first state of each experiment is estimated; else
     it is zero. Returns `residual` (r,); `jacobian` (r, k): infinite where the model's predictor overflows.
     """
-    moves = directions if directions is not None else _still(model)
+    moves = directions if directions is not None else _no_directions(model)
     first, k = (model.a.shape[0] if initial else 0), moves.a.shape[2]
     whole = np.zeros((0, k + 1))
     for inputs, outputs in experiments:
@@ -138,7 +138,7 @@ def compressed_errors(
 def error_moments(model: Matrices, experiments: Sequence[tuple[Array, Array]], initial: bool) -> Array:
     """Mean product of the errors over all experiments, shape (p, p); infinite where they overflow."""
     p = model.c.shape[0]
-    still, unit = _still(model), np.eye(p)
+    still, unit = _no_directions(model), np.eye(p)
     total, count = np.zeros((p, p)), 0
     for inputs, outputs in experiments:
         for rows in _at_best_state(model, still, inputs, outputs, unit, initial):
@@ -175,7 +175,7 @@ def score_sums(
 def _first_state(model: Matrices, inputs: Array, outputs: Array, whitener: Array) -> Array:
     """First state of smallest errors; zero where they overflow."""
     order = len(model.a)
-    factor = _factor(model, _still(model), inputs, outputs, whitener, order, np.zeros(order))
+    factor = _factor(model, _no_directions(model), inputs, outputs, whitener, order, np.zeros(order))
     if not np.all(np.isfinite(factor)):
         return np.zeros(order)
     return -_solved(factor[:order, :order], factor[:order, order:])[:, 0]
@@ -187,7 +187,7 @@ def _solved(triangle: Array, target: Array) -> Array:
     return np.asarray(np.linalg.lstsq(triangle / scale, target, rcond=1e-12)[0] / scale[:, None])
 
 
-def _still(model: Matrices) -> Matrices:
+def _no_directions(model: Matrices) -> Matrices:
     """No direction at all."""
     return model.like(np.zeros((model.flat().size, 0)))
 

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
-from idloop.estimation.linear.error_covariance import Focus
-from idloop.estimation.linear.model import LinearModel
+from idloop.estimation.linear.model import Focus, LinearModel
 from idloop.estimation.linear.prediction_error import filtered, finished, overflowing
 from idloop.estimation.linear.search import Parametrisation, search
 from idloop.estimation.linear.sensitivity import Matrices

@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-from idloop.estimation.networks.division import Division, Split
-from idloop.estimation.networks.model import NarxModel
-from idloop.estimation.networks.model_file import load, save
+from idloop.estimation.networks.model import NarxModel, load, save
 from idloop.estimation.networks.neural import narx_neural
-from idloop.estimation.networks.tapped_delays import TappedDelays
 from idloop.estimation.networks.training import TrainingHistory, TrainingRules
+from idloop.estimation.networks.training_data import Division, Split, TappedDelays
 from idloop.estimation.networks.wavelet import narx_wavelet
 
 __all__ = [

@@ -1,26 +1,29 @@
-"""A nonlinear ARX model with a network: prediction, free run, training history and figures."""
+"""A nonlinear ARX model with a network: prediction, free run, training history, figures and files."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.documents import NOT_WHOLE
-from idloop.errors import InputError
+from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_text
+from idloop.errors import IdloopError, InputError
 from idloop.estimation.black_box.sampled import SampledData, check_fits
-from idloop.estimation.networks.division import Split
 from idloop.estimation.networks.network import Network, ahead, parameters
-from idloop.estimation.networks.tapped_delays import TappedDelays
 from idloop.estimation.networks.training import TrainingHistory
+from idloop.estimation.networks.training_data import Split, TappedDelays
+from idloop.json_values import to_json
 
 if TYPE_CHECKING:
     import control
 
 Array = NDArray[np.float64]
+SCHEMA = "idloop/narx-model/1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,7 @@ class NarxModel:
         Its states are the last `first` outputs, oldest first, then the last `first` inputs.
         """
         import control
-        from idloop.estimation.black_box.control_names import control_names
+        from idloop.estimation.black_box.labels import control_names
 
         first, p, m = self.first, len(self.output_names), len(self.input_names)
 
@@ -134,7 +137,7 @@ class NarxModel:
         -------
         ndarray, shape (N, p)
             The samples before `first` are `initial`. A run that diverges stays at `low` or `high`; ``diverges``
-            tells where [output units].
+            returns the sample [output units].
 
         Raises
         ------
@@ -325,7 +328,7 @@ def _network(values: Mapping[str, Any]) -> Network:
 
 
 def _check_shapes(network: Network, inputs: int, outputs: int) -> None:
-    """The compiled functions do not look at shapes themselves."""
+    """The compiled functions do not check shapes."""
     units, regressors = len(network.kind), len(network.source)
     expected = {
         "lag": (regressors,), "center": (regressors,), "width": (regressors,), "direction": (units, regressors),
@@ -339,3 +342,57 @@ def _check_shapes(network: Network, inputs: int, outputs: int) -> None:
     known = (network.source >= 0) & (network.source < inputs + outputs) & (network.lag >= 0)
     if not (np.all(known) and np.all(network.lag[network.source < outputs] >= 1)):
         raise InputError("damaged: a regressor that is no past output and no input")
+
+
+def save(model: NarxModel, path: Path | str) -> Path:
+    """Write a network.
+
+    Parameters
+    ----------
+    model : NarxModel
+    path : Path or str
+        With the suffix ``.json``.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        Another suffix.
+    IdloopError
+        The file cannot be written.
+    """
+    path = check_suffix(Path(path))
+    document = to_json({"schema": SCHEMA, **model.to_dict()})
+    try:
+        path.write_text(json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error
+    return path
+
+
+def load(path: Path | str) -> NarxModel:
+    """Read what `save` wrote.
+
+    Raises
+    ------
+    InputError
+        No such file, or not one of a network.
+    """
+    path = check_suffix(Path(path))
+    content = read_json(read_text(path, MOST_JSON), str(path))
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError(f"{path}: no network in it; its schema must be {SCHEMA}")
+    try:
+        return NarxModel.from_dict(content)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def check_suffix(path: Path) -> Path:
+    """Return `path` when it ends with ``.json``."""
+    if path.suffix.lower() != ".json":
+        raise InputError(f"{path}: a network is a file with the suffix .json")
+    return path

@@ -126,7 +126,7 @@ def ahead(network: Network, inputs: Array, outputs: Array, first: int, steps: in
     """Prediction `steps` samples ahead: 1 is the series-parallel form, all that follow `first` the parallel one.
 
     `inputs`, `outputs` (N, m) and (N, p); `first`: first sample that is predicted; those before are copied from
-    `outputs`; `steps`: samples since the last measurement that a prediction knows; `low`, `high` (p,): the model's
+    `outputs`; `steps`: samples since the last measurement that a prediction uses; `low`, `high` (p,): the model's
     outputs are held between these, so that a run that diverges stays finite. Returns shape (N, p).
     """
     samples, p = outputs.shape

@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
-from idloop.estimation.networks.division import Division
 from idloop.estimation.networks.model import NarxModel
 from idloop.estimation.networks.network import SIGMOID, Network
 from idloop.estimation.networks.preparation import Form, Preparation, prepare
-from idloop.estimation.networks.scaling import by_range
-from idloop.estimation.networks.tapped_delays import TappedDelays
 from idloop.estimation.networks.training import TrainingHistory, TrainingRules, mean_squares, train
+from idloop.estimation.networks.training_data import Division, TappedDelays, by_range
 
 Array = NDArray[np.float64]
 

@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
-from idloop.estimation.networks.division import Division, Split, divide
 from idloop.estimation.networks.model import NarxModel
 from idloop.estimation.networks.network import Network
-from idloop.estimation.networks.scaling import by_range
-from idloop.estimation.networks.tapped_delays import TappedDelays, regressors
 from idloop.estimation.networks.training import TrainingHistory
-from idloop.estimation.networks.training_data import TrainingData
+from idloop.estimation.networks.training_data import (
+    Division,
+    Split,
+    TappedDelays,
+    TrainingData,
+    by_range,
+    divide,
+    regressors,
+)
 
 Array = NDArray[np.float64]
 Form = Literal["series-parallel", "parallel"]
@@ -81,8 +86,8 @@ def prepare(
     """Check the data, build its regressors and share out its samples.
 
     `free`: how many numbers will be estimated, from the numbers of regressors and outputs. Raises InputError: no data,
-    records shorter than the delays, fewer training samples than numbers to estimate, an output that stands still, or no
-    command that moves.
+    records shorter than the delays, fewer training samples than numbers to estimate, an output or all commands that do
+    not move.
     """
     several = together(data)
     source, lag = delays.taps(several[0].input.shape[1], several[0].output.shape[1])
@@ -103,7 +108,7 @@ def prepare(
     outputs = np.concatenate([outputs[first:] for _, outputs in experiments])[split.train]
     for column, name in zip(outputs.T, several[0].output_names, strict=True):
         if not np.ptp(column) > 0:
-            raise InputError(f"{several[0].name}: {name} stands still; a model needs an output that moves")
+            raise InputError(f"{several[0].name}: {name} does not move; a model needs an output that moves")
     if not any(np.ptp(inputs) > 0 for inputs, _ in experiments):
         raise InputError(f"{several[0].name}: no command ever changes; excite the axis, nothing can be identified")
     center, width = by_range(outputs)

@@ -7,6 +7,7 @@ for physical parameters, it has slopes in closed form, no box, and ends where th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,15 +15,102 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.networks.in_order import InOrder
-from idloop.estimation.networks.network import SIGMOID, Network, parameters, with_parameters
-from idloop.estimation.networks.one_step import OneStep
-from idloop.estimation.networks.training_data import TrainingData
+from idloop.estimation.networks.network import SIGMOID, Network, ahead, parameters, slopes, with_parameters
+from idloop.estimation.networks.training_data import BLOCK, TrainingData, regressors
 from idloop.estimation.polynomial.regression import triangle
 
 Array = NDArray[np.float64]
-
 _SMALLEST_DAMPING = 1e-20
+
+
+@dataclass(frozen=True, eq=False)
+class InOrder:
+    """A network on the samples of some experiments."""
+
+    data: TrainingData
+    parallel: bool  # whether the network runs freely (parallel form) or predicts one step ahead (series-parallel form)
+
+    def errors(self, network: Network) -> Array:
+        """Measured outputs less the network's, scaled, shape (n, p)."""
+        found = []
+        for inputs, outputs, _ in self.data.pieces():
+            with np.errstate(over="ignore", invalid="ignore"):
+                error = (outputs - self._modelled(network, inputs, outputs)) / network.output_width
+            found.append(error[self.data.first :])
+        return np.concatenate(found)
+
+    def rows(self, network: Network, with_linear: bool) -> Iterator[Array]:
+        """Blocks of the columns (slopes in the order of `parameters`, scaled error) of the training samples."""
+        p, size = len(network.constant), parameters(network, with_linear).size
+        for inputs, outputs, purpose in self.data.pieces():
+            modelled = self._modelled(network, inputs, outputs)
+            errors = (outputs - modelled) / network.output_width
+            carry = np.zeros((max(self.data.first, 1), p, size))
+            for begin in range(self.data.first, len(outputs), BLOCK):
+                end = min(begin + BLOCK, len(outputs))
+                past = modelled if self.parallel else outputs
+                found = slopes(network, with_linear, inputs, past, begin, end, carry, self.parallel)
+                used = purpose[begin - self.data.first : end - self.data.first] == 0
+                yield np.column_stack([found[used].reshape(-1, size), errors[begin:end][used].ravel()])
+
+    def _modelled(self, network: Network, inputs: Array, outputs: Array) -> Array:
+        free = np.full(len(network.constant), np.inf)
+        steps = len(outputs) if self.parallel else 1
+        return np.asarray(ahead(network, inputs, outputs, self.data.first, steps, -free, free))
+
+
+@dataclass(frozen=True, eq=False)
+class OneStep:
+    """Scaled regressors and outputs of all samples."""
+
+    regressors: Array  # shape (n, r)
+    outputs: Array  # shape (n, p)
+    training: NDArray[np.bool_]  # shape (n,): samples that the slopes are wanted of
+
+    @classmethod
+    def of(cls, network: Network, data: TrainingData) -> OneStep:
+        """Scaled once for a whole training."""
+        skipped = data.first - int(np.max(network.lag))
+        rows = [regressors(network.source, network.lag, i, o)[skipped:] for i, o, _ in data.pieces()]
+        outputs = np.concatenate([outputs[data.first :] for _, outputs, _ in data.pieces()])
+        scaled = (outputs - network.output_center) / network.output_width
+        return cls((np.concatenate(rows) - network.center) / network.width, scaled, data.purpose == 0)
+
+    def errors(self, network: Network) -> Array:
+        """Scaled outputs less the network's, shape (n, p)."""
+        return self.outputs - _outputs(network, self.regressors, _activations(network, self.regressors))
+
+    def rows(self, network: Network, with_linear: bool) -> Iterator[Array]:
+        """Blocks of the columns (slopes in the order of `parameters`, scaled error) of the training samples."""
+        all_z, all_y = self.regressors[self.training], self.outputs[self.training]
+        (h, d), p = network.direction.shape, len(network.constant)
+        tail = h * d + h + p * h
+        for begin in range(0, len(all_z), BLOCK):
+            z, y = all_z[begin : begin + BLOCK], all_y[begin : begin + BLOCK]
+            a = _activations(network, z)
+            block = np.zeros((len(z), p, tail + p + (p * d if with_linear else 0) + 1))
+            for i in range(p):
+                inner = network.weight[i] * (1.0 - a * a)
+                np.multiply(inner[:, :, None], z[:, None, :], out=block[:, i, : h * d].reshape(len(z), h, d))
+                block[:, i, h * d : h * d + h] = inner
+                block[:, i, h * d + h + i * h : h * d + h + (i + 1) * h] = a
+                block[:, i, tail + i] = 1.0
+                if with_linear:
+                    block[:, i, tail + p + i * d : tail + p + (i + 1) * d] = z
+            block[:, :, -1] = y - _outputs(network, z, a)
+            yield block.reshape(len(z) * p, -1)
+
+
+def _activations(network: Network, z: Array) -> Array:
+    """Values of the units, shape (n, h)."""
+    values = z @ network.direction.T
+    values += network.scale
+    return np.asarray(np.tanh(values, out=values))
+
+
+def _outputs(network: Network, z: Array, values: Array) -> Array:
+    """Scaled outputs, shape (n, p)."""
+    return np.asarray(values @ network.weight.T + z @ network.linear.T + network.constant)
 
 
 @dataclass(frozen=True)

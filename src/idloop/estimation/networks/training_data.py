@@ -1,17 +1,200 @@
-"""What a network is trained on."""
+"""What a network is trained on: regressors of tapped delays, their scales, and the division of the samples."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from idloop.errors import InputError
 
+Array = NDArray[np.float64]
+_FLAT = 1e-13  # spread of a column over its mean that is rounding
+Indices = NDArray[np.int64]
 BLOCK = 1024  # samples whose slopes are held at a time: as many as the cache has room for
+
+
+def by_range(values: Array) -> tuple[Array, Array]:
+    """Centre and half width of the range of each column; the half width of a constant column is 1.
+
+    `values` (n, c). Returns `center, width` (c,).
+    """
+    low, high = np.min(values, axis=0), np.max(values, axis=0)
+    width = 0.5 * (high - low)
+    return 0.5 * (low + high), np.where(width > 0, width, 1.0)
+
+
+def by_spread(values: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation of each column; the standard deviation of a constant column is given as 1.
+
+    `values` (n, c). Returns `center, width` (c,).
+    """
+    center = np.mean(values, axis=0)
+    width = np.std(values, axis=0)
+    # Rounding of the mean makes a constant column seem to move.
+    return center, np.where(width > _FLAT * np.abs(center), width, 1.0)
+
+
+@dataclass(frozen=True)
+class Division:
+    """How the samples are shared out.
+
+    Attributes
+    ----------
+    train, validation, test : float
+        Shares; they add up to one.
+    by : {"random", "blocks"}
+        Single samples drawn at random, or one unbroken stretch of each experiment for each purpose, in this order.
+
+    Raises
+    ------
+    InputError
+        Shares that do not add up.
+    """
+
+    train: float = 0.70
+    validation: float = 0.15
+    test: float = 0.15
+    by: Literal["random", "blocks"] = "random"
+
+    def __post_init__(self) -> None:
+        shares = (self.train, self.validation, self.test)
+        if min(shares) < 0 or self.train <= 0 or abs(sum(shares) - 1.0) > 1e-9:
+            raise InputError(f"shares {shares} of training, validation and test; they must add up to 1")
+        if self.by not in {"random", "blocks"}:
+            raise InputError(f"division by {self.by!r}; take 'random' or 'blocks'")
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Which samples serve what.
+
+    Attributes
+    ----------
+    train, validation, test : ndarray of int
+        Rows of the regressors of all experiments one after the other; an experiment's first row belongs to the
+        first sample of which all regressors are known.
+    """
+
+    train: Indices
+    validation: Indices
+    test: Indices
+
+    def purposes(self, rows: int) -> Indices:
+        """0, 1 or 2 for each row, shape (rows,)."""
+        purpose = np.zeros(rows, dtype=np.int64)
+        purpose[self.validation], purpose[self.test] = 1, 2
+        return purpose
+
+
+def divide(division: Division, rows: Sequence[int], random: np.random.Generator) -> Split:
+    """Share out the rows of several experiments.
+
+    `rows`: of each experiment.
+    """
+    parts: tuple[list[Indices], list[Indices], list[Indices]] = ([], [], [])
+    start = 0
+    for count in [sum(rows)] if division.by == "random" else rows:
+        order = random.permutation(count) if division.by == "random" else np.arange(count)
+        validation, test = round(division.validation * count), round(division.test * count)
+        edges = np.cumsum([count - validation - test, validation])
+        for part, piece in zip(parts, np.split(order, edges), strict=True):
+            part.append(np.sort(piece) + start)
+        start += count
+    return Split(*(np.concatenate(part).astype(np.int64) for part in parts))
+
+
+@dataclass(frozen=True)
+class TappedDelays:
+    """Orders of a nonlinear ARX model, one number for all signals or one for each.
+
+    The regressors of sample k are y(k - 1), ..., y(k - na) of each output and u(k - nk), ..., u(k - nk - nb + 1)
+    of each input.
+
+    Attributes
+    ----------
+    na : int or sequence of int
+        Past samples of each output.
+    nb : int or sequence of int
+        Samples of each input.
+    nk : int or sequence of int
+        Delay of each input [samples]; 0 where the input acts within the sample.
+
+    Raises
+    ------
+    InputError
+        Negative orders.
+    """
+
+    na: int | Sequence[int] = 2
+    nb: int | Sequence[int] = 2
+    nk: int | Sequence[int] = 1
+
+    def __post_init__(self) -> None:
+        for name in ("na", "nb", "nk"):
+            value = getattr(self, name)
+            if any(one < 0 for one in ([value] if isinstance(value, int) else value)):
+                raise InputError(f"{name} = {value}; numbers of delays cannot be negative")
+
+    def taps(self, inputs: int, outputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Signal and lag of each regressor.
+
+        Parameters
+        ----------
+        inputs, outputs : int
+            Numbers of signals.
+
+        Returns
+        -------
+        source : ndarray of int, shape (r,)
+            Output 0 to p - 1, then inputs p to p + m - 1.
+        lag : ndarray of int, shape (r,)
+            [samples].
+
+        Raises
+        ------
+        InputError
+            Other numbers of signals than orders, or no regressor.
+        """
+        na, nb, nk = _each(self.na, outputs, "na"), _each(self.nb, inputs, "nb"), _each(self.nk, inputs, "nk")
+        pairs = [(index, lag) for index, count in enumerate(na) for lag in range(1, count + 1)]
+        pairs += [
+            (outputs + index, lag)
+            for index, (count, delay) in enumerate(zip(nb, nk, strict=True))
+            for lag in range(delay, delay + count)
+        ]
+        if not pairs:
+            raise InputError("na and nb are all zero; a model needs something to look at")
+        source, lag = np.array(pairs, dtype=np.int64).T
+        return np.ascontiguousarray(source), np.ascontiguousarray(lag)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {name: np.asarray(getattr(self, name)).tolist() for name in ("na", "nb", "nk")}
+
+
+def regressors(source: NDArray[np.int64], lag: NDArray[np.int64], inputs: Array, outputs: Array) -> Array:
+    """Regressors of one experiment from the first sample on for which all of them are known.
+
+    `source`, `lag` (r,): of ``TappedDelays.taps``; `inputs`, `outputs` (N, m) and (N, p). Returns shape (N - longest
+    lag, r).
+    """
+    first, p = int(np.max(lag)), outputs.shape[1]
+    columns = [
+        (outputs[:, one] if one < p else inputs[:, one - p])[first - back : len(outputs) - back]
+        for one, back in zip(source, lag, strict=True)
+    ]
+    return np.column_stack(columns)
+
+
+def _each(value: int | Sequence[int], signals: int, name: str) -> list[int]:
+    several = [value] * signals if isinstance(value, int) else list(value)
+    if len(several) != signals:
+        raise InputError(f"{name} = {value} for {signals} signals; give one number, or one for each")
+    return several
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Nonlinear ARX model with a wavelet network."""
+"""Nonlinear ARX model with a wavelet network, whose units are selected and not trained."""
 
 from __future__ import annotations
 
@@ -10,23 +10,52 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
-from idloop.estimation.networks.division import Division
 from idloop.estimation.networks.model import NarxModel
 from idloop.estimation.networks.network import SCALING, WAVELET, Network, activations
-from idloop.estimation.networks.orthogonal_selection import select
 from idloop.estimation.networks.preparation import Form, Preparation, prepare
-from idloop.estimation.networks.scaling import by_spread
-from idloop.estimation.networks.tapped_delays import TappedDelays
 from idloop.estimation.networks.training import TrainingHistory, TrainingRules, train
+from idloop.estimation.networks.training_data import Division, TappedDelays, by_spread
 from idloop.estimation.polynomial.regression import rows_in_blocks, triangle
 
 Array = NDArray[np.float64]
+_DEPENDENT = 1e-8  # what is left of a column's square when the chosen ones are taken out, below which it is theirs
 Indices = NDArray[np.int64]
-
 _LEVELS = 5  # dyadic levels, each with dilations twice those of the one above
 _CELLS = 200  # cells that are kept of each level, those with most samples
 _ROWS = 6000  # training samples among which units are selected; all of them count for the weights
 _MOST_UNITS = 60  # that an automatic choice may take
+
+
+def select(base: Array, candidates: Array, targets: Array, count: int) -> NDArray[np.int64]:
+    """Candidates that explain most of what the base leaves over, one after the other.
+
+    In each step the candidate is taken whose part orthogonal to all the chosen columns lowers the sum of squares
+    most (Chen, Billings and Luo, Int. J. Control 50, 1989), over all targets together.
+
+    `base` (n, b): columns that are in the model anyway; `candidates` (n, c): changed in place; `targets` (n, p);
+    `count`: most candidates to take. Returns: in the order of their choice; fewer where the others depend on them.
+    """
+    basis = np.linalg.qr(base)[0]
+    left = targets - basis @ (basis.T @ targets)
+    size = np.sum(candidates**2, axis=0)
+    for _ in range(2):
+        # Twice, because candidates much like the base lose most of their digits the first time.
+        candidates -= basis @ (basis.T @ candidates)
+    open_ = np.ones(candidates.shape[1], dtype=bool)
+    chosen: list[int] = []
+    for _ in range(count):
+        square = np.sum(candidates**2, axis=0)
+        open_ &= square > _DEPENDENT * size
+        if not np.any(open_):
+            break
+        gain = np.sum((candidates.T @ left) ** 2, axis=1) / np.where(open_, square, np.inf)
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        open_[best] = False
+        unit = candidates[:, best] / np.sqrt(square[best])
+        left = left - np.outer(unit, unit @ left)
+        candidates -= np.outer(unit, unit @ candidates)
+    return np.array(chosen, dtype=np.int64)
 
 
 def narx_wavelet(
@@ -88,7 +117,7 @@ def narx_wavelet(
     network, history = _selected(prepared, most, automatic=units == "auto")
     notes: tuple[str, ...] = ()
     if units != "auto" and network.kind.size < most:
-        notes = (f"the data tells only {network.kind.size} units apart",)
+        notes = (f"the data determine only {network.kind.size} units",)
     if refine is not None:
         network, history = train(network, prepared.data, refine, with_linear=True)
         if form == "parallel":

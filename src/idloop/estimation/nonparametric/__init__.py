@@ -1,4 +1,4 @@
-"""Frequency and impulse responses without a model: what the data says before any structure is chosen."""
+"""Frequency and impulse responses without a model: what the data show before any structure is chosen."""
 
 from __future__ import annotations
 
@@ -6,14 +6,10 @@ from idloop.estimation.nonparametric.best_linear_approximation import (
     fast_best_linear_approximation,
     robust_best_linear_approximation,
 )
-from idloop.estimation.nonparametric.blackman_tukey import spa
-from idloop.estimation.nonparametric.closed_loop import indirect
-from idloop.estimation.nonparametric.correlation import cra
 from idloop.estimation.nonparametric.distortion import Distortion, LineLevels
-from idloop.estimation.nonparametric.empirical_transfer_function import etfe
 from idloop.estimation.nonparametric.frequency_response import FrequencyResponse
-from idloop.estimation.nonparametric.impulse_response import ImpulseResponse
-from idloop.estimation.nonparametric.welch import welch
+from idloop.estimation.nonparametric.impulse_response import ImpulseResponse, cra
+from idloop.estimation.nonparametric.spectral import etfe, indirect, spa, welch
 
 __all__ = [
     "Distortion",

@@ -1,4 +1,4 @@
-"""Best linear approximation of a nonlinear plant, with noise and nonlinear distortion told apart.
+"""Best linear approximation of a nonlinear plant, with noise and nonlinear distortion separated.
 
 The response of a plant to random-phase multisines is that of a linear system, its best linear approximation,
 plus a stochastic nonlinear distortion that changes with the phases but not from period to period. Noise changes
@@ -135,7 +135,7 @@ def fast_best_linear_approximation(
     What the outputs show at odd lines that nothing excites is odd distortion and noise, and at even lines even
     distortion and noise; noise is the scatter over the periods. Power of the input at those lines, which feedback
     or the drive puts there, is accounted for by the response interpolated between the excited lines. The odd
-    distortion of the empty lines next to an excited one stands for its own.
+    distortion of the empty lines next to an excited one is taken for its own.
 
     Parameters
     ----------
@@ -253,7 +253,8 @@ def _drowned(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> tuple[str, ..
     lines = int(np.sum(mean < _CLEAR * np.sum(noise, axis=0, where=excited) / count**2))
     if not lines:
         return ()
-    return (f"at {lines} of {kept.size} lines noise drowns the input; excite stronger or average more periods",)
+    what = "the input does not exceed its noise clearly; excite stronger or average more periods"
+    return (f"at {lines} of {kept.size} lines {what}",)
 
 
 def _mean_input(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> Array:

@@ -1,4 +1,4 @@
-"""Noise and nonlinear distortion of a measured response, told apart."""
+"""Noise and nonlinear distortion of a measured response, separated."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class LineLevels:
     noise : ndarray, shape (g, p)
         What noise alone leaves of it, root mean square [output unit].
     p_values : ndarray, shape (p,)
-        Probability that noise alone makes the lines stand out so much.
+        Probability of lines this far above the noise under noise alone.
     """
 
     frequency: Array
@@ -202,7 +202,7 @@ class Distortion:
 
 
 def combined_p_value(total: Array, noise: Array, degrees: Array, noise_degrees: Array, size: Array) -> Array:
-    """Probability that noise alone makes a variance stand so far above that of the noise, all lines together.
+    """Probability of a variance this far above that of the noise under noise alone, all lines together.
 
     At each line the ratio is F-distributed under linearity, whatever the noise there; the lines' probabilities are
     combined by Fisher's method (-2 ln p of independent ones adds up to a chi-square), so that a few clear lines are not

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.black_box.control_names import control_names
+from idloop.estimation.black_box.labels import control_names
 
 if TYPE_CHECKING:
     import control
@@ -33,7 +33,7 @@ class FrequencyResponse:
     response : ndarray of complex, shape (f, p, m)
         From the inputs to the outputs [output unit / input unit].
     stderr : ndarray, shape (f, p, m)
-        Root mean square of the complex error of `response`; NaN where nothing tells it.
+        Root mean square of the complex error of `response`; NaN where it is unknown.
     degrees : ndarray, shape (f,)
         Degrees of freedom of `stderr`.
     sample_time : float
@@ -47,12 +47,12 @@ class FrequencyResponse:
     disturbance, disturbance_stderr : ndarray, shape (f, p), or None
         One-sided power density of what the inputs do not explain, and its standard error [output unit² / Hz].
     distortion : Distortion or None
-        Noise and nonlinear distortion told apart (best linear approximations).
+        Noise and nonlinear distortion of a best linear approximation.
     resolution : float or None
         Width of what is averaged over, at half its height [Hz]: a narrower peak comes out too low and too wide, which
-        `stderr` does not know. None where every line is its own.
+        `stderr` does not include. None where every line is its own.
     notes : tuple of str
-        What a user should know of this estimate.
+        Remarks on this estimate for the user.
     """
 
     method: str
@@ -156,7 +156,7 @@ class FrequencyResponse:
         import matplotlib.pyplot as plt
 
         from idloop import drawing
-        from idloop.estimation.black_box.bode_labels import bode_labels, title_over_legend
+        from idloop.estimation.black_box.labels import bode_labels, title_over_legend
 
         unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
         radius = self.radius(share)
@@ -174,7 +174,7 @@ class FrequencyResponse:
                 drawing.line(magnitude, frequency, size, label=texts[row][column], **look)
                 drawing.line(phase, frequency, angle, **look)
                 if np.any(np.isfinite(width)):
-                    # A circle that holds the origin says nothing of the phase.
+                    # Where the circle holds the origin the phase is unknown.
                     turn = np.degrees(np.arcsin(np.minimum(width / np.maximum(size, 1e-300), 1.0)))
                     turn = np.where(width < size, turn, 180.0)
                     shade = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
@@ -196,8 +196,8 @@ class FrequencyResponse:
             if self.coherence is not None and len(axes) > 2:
                 for index, name in enumerate(self.output_names):
                     look = drawing.model_look(index)
-                    heard = self.coherence[self.resolved, index]
-                    drawing.line(axes[2], self.frequency[self.resolved], heard, label=name, **look)
+                    shown = self.coherence[self.resolved, index]
+                    drawing.line(axes[2], self.frequency[self.resolved], shown, label=name, **look)
                 axes[2].set(ylim=(0.0, 1.05), ylabel=drawing.label("coherence", "-"))
             axes[-1].set_xlabel(drawing.label("frequency", "Hz"))
         return axes

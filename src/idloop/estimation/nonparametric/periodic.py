@@ -10,16 +10,86 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
-from idloop.estimation.nonparametric.repetition import misfit
 from idloop.signals.base import LineGrid
 
 Array = NDArray[np.float64]
+_DIFFERENT = 0.25  # mismatch that a signal must have gone through before it can have come back
+_BACK = 0.2  # mismatch at which it has
+_NEAR, _ALIKE = 1.3, 1e-4  # times the least mismatch, and more than that, one that is as good
+_MISSED = 1e-3  # mismatch that a period may have beside one that fits better
+_BETTER = 0.5  # of a period's mismatch, that of one that fits better
+_UNLIKE = 0.5  # mismatch of a signal that does not repeat at all
+_BESIDE, _LEAST_BESIDE = 100, 2  # neighbours of a period that are compared: its hundredth part, and at least so many
+_CLOSER = 0.7  # of a period's mismatch, that of a neighbour which is the period: noise makes less of a difference
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
-
 _NEIGHBOURS = 21  # lines over which the noise of the driver is averaged
 _ABOVE_NOISE = 15.0  # of it, the power of a line that is meant: noise alone comes so far once in a million lines
 _EXCITED = 1e-4  # a line with this share of the greatest line's power is meant, less is noise or rounding
+
+
+def mismatches(signal: Array) -> Array:
+    """Power of what a shift by each lag changes, over twice the signal's own, shape (n // 2 + 1,).
+
+    0 where the signal repeats, 1 on the average of what has nothing in common with itself.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    centred = signal - np.mean(signal)
+    count = len(centred)
+    half = count // 2
+    size = next_fast_len(2 * count, real=True)
+    spectrum = rfft(centred, size)
+    product = irfft(np.abs(spectrum) ** 2, size)[: half + 1]
+    power = np.concatenate([[0.0], np.cumsum(centred**2)])
+    lag = np.arange(half + 1)
+    both = power[count - lag] + power[count] - power[lag]
+    return np.asarray(np.clip(1.0 - 2.0 * product / np.maximum(both, 1e-300), 0.0, None))
+
+
+def repetition(signal: Array) -> int | None:
+    """Samples after which a signal repeats for the first time; None where it does not within half its length."""
+    miss = mismatches(signal)
+    away = np.flatnonzero(miss > _DIFFERENT)
+    if away.size == 0:
+        return None
+    later = np.arange(len(miss)) >= away[0]
+    least = float(np.min(miss[later]))
+    if least > _BACK:
+        return None
+    return int(np.flatnonzero(later & (miss <= _NEAR * least + _ALIKE))[0])
+
+
+def misfit(signal: Array, period: int) -> tuple[float, int | None] | None:
+    """Mismatch of a claimed period and the one that fits; None where the claim is not worse than any other.
+
+    A multiple of the period is a period.
+    """
+    miss = mismatches(signal)
+    if period >= len(miss):
+        return None
+    here, found = float(miss[period]), repetition(signal)
+    if here <= _MISSED or (found is not None and period % found == 0):
+        return None
+    # Noise hides what one sample changes in one period; over several periods the samples add up.
+    closer = _closest(miss, period)
+    if found is not None and float(miss[found]) <= _BETTER * here:
+        as_good = closer != period and float(miss[closer]) <= _NEAR * float(miss[found]) + _ALIKE
+        return here, closer if as_good else found
+    if closer != period:
+        return here, closer
+    return (here, None) if found is None and here > _UNLIKE else None
+
+
+def _closest(miss: Array, period: int) -> int:
+    """The neighbour of a claimed period whose multiples fit clearly better, else the period."""
+    width = min(max(period // _BESIDE, _LEAST_BESIDE), period - 1)
+    near = np.arange(period - width, period + width + 1)
+    times = np.arange(1, max((len(miss) - 1) // near[-1], 1) + 1)
+    lags = np.minimum(near[:, None] * times, len(miss) - 1)
+    mismatch = np.mean(miss[lags], axis=1)
+    best = int(np.argmin(mismatch))
+    return int(near[best]) if mismatch[best] < _CLOSER * mismatch[width] else period
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +138,7 @@ def by_period(
     several = together(data)
     first = several[0]
     if first.input.shape[1] != 1:
-        raise InputError(f"{first.name}: {first.input.shape[1]} inputs; one multisine tells the response to one input")
+        raise InputError(f"{first.name}: {first.input.shape[1]} inputs; one multisine gives the response to one input")
     period = int(period)
     if period < 4 or skip < 0:
         raise InputError(f"{first.name}: period of {period} samples, {skip} skipped; take at least 4 and skip none")
@@ -78,7 +148,7 @@ def by_period(
         if count < 2:
             raise InputError(
                 f"{one.name}: {len(one)} samples hold {max(count, 0)} periods of {period} after {skip} for the"
-                " transient; noise and distortion are told apart by two or more"
+                " transient; two or more are needed to separate noise and distortion"
             )
         if by_reference and one.reference is None:
             raise InputError(f"{one.name}: no reference recorded; without it only an open loop can be measured")
@@ -108,14 +178,14 @@ def _check_repetition(one: SampledData, driver: Array, period: int) -> None:
     if found is None:
         return
     mismatch, own = found
-    mend = (
+    advice = (
         "it does not repeat with any: record a periodic excitation, as a multisine"
         if own is None
         else f"it repeats after {own} samples: give a period of {own * one.sample_time:.6g} s"
     )
     raise InputError(
         f"{one.name}: the excitation does not repeat after {period} samples ({period * one.sample_time:.6g} s),"
-        f" {100.0 * min(mismatch, 1.0):.0f} % of its power is another then; {mend}"
+        f" {100.0 * min(mismatch, 1.0):.0f} % of its power differs; {advice}"
     )
 
 
@@ -145,7 +215,7 @@ def _excited(
         power = np.abs(driver) ** 2
         greatest = np.max(power, axis=1, keepdims=True)
         if not np.all(greatest > 0):
-            raise InputError(f"{first.name}: what should excite the plant stands still; record a multisine")
+            raise InputError(f"{first.name}: what should excite the plant does not move; record a multisine")
         return np.asarray((power > _EXCITED * greatest) & (power > _ABOVE_NOISE * noise))
     grids = [lines] * len(driver) if isinstance(lines, LineGrid) else list(lines)
     if len(grids) != len(driver):

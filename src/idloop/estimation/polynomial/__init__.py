@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from idloop.estimation.polynomial.arx import arx
-from idloop.estimation.polynomial.delay import DelayEstimate, estimate_delay
 from idloop.estimation.polynomial.instruments import iv4
 from idloop.estimation.polynomial.model import PolynomialModel
-from idloop.estimation.polynomial.orders import Orders
-from idloop.estimation.polynomial.polynomials import Polynomials
+from idloop.estimation.polynomial.order_selection import (
+    ArxStructures,
+    DelayEstimate,
+    arx_structures,
+    estimate_delay,
+    select_order,
+)
+from idloop.estimation.polynomial.polynomials import Orders, Polynomials
 from idloop.estimation.polynomial.prediction_error import armax, box_jenkins, output_error, polynomial_model
-from idloop.estimation.polynomial.structures import ArxStructures, arx_structures, select_order
 
 __all__ = [
     "ArxStructures",

@@ -10,23 +10,22 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
-from idloop.estimation.polynomial.channels import (
+from idloop.estimation.polynomial.model import PolynomialModel, assemble
+from idloop.estimation.polynomial.polynomials import Orders, Polynomials, Realization, matrix_form
+from idloop.estimation.polynomial.regression import (
     Errors,
     Focus,
     Initial,
     channels,
     check_inputs,
+    coloured_errors,
     first_row,
     least_squares,
     open_note,
     residual_of,
     scores_of,
+    white_errors,
 )
-from idloop.estimation.polynomial.model import PolynomialModel, assemble
-from idloop.estimation.polynomial.orders import Orders, per_input
-from idloop.estimation.polynomial.polynomials import Polynomials
-from idloop.estimation.polynomial.realization import Realization, matrix_form
-from idloop.estimation.polynomial.uncertainty import coloured_errors, white_errors
 
 Array = NDArray[np.float64]
 
@@ -83,17 +82,17 @@ def arx(
     """
     experiments = together(data)
     m, p = experiments[0].input.shape[1], experiments[0].output.shape[1]
-    numbers = per_input(nb, m, "nb")
-    orders = Orders(na, numbers, 0, 0, (0,) * m, per_input(nk, m, "nk"))
+    orders = Orders.of(m, na=na, nb=nb, nk=nk)
     check_inputs(experiments, orders)
     if focus == "simulation":
         if coupled:
             raise InputError("arx: focus 'simulation' is for uncoupled outputs; leave coupled out")
         from idloop.estimation.polynomial.prediction_error import search
 
-        return search("arx", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+        degrees = {"na": na, "nb": nb, "nk": nk}
+        return search("arx", experiments, degrees, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
     if coupled and p > 1:
-        orders = Orders(na, numbers + (na,) * (p - 1), 0, 0, (0,) * (m + p - 1), orders.nk + (1,) * (p - 1))
+        orders = Orders.of(m + p - 1, na=na, nb=orders.nb + (na,) * (p - 1), nk=orders.nk + (1,) * (p - 1))
     weighted = prefiltered(experiments, prefilter)
     first = first_row(orders, initial)
     found, left, notes = [], [], []

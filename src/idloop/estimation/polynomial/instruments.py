@@ -11,23 +11,21 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
-from idloop.estimation.polynomial.channels import (
+from idloop.estimation.polynomial.model import PolynomialModel, assemble
+from idloop.estimation.polynomial.polynomials import Orders, Polynomials, reflect
+from idloop.estimation.polynomial.regression import (
     Channel,
     Initial,
     channels,
     check_inputs,
     first_row,
+    inverse_factor,
     least_squares,
     open_note,
     regressors,
     residual_of,
+    white_errors,
 )
-from idloop.estimation.polynomial.model import PolynomialModel, assemble
-from idloop.estimation.polynomial.orders import Orders, per_input
-from idloop.estimation.polynomial.polynomials import Polynomials
-from idloop.estimation.polynomial.regression import inverse_factor
-from idloop.estimation.polynomial.stability import reflect
-from idloop.estimation.polynomial.uncertainty import white_errors
 
 Array = NDArray[np.float64]
 
@@ -83,7 +81,7 @@ def iv4(
     """
     experiments = together(data)
     m = experiments[0].input.shape[1]
-    orders = Orders(na, per_input(nb, m, "nb"), 0, 0, (0,) * m, per_input(nk, m, "nk"))
+    orders = Orders.of(m, na=na, nb=nb, nk=nk)
     check_inputs(experiments, orders)
     if not any(orders.nb):
         raise InputError("iv4: nb is 0 for every input; the instruments come from the commands, give nb at least 1")
@@ -208,7 +206,7 @@ def by_command(signals: Sequence[Channel], orders: Orders, initial: Initial = "e
     """Commands, and the outputs that they alone cause, by an ARX model at least as long as the one asked for."""
     usual = _usual_length(signals)
     degrees = tuple(max(usual, nb) if nb else 0 for nb in orders.nb)
-    longer = Orders(max(usual, orders.na), degrees, 0, 0, (0,) * orders.inputs, orders.nk)
+    longer = Orders.of(na=max(usual, orders.na), nb=degrees, nk=orders.nk)
     return _caused(signals, longer, least_squares(signals, longer, initial).coefficients)
 
 
@@ -220,7 +218,7 @@ def _by_reference(data: Sequence[SampledData], signals: Sequence[Channel]) -> li
             f"{data[0].name}: no reference that moves; record it, or make the instruments from the command (open loop)"
         )
     length = _usual_length(signals)
-    orders = Orders(length, (length,), 0, 0, (0,), (0,))
+    orders = Orders.of(na=length, nb=length, nk=0)
     columns = []
     for column in range(-1, signals[0].inputs.shape[1]):
         targets = [c.output if column < 0 else c.inputs[:, column] for c in signals]
@@ -237,5 +235,5 @@ def _usual_length(signals: Sequence[Channel]) -> int:
 def _autoregression(series: Sequence[Array], order: int) -> Array:
     """Polynomial 1 + l1 q^-1 + ... that whitens equation errors, over all experiments."""
     silent = [Channel(s, np.zeros((len(s), 1))) for s in series]
-    orders = Orders(order, (0,), 0, 0, (0,), (0,))
+    orders = Orders.of(na=order, nk=0)
     return np.concatenate([[1.0], least_squares(silent, orders).coefficients])

@@ -1,4 +1,4 @@
-"""A linear model that was estimated as polynomials."""
+"""Polynomial models of all outputs as one state-space model."""
 
 from __future__ import annotations
 
@@ -11,13 +11,62 @@ from numpy.typing import NDArray
 
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear import Coefficient, LinearModel
-from idloop.estimation.linear.instability import instability_notes
-from idloop.estimation.polynomial.excitation import excitation_notes
-from idloop.estimation.polynomial.polynomials import Polynomials
-from idloop.estimation.polynomial.realization import Realization, stack
-from idloop.estimation.statistics.collinear import moving_together, together_notes
+from idloop.estimation.linear.model import instability_notes
+from idloop.estimation.polynomial.polynomials import Polynomials, Realization, stack
+from idloop.estimation.polynomial.regression import lagged, rows_in_blocks, triangle
+from idloop.estimation.statistics.collinear import collinear_inputs, collinearity_notes
 
 Array = NDArray[np.float64]
+_ROUNDING = 1e-9  # a direction of the windows of less than this part of the largest is none
+_SOME = 20_000  # samples that are nearly always enough
+
+
+def excited_order(commands: Sequence[Array], most: int) -> int:
+    """Order of which a command is persistently exciting (Ljung, 2nd ed., definition 13.1), `most` or less.
+
+    `commands` (n_i,): the same command in several experiments. Returns: independent directions of its windows of `most`
+    samples.
+    """
+    for few in (True, False):
+        used = [command[:_SOME] if few else command for command in commands]
+        blocks = [
+            lagged(command, range(most), start, stop)
+            for command in used
+            for start, stop in rows_in_blocks(len(command), most - 1)
+        ]
+        if not blocks:
+            return 0
+        sizes = np.linalg.svd(triangle(blocks), compute_uv=False)
+        order = int(np.sum(sizes > _ROUNDING * sizes[0]))
+        if order == most or max(map(len, commands)) <= _SOME:
+            break
+    return order
+
+
+def excitation_notes(
+    data: Sequence[SampledData], polynomials: Sequence[Polynomials], instruments: bool = False
+) -> list[str]:
+    """One note for each command that does not excite B and F sufficiently (Ljung, 2nd ed., section 13.4).
+
+    Outputs excite A by their noise, whatever the command is.
+
+    `polynomials`: of each output; `instruments`: whether instruments keep noise out, so that A needs the command as
+    well.
+    """
+    notes = []
+    for column, name in enumerate(data[0].input_names):
+        used = [p.orders for p in polynomials if p.orders.nb[column]]
+        needed = max((o.nb[column] + o.nf[column] + (o.na if instruments else 0) for o in used), default=0)
+        if needed == 0:
+            continue
+        order = excited_order([one.input[:, column] for one in data], needed)
+        if order < needed:
+            kind = {1: ", as a constant is", 2: ", as a single sine is"}.get(order, "")
+            notes.append(
+                f"{name} is persistently exciting of order {order} only{kind}, and its polynomials need {needed}: their"
+                " coefficients are chance; excite more frequencies or lower the orders"
+            )
+    return notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +107,7 @@ def assemble(
         for parts in zip(*errors, strict=True)
     ]
     innovations = np.vstack(common)
-    polynomials = _without_chance(polynomials, moving_together(np.vstack([one.input for one in data])))
+    polynomials = _without_chance(polynomials, collinear_inputs(np.vstack([one.input for one in data])))
     form = stack([p.realization for p in polynomials]) if realization is None else realization
     prefix = [f"{p.output_name}." if len(polynomials) > 1 else "" for p in polynomials]
     coefficients = tuple(
@@ -82,13 +131,13 @@ def assemble(
         ),
         polynomials=tuple(polynomials),
     )  # fmt: skip
-    return replace(model, notes=(*model.notes, *together_notes(data, model)))
+    return replace(model, notes=(*model.notes, *collinearity_notes(data, model)))
 
 
 def _without_chance(polynomials: Sequence[Polynomials], together: NDArray[np.bool_]) -> Sequence[Polynomials]:
     """Polynomials without standard errors of inputs that are combinations of each other.
 
-    A search that ends at one of the many equal choices sees the curvature there only.
+    A search that ends at one of many equivalent solutions gives the curvature there only.
     """
     if not np.any(together):
         return polynomials

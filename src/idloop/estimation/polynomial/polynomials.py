@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,15 +10,240 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.black_box.control_names import control_names
+from idloop.estimation.black_box.labels import control_names
 from idloop.estimation.linear import Coefficient, LinearModel
-from idloop.estimation.polynomial.orders import Orders
-from idloop.estimation.polynomial.realization import Realization, general_form
 
 if TYPE_CHECKING:
     import control
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Degrees of A, C, D, number of coefficients of B and degree of F of each input, and its delay.
+
+    Attributes
+    ----------
+    na, nc, nd : int
+        Degrees of A, C and D.
+    nb, nf, nk : tuple of int, one per input
+        Number of coefficients of B, degree of F, delay [samples].
+
+    Raises
+    ------
+    InputError
+        Negative numbers, or not one of nb, nf and nk per input.
+    """
+
+    na: int
+    nb: tuple[int, ...]
+    nc: int
+    nd: int
+    nf: tuple[int, ...]
+    nk: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.nb) == len(self.nf) == len(self.nk):
+            raise InputError(f"orders nb {self.nb}, nf {self.nf}, nk {self.nk}: give one of each per input")
+        numbers = {"na": (self.na,), "nb": self.nb, "nc": (self.nc,), "nd": (self.nd,), "nf": self.nf, "nk": self.nk}
+        for name, values in numbers.items():
+            if any(value < 0 for value in values):
+                raise InputError(f"order {name} = {', '.join(map(str, values))}; orders and delays must be 0 or more")
+        if self.size == 0:
+            raise InputError("all orders are 0: nothing to estimate; give na, nb or nc at least 1")
+
+    @classmethod
+    def of(
+        cls, inputs: int | None = None, *, na: int = 0, nb: int | Sequence[int] = 0, nc: int = 0, nd: int = 0,
+        nf: int | Sequence[int] = 0, nk: int | Sequence[int] = 1,
+    ) -> Orders:  # fmt: skip
+        """Orders from numbers or sequences; without `inputs` the longest sequence sets the number of inputs."""
+        if inputs is None:
+            inputs = max([len(value) for value in (nb, nf, nk) if not isinstance(value, int)], default=1)
+        return cls(na, per_input(nb, inputs, "nb"), nc, nd, per_input(nf, inputs, "nf"), per_input(nk, inputs, "nk"))
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return len(self.nb)
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.na + sum(self.nb) + self.nc + self.nd + sum(self.nf)
+
+    @property
+    def a(self) -> slice:
+        """Place of the coefficients of A."""
+        return slice(0, self.na)
+
+    def b(self, index: int) -> slice:
+        """Place of the coefficients of B of one input."""
+        first = self.na + sum(self.nb[:index])
+        return slice(first, first + self.nb[index])
+
+    @property
+    def c(self) -> slice:
+        """Place of the coefficients of C."""
+        first = self.na + sum(self.nb)
+        return slice(first, first + self.nc)
+
+    @property
+    def d(self) -> slice:
+        """Place of the coefficients of D."""
+        first = self.c.stop
+        return slice(first, first + self.nd)
+
+    def f(self, index: int) -> slice:
+        """Place of the coefficients of F of one input."""
+        first = self.d.stop + sum(self.nf[:index])
+        return slice(first, first + self.nf[index])
+
+    def names(self, inputs: Sequence[str]) -> tuple[str, ...]:
+        """Names of the coefficients; the number is the lag: b3[u] multiplies u(t - 3).
+
+        Parameters
+        ----------
+        inputs : sequence of str
+            Names of the inputs.
+        """
+        names = [f"a{k}" for k in range(1, self.na + 1)]
+        for nb, nk, name in zip(self.nb, self.nk, inputs, strict=True):
+            names += [f"b{k}[{name}]" for k in range(nk, nk + nb)]
+        names += [f"c{k}" for k in range(1, self.nc + 1)] + [f"d{k}" for k in range(1, self.nd + 1)]
+        for nf, name in zip(self.nf, inputs, strict=True):
+            names += [f"f{k}[{name}]" for k in range(1, nf + 1)]
+        return tuple(names)
+
+
+def per_input(value: int | Sequence[int], inputs: int, name: str) -> tuple[int, ...]:
+    """Spread one number over all inputs, or check that there is one for each.
+
+    Raises InputError: another count than that of the inputs.
+    """
+    values = (int(value),) * inputs if isinstance(value, int) else tuple(int(v) for v in value)
+    if len(values) != inputs:
+        raise InputError(f"{name} has {len(values)} entries for {inputs} inputs; give one number or one per input")
+    return values
+
+
+def radius(polynomial: Array) -> float:
+    """Largest magnitude of the roots of 1 + p1 q^-1 + ... (0 for a constant, infinite if not finite)."""
+    if len(polynomial) < 2:
+        return 0.0
+    if not np.all(np.isfinite(polynomial)):
+        return float("inf")
+    return float(np.max(np.abs(np.roots(polynomial)), initial=0.0))
+
+
+def reflect(polynomial: Array, limit: float = 1.0) -> Array:
+    """Mirror the roots outside the unit circle at it, and pull what is still beyond `limit` in to that.
+
+    Mirroring keeps the magnitude of the frequency response up to a factor.
+
+    `polynomial`: coefficients of 1, q^-1, ...; the first is 1; `limit`: largest magnitude that is left alone. Returns:
+    as long as `polynomial`, first coefficient 1.
+    """
+    if radius(polynomial) <= limit:
+        return polynomial
+    roots = np.roots(polynomial)
+    size = np.abs(roots)
+    roots = np.where(size > max(limit, 1.0), roots / np.maximum(size, 1.0) ** 2, roots)
+    size = np.abs(roots)
+    roots = np.where(size > limit, roots * limit / np.maximum(size, limit), roots)
+    result = np.zeros(len(polynomial))
+    found = np.real(np.poly(roots))
+    result[: len(found)] = found
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Realization:
+    """x(k+1) = A x + B u + K e, y = C x + D u + e.
+
+    `a`, `b`, `c`, `d`, `gain` (n, n), (n, m), (p, n), (p, m), (n, p).
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    gain: Array
+
+
+def observer_form(denominator: Array, numerators: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
+    """State space of y = sum_i N_i(q) / P(q) v_i (Ljung, System Identification, 2nd ed., eq. 4.87 to 4.90).
+
+    `denominator`: P, coefficients of 1, q^-1, ...; the first is 1; `numerators`: N_i, coefficients of 1, q^-1, .
+    Returns `a, b, c, d` (n, n), (n, m), (1, n), (1, m).
+    """
+    order = max([len(denominator), *(len(n) for n in numerators)]) - 1
+    low = np.zeros(order + 1)
+    low[: len(denominator)] = denominator
+    high = np.zeros((order + 1, len(numerators)))
+    for index, numerator in enumerate(numerators):
+        high[: len(numerator), index] = numerator
+    a = np.eye(order, k=1)
+    if order:
+        a[:, 0] -= low[1:]
+    b = high[1:] - np.outer(low[1:], high[0])
+    return a, b, np.eye(1, order), high[:1].copy()
+
+
+def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[Array]) -> Realization:
+    """State space of A y = sum_i B_i / F_i u_i + C / D e for one output.
+
+    `a`, `c`, `d`: polynomials, first coefficient 1; `b`, `f`: of each input; B with its delay as leading zeros.
+    """
+    # What has a denominator of its own is a subsystem in front; the rest drives 1/A directly.
+    paths = [(num, den, column) for column, (num, den) in enumerate(zip(b, f, strict=True))] + [(c, d, len(b))]
+    through = [np.ones(1) if len(den) > 1 else num for num, den, _ in paths]
+    core = observer_form(a, through)
+    parts = [(observer_form(den, [num]), column) for num, den, column in paths if len(den) > 1]
+    order = core[0].shape[0] + sum(part[0].shape[0] for part, _ in parts)
+    size, width = core[0].shape[0], len(paths)
+    aa, bb, cc, dd = np.zeros((order, order)), np.zeros((order, width)), np.zeros((1, order)), np.zeros((1, width))
+    aa[:size, :size], bb[:size], cc[:, :size], dd[:] = core
+    first = size
+    for (pa, pb, pc, pd), column in parts:
+        rows = slice(first, first + pa.shape[0])
+        aa[rows, rows], bb[rows, column] = pa, pb[:, 0]
+        aa[:size, rows] = core[1][:, [column]] @ pc
+        cc[:, rows] = core[3][0, column] * pc
+        bb[:size, column] = core[1][:, column] * pd[0, 0]
+        dd[0, column] = core[3][0, column] * pd[0, 0]
+        first = rows.stop
+    return Realization(aa, bb[:, :-1], cc, dd[:, :-1], bb[:, -1:])
+
+
+def matrix_form(a: Array, b: Array) -> Realization:
+    """State space of y(t) + A_1 y(t-1) + ... = B_0 u(t) + B_1 u(t-1) + ... + e(t), with matrices.
+
+    `a` (na, p, p): A_1, A_2, ; `b` (nb, p, m): B_0, B_1, .
+    """
+    p, m = b.shape[1:]
+    order = max(a.shape[0], b.shape[0] - 1)
+    low, high = np.zeros((order, p, p)), np.zeros((order + 1, p, m))
+    low[: a.shape[0]], high[: b.shape[0]] = a, b
+    aa = np.eye(order * p, k=p)
+    aa[:, :p] -= low.reshape(order * p, p)
+    bb = (high[1:] - low @ high[0]).reshape(order * p, m)
+    return Realization(aa, bb, np.eye(p, order * p), high[0], -low.reshape(order * p, p))
+
+
+def stack(parts: Sequence[Realization]) -> Realization:
+    """One model of several outputs from one model of each, side by side."""
+    from scipy.linalg import block_diag
+
+    return Realization(
+        block_diag(*(part.a for part in parts)),
+        np.vstack([part.b for part in parts]),
+        block_diag(*(part.c for part in parts)),
+        np.vstack([part.d for part in parts]),
+        block_diag(*(part.gain for part in parts)),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,3 +448,53 @@ def _in_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
     low = np.concatenate([denominator, np.zeros(size - len(denominator))])
     high = np.trim_zeros(high, "f")
     return high if len(high) else np.zeros(1), low
+
+
+def response_error(polynomials: Polynomials, index: int, frequency: Array) -> tuple[Complex, Array, Array]:
+    """Response G = B / (A F) from one input, with the standard errors of its size and angle.
+
+    To first order in the coefficients: dG is linear in them, d|G| / |G| the real part of dG / G and the angle its
+    imaginary part (Ljung, System Identification, 2nd ed., section 9.4).
+
+    Parameters
+    ----------
+    polynomials : Polynomials
+    index : int
+        Input.
+    frequency : ndarray, shape (f,)
+        [Hz]
+
+    Returns
+    -------
+    response : ndarray of complex, shape (f,)
+        [output unit / input unit]
+    size_error : ndarray, shape (f,)
+        Standard error of the magnitude [output unit / input unit]; NaN where no covariance is known.
+    angle_error : ndarray, shape (f,)
+        Standard error of the phase [rad].
+    """
+    orders = polynomials.orders
+    delayed = np.exp(-2j * np.pi * np.asarray(frequency, dtype=float) * polynomials.sample_time)
+
+    def powers(first: int, count: int) -> Complex:
+        return np.asarray(delayed[:, None] ** np.arange(first, first + count))
+
+    def value(coefficients: Array) -> Complex:
+        return np.asarray(powers(0, len(coefficients)) @ coefficients)
+
+    a, f = value(polynomials.a), value(polynomials.f[index])
+    response = value(polynomials.numerator(index)) / (a * f)
+    if polynomials.covariance is None:
+        return response, np.full(response.shape, np.nan), np.full(response.shape, np.nan)
+    slope = np.zeros((len(delayed), orders.size), dtype=complex)
+    slope[:, orders.a] = -response[:, None] * powers(1, orders.na) / a[:, None]
+    slope[:, orders.b(index)] = powers(orders.nk[index], orders.nb[index]) / (a * f)[:, None]
+    slope[:, orders.f(index)] = -response[:, None] * powers(1, orders.nf[index]) / f[:, None]
+    size = np.abs(response)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = slope / response[:, None]
+    radial, turning = (
+        np.sqrt(np.maximum(np.einsum("fi,ij,fj->f", part, polynomials.covariance, part), 0.0))
+        for part in (relative.real, relative.imag)
+    )
+    return response, size * radial, turning

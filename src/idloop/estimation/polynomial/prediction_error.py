@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,16 +11,22 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
-from idloop.estimation.polynomial.channels import Channel, Errors, Focus, Initial, channels, check_inputs, open_note
 from idloop.estimation.polynomial.instruments import refined
 from idloop.estimation.polynomial.model import PolynomialModel, assemble
-from idloop.estimation.polynomial.objective import Objective
-from idloop.estimation.polynomial.orders import Orders, per_input
-from idloop.estimation.polynomial.polynomials import Polynomials
-from idloop.estimation.polynomial.search import Found, best, information
-from idloop.estimation.polynomial.stability import radius, reflect
+from idloop.estimation.polynomial.polynomials import Orders, Polynomials, radius, reflect
+from idloop.estimation.polynomial.regression import (
+    Channel,
+    Errors,
+    Focus,
+    Initial,
+    channels,
+    check_inputs,
+    coloured_errors,
+    open_note,
+    white_errors,
+)
+from idloop.estimation.polynomial.search import Found, Objective, best, information
 from idloop.estimation.polynomial.start import noise_start, shared_denominator, starts
-from idloop.estimation.polynomial.uncertainty import coloured_errors, white_errors
 
 Array = NDArray[np.float64]
 
@@ -41,35 +48,10 @@ def armax(
 ) -> PolynomialModel:
     """Estimate A(q) y = sum_i B_i(q) u_i + C(q) e: disturbances that enter where the command does.
 
-    See `polynomial_model` for what the methods share.
-
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-    na, nc : int
-        Degrees of A and C.
-    nb, nk : int or one per input
-        Number of coefficients of B and lag of the first [samples].
-    focus, prefilter, initial, errors
-        As for `polynomial_model`.
-
-    Returns
-    -------
-    PolynomialModel
-
-    Raises
-    ------
-    InputError
-        Orders that do not suit the signals, or too few samples.
-
-    References
-    ----------
-    Ljung, System Identification, 2nd ed., eq. 4.14 to 4.21.
+    Ljung, System Identification, 2nd ed., eq. 4.14 to 4.21. Parameters, result and errors as for `polynomial_model`.
     """
-    experiments = together(data)
-    m = experiments[0].input.shape[1]
-    orders = Orders(na, per_input(nb, m, "nb"), nc, 0, (0,) * m, per_input(nk, m, "nk"))
-    return search("armax", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+    orders = {"na": na, "nb": nb, "nc": nc, "nk": nk}
+    return search("armax", data, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
 
 
 def output_error(
@@ -80,40 +62,16 @@ def output_error(
     *,
     prefilter: Filter | None = None,
     initial: Initial = "estimate",
-    errors: Errors | None = None,
+    errors: Errors | None = "coloured",
 ) -> PolynomialModel:
     """Estimate y = sum_i B_i(q) / F_i(q) u_i + e: the model of the best free run.
 
-    Consistent in noise of any colour in open loop; in closed loop only in white noise.
-
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-    nb, nf, nk : int or one per input
-        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples].
-    prefilter, initial, errors
-        As for `polynomial_model`; errors are "coloured" by default.
-
-    Returns
-    -------
-    PolynomialModel
-
-    Raises
-    ------
-    InputError
-        Orders that do not suit the signals, or too few samples.
-
-    References
-    ----------
-    Ljung, System Identification, 2nd ed., eq. 4.25, section 8.4.
+    Consistent in noise of any colour in open loop; in closed loop only in white noise (Ljung, System Identification,
+    2nd ed., eq. 4.25, section 8.4). Parameters, result and errors as for `polynomial_model`.
     """
-    experiments = together(data)
-    m = experiments[0].input.shape[1]
-    orders = Orders(0, per_input(nb, m, "nb"), 0, 0, per_input(nf, m, "nf"), per_input(nk, m, "nk"))
-    return search(
-        "oe", experiments, orders, focus="prediction", prefilter=prefilter, initial=initial,
-        errors="coloured" if errors is None else errors,
-    )  # fmt: skip
+    orders = {"nb": nb, "nf": nf, "nk": nk}
+    errors = errors or "coloured"
+    return search("oe", data, orders, focus="prediction", prefilter=prefilter, initial=initial, errors=errors)
 
 
 def box_jenkins(
@@ -129,35 +87,12 @@ def box_jenkins(
     initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
-    """Estimate y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e: plant and noise share nothing.
+    """Estimate y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e: plant and noise have no polynomial in common.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-    nb, nf, nk : int or one per input
-        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples].
-    nc, nd : int
-        Degrees of C and D.
-    focus, prefilter, initial, errors
-        As for `polynomial_model`.
-
-    Returns
-    -------
-    PolynomialModel
-
-    Raises
-    ------
-    InputError
-        Orders that do not suit the signals, or too few samples.
-
-    References
-    ----------
-    Ljung, System Identification, 2nd ed., eq. 4.31.
+    Ljung, System Identification, 2nd ed., eq. 4.31. Parameters, result and errors as for `polynomial_model`.
     """
-    experiments = together(data)
-    m = experiments[0].input.shape[1]
-    orders = Orders(0, per_input(nb, m, "nb"), nc, nd, per_input(nf, m, "nf"), per_input(nk, m, "nk"))
-    return search("bj", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+    orders = {"nb": nb, "nc": nc, "nd": nd, "nf": nf, "nk": nk}
+    return search("bj", data, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
 
 
 def polynomial_model(
@@ -211,23 +146,23 @@ def polynomial_model(
     ----------
     Ljung, System Identification, 2nd ed., sections 4.2, 7.2, 9.3, 10.2 and 10.5.
     """
-    experiments = together(data)
-    m = experiments[0].input.shape[1]
-    orders = Orders(na, per_input(nb, m, "nb"), nc, nd, per_input(nf, m, "nf"), per_input(nk, m, "nk"))
-    return search("pem", experiments, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+    orders = {"na": na, "nb": nb, "nc": nc, "nd": nd, "nf": nf, "nk": nk}
+    return search("pem", data, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
 
 
 def search(
     method: str,
-    experiments: Sequence[SampledData],
-    orders: Orders,
+    data: SampledData | Sequence[SampledData],
+    degrees: Mapping[str, Any],
     *,
     focus: Focus,
     prefilter: Filter | None,
     initial: Initial,
     errors: Errors | None,
 ) -> PolynomialModel:
-    """Fit each output and put the outputs together; see `polynomial_model`."""
+    """Fit each output and put the outputs together; `degrees` as for `Orders.of`, the rest as `polynomial_model`."""
+    experiments = together(data)
+    orders = Orders.of(experiments[0].input.shape[1], **degrees)
     check_inputs(experiments, orders)
     weighted = prefiltered(experiments, prefilter)
     kind: Errors = errors or ("white" if focus == "prediction" and prefilter is None else "coloured")

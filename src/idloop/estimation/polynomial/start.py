@@ -9,18 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.polynomial.channels import (
+from idloop.estimation.polynomial.instruments import by_command, four_steps, refined
+from idloop.estimation.polynomial.polynomials import Orders, reflect
+from idloop.estimation.polynomial.regression import (
     Channel,
     first_row,
+    lagged,
     least_squares,
     regressors,
     residual_of,
+    rows_in_blocks,
+    solve,
+    triangle,
 )
-from idloop.estimation.polynomial.instruments import by_command, four_steps, refined
-from idloop.estimation.polynomial.objective import Objective
-from idloop.estimation.polynomial.orders import Orders
-from idloop.estimation.polynomial.regression import lagged, rows_in_blocks, solve, triangle
-from idloop.estimation.polynomial.stability import reflect
+from idloop.estimation.polynomial.search import Objective
 
 Array = NDArray[np.float64]
 
@@ -84,7 +86,7 @@ def noise_start(series: Sequence[Array], nc: int, nd: int) -> Array:
 
 def _shared(data: Sequence[Channel], orders: Orders, innovations: list[Array]) -> list[Array]:
     """Starts in which the whole dynamics is in A."""
-    plain = Orders(orders.na, orders.nb, 0, 0, (0,) * orders.inputs, orders.nk)
+    plain = Orders.of(na=orders.na, nb=orders.nb, nk=orders.nk)
     found = []
     extended = Orders(orders.na, orders.nb, orders.nc, 0, (0,) * orders.inputs, orders.nk)
     if orders.nc:
@@ -269,7 +271,7 @@ def _long_model(data: Sequence[Channel], orders: Orders) -> tuple[list[Array], l
 
 def _long_orders(orders: Orders, length: int) -> Orders:
     nb = tuple(length if nb else 0 for nb in orders.nb)
-    return Orders(length, nb, 0, 0, (0,) * orders.inputs, orders.nk)
+    return Orders.of(na=length, nb=nb, nk=orders.nk)
 
 
 def _with_innovations(data: Sequence[Channel], orders: Orders, innovations: list[Array]) -> Array:

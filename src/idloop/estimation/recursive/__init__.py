@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from idloop.estimation.recursive.estimator import RecursivePolynomial
 from idloop.estimation.recursive.extended_kalman import ExtendedKalman
-from idloop.estimation.recursive.families import (
+from idloop.estimation.recursive.history import CoefficientHistory, track
+from idloop.estimation.recursive.live import Coefficient, LiveRecursion
+from idloop.estimation.recursive.methods import (
+    RECURSIVE_METHODS,
+    RecursiveMethod,
     extended_kalman_filter,
+    orders_of,
     pseudo_linear_regression,
     recursive_armax,
     recursive_arx,
     recursive_box_jenkins,
+    recursive_estimator,
     recursive_output_error,
     recursive_prediction_error,
 )
-from idloop.estimation.recursive.history import CoefficientHistory, track
-from idloop.estimation.recursive.live import Coefficient, LiveRecursion
-from idloop.estimation.recursive.methods import RECURSIVE_METHODS, RecursiveMethod, orders_of, recursive_estimator
 
 __all__ = [
     "RECURSIVE_METHODS",

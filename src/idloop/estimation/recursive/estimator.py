@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.polynomial.orders import Orders, per_input
-from idloop.estimation.polynomial.polynomials import Polynomials
+from idloop.estimation.polynomial.polynomials import Orders, Polynomials
 from idloop.estimation.recursive.step import (
     COUNT,
     FORGETTING,
@@ -58,11 +57,11 @@ class RecursivePolynomial:
         First coefficients; 0 by default.
     prior : float, optional
         The first coefficients weigh as much as 1 / prior^2 samples of signals of typical size: 100 by default for
-        ARX models, and 3 for the others, whose first steps must not be too wild.
+        ARX models, and 3 for the others, whose first steps must not be too large.
     input_scale, output_scale : float or one per input, float, optional
         Typical sizes of the signals, so that `prior` means the same for every coefficient. Otherwise the samples so
-        far tell, so that units do not matter: the first are gone over once more when the root mean square of a
-        signal leaves the size in use by a factor of e, and when enough are there.
+        far determine them, so that units do not matter: the first are processed once more when the root mean square
+        of a signal differs from the size in use by a factor of e, and when enough are there.
     warm_up : float, optional
         In [0, 1): the first samples, predicted by a model that is still wrong, are forgotten at the rate 0.95, and
         this is the share of that rate which is left from each sample to the next; 0 for none. By default 0 for
@@ -137,10 +136,10 @@ class RecursivePolynomial:
         reach = (nb + nk for nb, nk in zip(orders.nb, orders.nk, strict=True))
         lags = max([orders.na, orders.nc, orders.nd, *orders.nf, *reach, 1])
         self._past = np.zeros((INPUTS + ROWS_PER_INPUT * m + ROWS_OF_NOISE, lags + 1))
-        # Samples that are kept until they tell the scales.
+        # Samples that are kept until they determine the scales.
         self._unknown = np.array([input_scale is None] * m + [output_scale is None])
-        self._untold = self._unknown.copy()
-        self._mute = False
+        self._unscaled = self._unknown.copy()
+        self._output_at_rest = False
         self._first_samples = np.zeros((5 * orders.size + 20 if np.any(self._unknown) else 0, m + 1))
         self._held = 0
         counts = [np.array(numbers, dtype=np.int64) for numbers in (orders.nb, orders.nf, orders.nk)]
@@ -162,7 +161,7 @@ class RecursivePolynomial:
         self._errors = np.diag(self._most) if self._carries else np.zeros((0, 0))
         self._scalars[FORGETTING] = self.forgetting if self._growth == 0.0 else 0.95 * self.forgetting
 
-    # -- what it knows ----------------------------------------------------------------
+    # -- results ---------------------------------------------------------------------
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -176,7 +175,7 @@ class RecursivePolynomial:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the coefficients, shape (k, k), around what the remembered data say.
+        """Covariance of the coefficients, shape (k, k), given the remembered data.
 
         Of the prediction error method the inverse of the information. Steps of a pseudo-linear regression go along
         the regressor phi and not the gradient psi, so that errors follow (I - K psi^T) from sample to sample: their
@@ -213,7 +212,7 @@ class RecursivePolynomial:
 
     @property
     def samples(self) -> int:
-        """Measurements that it has learnt from."""
+        """Measurements that were used."""
         return int(self._scalars[COUNT])
 
     @property
@@ -229,7 +228,7 @@ class RecursivePolynomial:
             output_name=self.output_name, variance=self.innovation_variance, covariance=self.covariance,
         )  # fmt: skip
 
-    # -- what it does -----------------------------------------------------------------
+    # -- updates ---------------------------------------------------------------------
 
     def update(self, u: ArrayLike, y: float) -> float:
         """Take one sample.
@@ -239,7 +238,7 @@ class RecursivePolynomial:
         u : float or array, shape (m,)
             Commands at the instant of the measurement, in force until the next; NaN is the one before.
         y : float
-            Measurement; NaN where there is none, which is predicted and teaches nothing.
+            Measurement; NaN where there is none, which is predicted and updates nothing.
 
         Returns
         -------
@@ -327,13 +326,15 @@ class RecursivePolynomial:
         values, variances = np.empty((rows, self.orders.size)), np.empty((rows, self.orders.size))
         done = 0
         while done < len(outputs):
-            told = done // every
+            written = done // every
             starting = self._held < len(self._first_samples)
-            mute = self._still(inputs[done:], outputs[done:]) if starting and self._mute else 0
-            starting &= mute == 0
-            count = mute or (1 if starting else self._silent(inputs[done:]))
-            part, row = slice(done, done + count), slice(told, (done + count) // every)
-            offset = done - told * every
+            at_rest = (
+                self._until_output_moves(inputs[done:], outputs[done:]) if starting and self._output_at_rest else 0
+            )
+            starting &= at_rest == 0
+            count = at_rest or (1 if starting else self._until_input_moves(inputs[done:]))
+            part, row = slice(done, done + count), slice(written, (done + count) // every)
+            offset = done - written * every
             take = self._take_first if starting else self._run
             innovations[part] = take(inputs[part], outputs[part], values[row], variances[row], every, offset)
             done += count
@@ -356,7 +357,7 @@ class RecursivePolynomial:
     def _take_first(
         self, inputs: Array, outputs: Array, values: Array, variances: Array, every: int, offset: int
     ) -> Array:
-        """Take one of the samples that tell the sizes, as `_run`; its command is known before its prediction."""
+        """Take one of the samples that determine the scales, as `_run`; its command is known before its prediction."""
         row = self._first_samples[self._held]
         row[:-1], row[-1] = inputs[0], np.nan
         self._resize(self._held + 1, self._held)
@@ -370,31 +371,31 @@ class RecursivePolynomial:
         return innovations
 
     def _sizes(self, samples: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Sizes of the signals: given, told by these samples, or as they were; and which of them tell theirs."""
+        """Sizes of the signals: given, measured on these samples, or as they were; and which were measured."""
         present = np.array([*self._input_scale, self._output_scale])
         known = np.isfinite(samples)
         size = np.sqrt(np.sum(np.where(known, samples, 0.0) ** 2, axis=0) / np.maximum(known.sum(axis=0), 1))
-        tells = self._unknown & (size > _SILENT)
-        return np.where(tells, size, present), tells
+        measured_now = self._unknown & (size > _SILENT)
+        return np.where(measured_now, size, present), measured_now
 
     def _resize(self, count: int, replayed: int) -> bool:
-        """Go over the first samples once more where they tell other sizes than are in use."""
+        """Process the first samples once more where their sizes differ from those in use."""
         present = np.array([*self._input_scale, self._output_scale])
-        sizes, tells = self._sizes(self._first_samples[:count])
+        sizes, measured_now = self._sizes(self._first_samples[:count])
         # Whole samples of equal size have rational ratios: e is none, so that rounding decides nothing.
-        if not np.any(tells & (self._untold | (np.abs(np.log(sizes / present)) > 1.0))):
+        if not np.any(measured_now & (self._unscaled | (np.abs(np.log(sizes / present)) > 1.0))):
             return False
-        self._untold &= ~tells
+        self._unscaled &= ~measured_now
         self._replay(self._first_samples[:replayed], sizes)
         return True
 
     def _end_start(self) -> None:
-        """Have done with the first samples, but for an output that has not moved: it has taught nothing."""
+        """End the phase of the first samples, unless the output has not moved yet."""
         if not self._held:
             return
-        _, tells = self._sizes(self._first_samples[: self._held])
-        self._mute = bool(self._unknown[-1] and not tells[-1])
-        if self._mute:
+        _, measured_now = self._sizes(self._first_samples[: self._held])
+        self._output_at_rest = bool(self._unknown[-1] and not measured_now[-1])
+        if self._output_at_rest:
             self._keep(self._first_samples[: self._held])
         else:
             self._rescale()
@@ -404,21 +405,21 @@ class RecursivePolynomial:
         self._held = min(len(self._first_samples) // 2, len(samples))
         self._first_samples[: self._held] = samples[len(samples) - self._held :].copy()
 
-    def _still(self, inputs: Array, outputs: Array) -> int:
-        """Samples that can be run at once: up to the first in which an output moves that did not so far."""
+    def _until_output_moves(self, inputs: Array, outputs: Array) -> int:
+        """Samples that can be run at once: up to the first in which the output moves for the first time."""
         moving = np.flatnonzero(np.isfinite(outputs) & (np.abs(outputs) > _SILENT))
         count = int(moving[0]) if len(moving) else len(outputs)
         newest = np.column_stack([inputs[:count], outputs[:count]])[-len(self._first_samples) :]
         self._keep(np.concatenate([self._first_samples[: self._held], newest]))
-        self._mute = count == len(outputs)
+        self._output_at_rest = count == len(outputs)
         return count
 
     def _rescale(self) -> None:
-        """Go over the first samples once more, now that they have told how large the signals are."""
+        """Process the first samples once more, in the sizes that they show."""
         samples = self._first_samples[: self._held]
         self._first_samples, self._held = np.zeros((0, samples.shape[1])), 0
-        sizes, tells = self._sizes(samples)
-        self._untold &= ~tells
+        sizes, measured_now = self._sizes(samples)
+        self._unscaled &= ~measured_now
         self._replay(samples, sizes)
 
     def _replay(self, samples: Array, sizes: Array) -> None:
@@ -426,11 +427,11 @@ class RecursivePolynomial:
         nothing = np.empty((0, self.orders.size))
         self._run(samples[:, :-1], samples[:, -1], nothing, nothing, NEVER, 0)
 
-    def _silent(self, inputs: Array) -> int:
-        """Samples that can be run at once: up to the first of an input that was silent among the first samples."""
-        if not np.any(self._untold):
+    def _until_input_moves(self, inputs: Array) -> int:
+        """Samples that can be run at once: up to the first in which an input moves for the first time."""
+        if not np.any(self._unscaled):
             return len(inputs)
-        moving = self._untold[:-1] & np.isfinite(inputs) & (np.abs(inputs) > _SILENT)
+        moving = self._unscaled[:-1] & np.isfinite(inputs) & (np.abs(inputs) > _SILENT)
         rows = np.flatnonzero(np.any(moving, axis=1))
         if len(rows) == 0:
             return len(inputs)
@@ -438,12 +439,12 @@ class RecursivePolynomial:
             return int(rows[0])
         for i in np.flatnonzero(moving[0]):
             self._admit(int(i), abs(float(inputs[0, i])))
-        return self._silent(inputs)
+        return self._until_input_moves(inputs)
 
     def _admit(self, index: int, size: float) -> None:
-        """Measure an input in its first value: nothing is known of its coefficients, so only their units change."""
+        """Scale an input by its first value: its coefficients are still unknown, so only their units change."""
         place = self.orders.b(index)
-        self._untold[index] = False
+        self._unscaled[index] = False
         self._input_scale[index] = size
         self._unit[place] = self._output_scale / size
         self._theta[place] = self._start[place] / self._unit[place]
@@ -465,16 +466,3 @@ class RecursivePolynomial:
 
 def _default_names(inputs: int) -> tuple[str, ...]:
     return ("input",) if inputs == 1 else tuple(f"input{i + 1}" for i in range(inputs))
-
-
-def structure(
-    na: int = 0,
-    nb: int | Sequence[int] = 0,
-    nc: int = 0,
-    nd: int = 0,
-    nf: int | Sequence[int] = 0,
-    nk: int | Sequence[int] = 1,
-) -> Orders:
-    """Orders from numbers or sequences; the longest sequence tells the number of inputs."""
-    inputs = max([len(v) for v in (nb, nf, nk) if not isinstance(v, int)], default=1)
-    return Orders(na, per_input(nb, inputs, "nb"), nc, nd, per_input(nf, inputs, "nf"), per_input(nk, inputs, "nk"))

@@ -2,31 +2,239 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.polynomial.orders import Orders
-from idloop.estimation.polynomial.polynomials import Polynomials
+from idloop.estimation.polynomial.polynomials import Orders, Polynomials
 from idloop.estimation.recursive.estimator import NEVER, RecursivePolynomial
-from idloop.estimation.recursive.first_samples import start_from
-from idloop.estimation.recursive.joint_step import FIT, JOINT_SCALARS, LOGARITHMS, LOST, joint_advance, restart
-from idloop.estimation.recursive.step import stable
+from idloop.estimation.recursive.step import (
+    COUNT,
+    PROJECTED,
+    SCALARS,
+    VARIANCE,
+    WEIGHT,
+    limit_variances,
+    measurement_update,
+    stable,
+    time_update,
+    variances,
+)
 
 Array = NDArray[np.float64]
-
-# Relative to the size of the output: before the first samples have told, and the least that is believed. A filter that
-# trusts its first samples more runs away in some starts: its linearization does not hold yet.
-_UNTOLD, _LEAST = 1.0, 1e-4
-# Samples after which the wander of a coefficient weighs as much as what has been learnt of it.
+Whole = NDArray[np.int64]
+# Mean of the squared innovations over the variances that the filter gives them: 1 where its noises are right.
+# And the sum of the logarithms of those variances, which with it makes a likelihood.
+FIT, LOGARITHMS, JOINT_SCALARS = SCALARS, SCALARS + 1, SCALARS + 2
+# Standard deviations of a state, outputs being of size 1: at a start, and the most that a gap may leave.
+STATE, LOST = 10.0, 100.0
+_RUN_AWAY = 1e8
+_HALVINGS = 6
+# Noise relative to the size of the output: before the first samples have been used, and the least that is assumed. With
+# less at first the filter may diverge: its linearization does not hold yet.
+_DEFAULT_NOISE, _LEAST = 1.0, 1e-4
+# Samples after which the random walk of a coefficient adds as much variance as the data have removed.
 _MEMORY = 1e5
 # Times its standard error by which the start from the first samples may be wrong: they are gone over once more.
-_DOUBT = 10.0
-# Shares of the noise that may be in the equation, the rest in the sensor: the likeliest is believed in.
+_START_ERROR = 10.0
+# Shares of the noise that may be in the equation, the rest in the sensor: the likeliest is used.
 _SHARES = (0.0, 0.03, 0.1, 0.3, 0.6, 0.9, 1.0)
-_FIRST = 400  # samples that are looked at before a noise is believed in, at most
+_FIRST = 400  # most samples from which the noise levels are estimated
+
+
+class Start(NamedTuple):
+    """Values in the units of the signals.
+
+    `vector`, `stderr` (k,): coefficients of A and B, and standard errors; `process`, `measurement`: variance of the
+    equation error and of the measurement noise, if all noise were that [output unit squared].
+    """
+
+    vector: Array
+    stderr: Array
+    process: float
+    measurement: float
+
+
+def start_from(inputs: Array, outputs: Array, orders: Orders) -> Start | None:
+    """Fit an ARMAX model by two least squares, and take the variance of A y - B u from it.
+
+    A long ARX model gives the innovations, which are regressors of the second fit (Hannan and Rissanen,
+    Biometrika 69, 1982). White noise on the measurement passes through A, white noise in the equation does not.
+
+    `inputs`, `outputs` (n, m), (n,): NaN where nothing was measured; `orders`: of A and B. Returns: none where there
+    are too few samples.
+    """
+    size = max(orders.na, *orders.nb, 1)
+    held = [_held(inputs[:, i]) for i in range(orders.inputs)]
+    scale = np.array([_size(one) for one in (*held, outputs)])
+    y, u = outputs / scale[-1], [one / by for one, by in zip(held, scale, strict=False)]
+    # So many lags that what is left is white, and few enough for the samples.
+    count = min(max(2 * size + 2, len(y) // (6 * (orders.inputs + 1))), 10 * size)
+    lags = range(1, count + 1)
+    long = [_late(y, k) for k in lags] + [_late(u[i], nk + k) for i, nk in enumerate(orders.nk) for k in range(count)]
+    fitted = _least_squares(np.column_stack(long), y)
+    if fitted is None:
+        return None
+    errors = fitted[1]
+    short = [-_late(y, k) for k in range(1, orders.na + 1)]
+    short += [_late(u[i], nk + k) for i, nk in enumerate(orders.nk) for k in range(orders.nb[i])]
+    short += [_late(errors, k) for k in range(1, size + 1)]
+    fitted = _least_squares(np.column_stack(short), y)
+    if fitted is None:
+        return None
+    vector, left, stderr = fitted
+    known = np.isfinite(left)
+    a, c = (np.zeros(size + 1) for _ in range(2))
+    a[0] = c[0] = 1.0
+    a[1 : orders.na + 1], c[1:] = vector[: orders.na], vector[orders.size :]
+    process = float(np.mean(left[known] ** 2) * (c @ c))
+    measurement = process / float(a @ a)
+    unit = np.ones(orders.size)
+    for i in range(orders.inputs):
+        unit[orders.b(i)] = scale[-1] / scale[i]
+    free = orders.size
+    return Start(vector[:free] * unit, stderr[:free] * unit, process * scale[-1] ** 2, measurement * scale[-1] ** 2)
+
+
+def _held(signal: Array) -> Array:
+    """The signal with the value before in the place of each that is missing, 0 before the first."""
+    known = np.isfinite(signal)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(signal)), -1))
+    return np.where(last >= 0, np.where(known, signal, 0.0)[last], 0.0)
+
+
+def _size(signal: Array) -> float:
+    known = signal[np.isfinite(signal)]
+    size = float(np.sqrt(np.mean(known**2))) if np.any(known) else 0.0
+    return size if size > 0.0 else 1.0
+
+
+def _late(signal: Array, lag: int) -> Array:
+    return np.concatenate([np.full(min(lag, len(signal)), np.nan), signal[: max(len(signal) - lag, 0)]])
+
+
+def _least_squares(rows: Array, y: Array) -> tuple[Array, Array, Array] | None:
+    """Solution, errors of every sample (NaN where unknown) and standard errors."""
+    known = np.isfinite(y) & np.all(np.isfinite(rows), axis=1)
+    spare = int(np.sum(known)) - rows.shape[1]
+    if spare < rows.shape[1] // 2 + 5:
+        return None
+    solution = np.linalg.lstsq(rows[known], y[known], rcond=None)[0]
+    errors = np.where(known, y - np.where(np.isfinite(rows), rows, 0.0) @ solution, np.nan)
+    variance = float(np.sum(errors[known] ** 2)) / spare
+    stderr = np.sqrt(variance * np.maximum(np.diag(np.linalg.pinv(rows[known].T @ rows[known])), 0.0))
+    # Of a command that has not come yet nothing is known, though the pseudo-inverse has 0 there.
+    stderr[np.all(rows[known] == 0.0, axis=0)] = np.inf
+    return solution, errors, stderr
+
+
+@njit(cache=True, nogil=True)
+def restart(state: Array, upper: Array, diagonal: Array) -> None:
+    """Know nothing of the state any more; the covariance of the coefficients stays."""
+    size = len(state)
+    state[:] = 0.0
+    # The coefficients come last, so that their block of U D U^T is theirs alone.
+    upper[:size, :] = 0.0
+    for k in range(size):
+        upper[k, k] = 1.0
+        diagonal[k] = STATE * STATE
+
+
+@njit(cache=True, nogil=True)
+def joint_advance(
+    na: int, nb: Whole, nk: Whole, state: Array, theta: Array, upper: Array, diagonal: Array, past: Array,
+    scalars: Array, inputs: Array, outputs: Array, noise: Array, measurement: float, forgetting: float, most: Array,
+    radius: float, innovations: Array, values: Array, errors: Array, every: int, offset: int,
+) -> None:  # fmt: skip
+    """Run the filter over some samples; everything that it remembers is changed in place.
+
+    `nb`, `nk` (m,): orders; `state` (s,): of the observer canonical form after the last sample; the output is its first
+    component; `theta` (k,): coefficients, A's before B's; `upper`, `diagonal` (s + k, s + k), (s + k,): covariance of
+    the state and the coefficients; `past` (m, lags): commands, the newest first; `scalars` (9,); `inputs`, `outputs`
+    (n, m), (n,): an output of NaN is predicted and updates nothing; an input of NaN is the one before; `noise` (s +
+    k,): variances that the states and the coefficients gain in one sample; `measurement`: variance of the measurement
+    noise, above 0; `forgetting`: weight of a sample over that of the next, for the coefficients; `most` (s + k,):
+    variances that are not exceeded; `radius`: within which the roots of A are kept; `innovations` (n,): receives y less
+    its prediction; `values`, `errors` ((offset + n) // every, k): receive the coefficients and their variances, every
+    so many samples; `every`, `offset`: period of the rows, and samples since the last of them.
+    """
+    size, states, m = len(diagonal), len(state), len(nb)
+    moved, work = np.zeros((size, size)), np.zeros((size, size + 1))
+    gain, variance, ahead = np.zeros(size), np.zeros(size), np.zeros(states)
+    direction, old = np.zeros(size), np.zeros(len(theta))
+    direction[0] = 1.0
+    narrower = np.sqrt(forgetting)
+    for t in range(len(outputs)):
+        for i in range(m):
+            value = inputs[t, i]
+            if np.isnan(value):
+                value = past[i, 0]
+            for k in range(past.shape[1] - 1, 0, -1):
+                past[i, k] = past[i, k - 1]
+            past[i, 0] = value
+        # To the instant of this sample: the step is bilinear, `moved` is its derivative times U.
+        first = state[0]
+        for k in range(states):
+            ahead[k] = state[k + 1] if k + 1 < states else 0.0
+            if k < na:
+                ahead[k] -= theta[k] * first
+            for j in range(size):
+                moved[k, j] = upper[k + 1, j] if k + 1 < states else 0.0
+                if k < na:
+                    moved[k, j] -= theta[k] * upper[0, j] + first * upper[states + k, j]
+            place = na + k
+            for i in range(m):
+                if k < nb[i]:
+                    command = past[i, nk[i]]
+                    ahead[k] += theta[place] * command
+                    for j in range(size):
+                        moved[k, j] += command * upper[states + place, j]
+                place += nb[i]
+        for k in range(states, size):
+            for j in range(size):
+                moved[k, j] = upper[k, j]
+        state[:] = ahead
+        time_update(upper, diagonal, moved, noise, work)
+        variances(upper, diagonal, variance)
+        limit_variances(upper, diagonal, variance, most)
+        if not np.max(np.abs(state)) < _RUN_AWAY:
+            restart(state, upper, diagonal)
+            scalars[PROJECTED] += 1.0
+        error = outputs[t] - state[0]
+        innovations[t] = error
+        if np.isfinite(error):
+            total = measurement_update(upper, diagonal, direction, measurement, gain)
+            scalars[COUNT] += 1.0
+            scalars[WEIGHT] = forgetting * scalars[WEIGHT] + 1.0
+            scalars[FIT] += (error * error / total - scalars[FIT]) / scalars[WEIGHT]
+            scalars[LOGARITHMS] += np.log(total)
+            scalars[VARIANCE] = scalars[FIT] * total
+            for k in range(states):
+                state[k] += gain[k] * error
+            old[:] = theta
+            step = 1.0
+            for halving in range(_HALVINGS + 1):
+                for k in range(len(theta)):
+                    theta[k] = old[k] + step * error * gain[states + k]
+                if stable(theta[:na], radius):
+                    break
+                if halving == 0:
+                    scalars[PROJECTED] += 1.0
+                step = 0.0 if halving == _HALVINGS - 1 else 0.5 * step
+            if forgetting < 1.0:
+                # Coefficients only: of the state the process noise forgets.
+                for k in range(states, size):
+                    diagonal[k] /= forgetting
+                    for j in range(states):
+                        upper[j, k] *= narrower
+        if (offset + t + 1) % every == 0:
+            variances(upper, diagonal, variance)
+            row = (offset + t) // every
+            values[row] = theta
+            errors[row] = variance[states:] * scalars[FIT]
 
 
 class ExtendedKalman(RecursivePolynomial):
@@ -38,8 +246,8 @@ class ExtendedKalman(RecursivePolynomial):
 
     Ljung (1979) shows what becomes of this filter when the coefficients are constant: it follows a differential
     equation whose rest points are the true coefficients only where the covariances of w and v are those of the
-    data. Where they are wrong the estimates are biased, and may diverge, because the filter does not know that its
-    gain depends on the coefficients. `recursive_prediction_error` estimates the gain too and has no such bias.
+    data. Where they are wrong the estimates are biased, and may diverge, because the filter ignores
+    that its gain depends on the coefficients. `recursive_prediction_error` estimates the gain too and has no such bias.
     Without process noise the gain goes to 0, and with it that cause of bias. Standard errors leave the bias out.
 
     The covariance is kept as U D U^T, so that it stays positive; a sample costs O((s + k)^3) operations.
@@ -106,8 +314,8 @@ class ExtendedKalman(RecursivePolynomial):
         self._measurement = measurement_noise
         self._walks = random_walk is not None or drift is not None
         self._prior = float(prior)
-        self._told: tuple[float, float] | None = None
-        self._doubt: Array | None = None
+        self._noise_levels: tuple[float, float] | None = None
+        self._start_error: Array | None = None
         if isinstance(start, Polynomials):
             self._same(start, orders)
             start = start.vector[: orders.size]
@@ -136,12 +344,12 @@ class ExtendedKalman(RecursivePolynomial):
     def _begin(self, input_scale: Array, output_scale: float) -> None:
         super()._begin(input_scale, output_scale)
         k, s = self.orders.size, self._states
-        told = self._told or ((_UNTOLD * output_scale) ** 2, 0.0)
+        found = self._noise_levels or ((_DEFAULT_NOISE * output_scale) ** 2, 0.0)
         process = np.zeros(s)
-        process[0] = told[0]
+        process[0] = found[0]
         if self._process is not None:
             process = self._process**2
-        measurement = told[1] if self._measurement is None else self._measurement**2
+        measurement = found[1] if self._measurement is None else self._measurement**2
         self._noise = np.zeros(s + k)
         self._noise[:s] = process / output_scale**2
         # Least of all a sensor resolves about so much, and a filter that believes in none is too sure of itself.
@@ -152,13 +360,13 @@ class ExtendedKalman(RecursivePolynomial):
         self._most = np.concatenate([np.full(s, LOST**2), np.full(k, self._prior**2)])
         self._state = np.zeros(s)
         self._upper, self._diagonal = np.eye(s + k), self._most.copy()
-        if self._doubt is not None:
-            self._diagonal[s:] = np.clip((self._doubt / self._unit) ** 2, _LEAST**2, self._prior**2)
+        if self._start_error is not None:
+            self._diagonal[s:] = np.clip((self._start_error / self._unit) ** 2, _LEAST**2, self._prior**2)
         restart(self._state, self._upper, self._diagonal)
         self._scalars = np.zeros(JOINT_SCALARS)
         self._commands = np.zeros((self.orders.inputs, max(self.orders.nk) + 1))
 
-    # -- what it knows ----------------------------------------------------------------
+    # -- results ---------------------------------------------------------------------
 
     @property
     def state(self) -> Array:
@@ -167,17 +375,17 @@ class ExtendedKalman(RecursivePolynomial):
 
     @property
     def process_noise(self) -> Array:
-        """Standard deviation of w that is believed in [output unit], shape (s,)."""
+        """Standard deviation of w that is assumed [output unit], shape (s,)."""
         return np.asarray(np.sqrt(self._noise[: self._states]) * self._output_scale)
 
     @property
     def measurement_noise(self) -> float:
-        """Standard deviation of v that is believed in [output unit]."""
+        """Standard deviation of v that is assumed [output unit]."""
         return float(np.sqrt(self._measured)) * self._output_scale
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the coefficients, shape (k, k), times what the innovations say of the noises' size."""
+        """Covariance of the coefficients, shape (k, k), times the level of noise that the innovations show."""
         upper, diagonal = (one[self._states :] for one in (self._upper[:, self._states :], self._diagonal))
         fit = self._scalars[FIT] if self.samples else 1.0
         return np.asarray(fit * ((upper * diagonal) @ upper.T) * np.outer(self._unit, self._unit))
@@ -199,7 +407,7 @@ class ExtendedKalman(RecursivePolynomial):
             output_name=self.output_name, variance=self.innovation_variance, covariance=also @ own @ also.T,
         )  # fmt: skip
 
-    # -- what it does -----------------------------------------------------------------
+    # -- updates ---------------------------------------------------------------------
 
     def forget_signals(self) -> None:
         """Begin another experiment: commands before it count as 0, the state is unknown, the coefficients stay."""
@@ -234,17 +442,17 @@ class ExtendedKalman(RecursivePolynomial):
 
     def _rescale(self) -> None:
         samples = self._first_samples[: self._held]
-        told = start_from(samples[:, :-1], samples[:, -1], self.orders)
-        if told is not None and not self._started:
-            self._start, self._doubt = told.vector, _DOUBT * told.stderr
+        found = start_from(samples[:, :-1], samples[:, -1], self.orders)
+        if found is not None and not self._started:
+            self._start, self._start_error = found.vector, _START_ERROR * found.stderr
             poles = self._start[self.orders.a]
             while not stable(np.ascontiguousarray(poles), 0.999 * self._radius):
                 # From outside the circle no step would lead in.
                 poles *= 0.99 ** np.arange(1, self.orders.na + 1)
         super()._rescale()
-        if told is None or (self._process is not None and self._measurement is not None):
+        if found is None or (self._process is not None and self._measurement is not None):
             return
-        scores = [self._score(samples, share * told.process, (1.0 - share) * told.measurement) for share in _SHARES]
+        scores = [self._score(samples, share * found.process, (1.0 - share) * found.measurement) for share in _SHARES]
         _, fit, noises = min(scores)
         if self._process is None and self._measurement is None:
             noises = (fit * noises[0], fit * noises[1])
@@ -252,13 +460,13 @@ class ExtendedKalman(RecursivePolynomial):
 
     def _score(self, samples: Array, process: float, measurement: float) -> tuple[float, float, tuple[float, float]]:
         """Go over the first samples with these variances: how unlikely they are, up to the size of the noise."""
-        self._told = (process, measurement)
+        self._noise_levels = (process, measurement)
         self._begin(self._input_scale, self._output_scale)
         nothing = np.empty((0, self.orders.size))
         self._run(samples[:, :-1], samples[:, -1], nothing, nothing, NEVER, 0)
         fit = float(self._scalars[FIT])
         unlikely = np.log(max(fit, 1e-300)) + self._scalars[LOGARITHMS] / max(self.samples, 1)
-        return float(unlikely), fit, self._told
+        return float(unlikely), fit, self._noise_levels
 
 
 def stationary_gain(a: Array, noise: Array, measurement: float) -> Array:

@@ -105,7 +105,7 @@ class CoefficientHistory:
 def track(
     estimator: RecursivePolynomial, data: SampledData | Sequence[SampledData], *, every: int = 1
 ) -> CoefficientHistory:
-    """Run a record through a recursive estimator, which goes on from where it is.
+    """Run a record through a recursive estimator, which continues from its present state.
 
     Parameters
     ----------

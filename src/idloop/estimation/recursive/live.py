@@ -103,13 +103,13 @@ class LiveRecursion:
 
     @property
     def samples(self) -> dict[str, int]:
-        """Measurements learnt from by output."""
+        """Measurements used, by output."""
         return {one.output_name: one.samples for one in self.estimators}
 
     def update_block(self, time: ArrayLike, command: ArrayLike, measured: ArrayLike) -> Array:
         """Take some samples.
 
-        A sample that is missing on the grid, and a measurement that is not finite, is predicted and teaches nothing; a
+        A sample that is missing on the grid, and a measurement that is not finite, is predicted and updates nothing; a
         command that is not finite is the one before.
 
         Parameters

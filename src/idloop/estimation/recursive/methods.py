@@ -2,16 +2,96 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from idloop.errors import InputError
-from idloop.estimation.polynomial.orders import Orders
-from idloop.estimation.recursive.estimator import RecursivePolynomial, structure
+from idloop.estimation.polynomial.polynomials import Orders
+from idloop.estimation.recursive.estimator import Method, RecursivePolynomial
 from idloop.estimation.recursive.extended_kalman import ExtendedKalman
 from idloop.spelling import did_you_mean_or_known
 
 # Wander of a coefficient from sample to sample that the Kalman filter assumes, signals being of size 1.
 DRIFT = 1e-3
+
+
+def recursive_arx(na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1, **options: Any) -> RecursivePolynomial:
+    """Recursive least squares, with forgetting or as a Kalman filter (Ljung, 2nd ed., section 11.2).
+
+    Parameters
+    ----------
+    na : int
+        Degree of A.
+    nb, nk : int or one per input
+        Number of coefficients of B and lag of the first [samples].
+    **options
+        Of `RecursivePolynomial`: forgetting, random_walk, start, prior, scales, names.
+    """
+    return RecursivePolynomial(Orders.of(na=na, nb=nb, nk=nk), **options)
+
+
+def extended_kalman_filter(
+    na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1, **options: Any
+) -> ExtendedKalman:
+    """Extended Kalman filter of the state and the coefficients of A y = B u (Ljung 1979).
+
+    Parameters as for `recursive_arx`, with the options of `ExtendedKalman`.
+    """
+    return ExtendedKalman(Orders.of(na=na, nb=nb, nk=nk), **options)
+
+
+def recursive_armax(
+    na: int, nb: int | Sequence[int], nc: int, nk: int | Sequence[int] = 1, **options: Any
+) -> RecursivePolynomial:
+    """Recursive ARMAX: prediction error, or extended least squares with the option ``method="pseudo-linear"``.
+
+    Parameters as for `recursive_prediction_error`.
+    """
+    return RecursivePolynomial(Orders.of(na=na, nb=nb, nc=nc, nk=nk), **options)
+
+
+def recursive_output_error(
+    nb: int | Sequence[int], nf: int | Sequence[int], nk: int | Sequence[int] = 1, **options: Any
+) -> RecursivePolynomial:
+    """Recursive output-error model y = B / F u + e; parameters as for `recursive_prediction_error`."""
+    return RecursivePolynomial(Orders.of(nb=nb, nf=nf, nk=nk), **options)
+
+
+def recursive_box_jenkins(
+    nb: int | Sequence[int], nc: int, nd: int, nf: int | Sequence[int], nk: int | Sequence[int] = 1, **options: Any
+) -> RecursivePolynomial:
+    """Recursive Box-Jenkins model y = B / F u + C / D e; parameters as for `recursive_prediction_error`."""
+    return RecursivePolynomial(Orders.of(nb=nb, nc=nc, nd=nd, nf=nf, nk=nk), **options)
+
+
+def recursive_prediction_error(**numbers: Any) -> RecursivePolynomial:
+    """Recursive prediction error method for the general structure (Ljung, 2nd ed., section 11.4).
+
+    Parameters
+    ----------
+    na, nc, nd : int
+        Degrees of A, C and D; 0 by default.
+    nb, nf, nk : int or one per input
+        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples]; 0, 0 and 1 by default.
+    **options
+        Of `RecursivePolynomial`.
+    """
+    return _general("gradient", **numbers)
+
+
+def pseudo_linear_regression(**numbers: Any) -> RecursivePolynomial:
+    """Recursive pseudo-linear regression for the general structure (Ljung, 2nd ed., section 11.5).
+
+    Parameters as for `recursive_prediction_error`.
+    """
+    return _general("pseudo-linear", **numbers)
+
+
+def _general(
+    method: Method, *, na: int = 0, nb: int | Sequence[int] = 0, nc: int = 0, nd: int = 0,
+    nf: int | Sequence[int] = 0, nk: int | Sequence[int] = 1, **options: Any,
+) -> RecursivePolynomial:  # fmt: skip
+    return RecursivePolynomial(Orders.of(na=na, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk), method=method, **options)
 
 
 class RecursiveMethod(NamedTuple):
@@ -24,7 +104,7 @@ class RecursiveMethod(NamedTuple):
     options : dict
         Of the estimator.
     estimator : type
-        `RecursivePolynomial`, or one that goes on from it.
+        `RecursivePolynomial`, or a subclass.
     """
 
     degrees: dict[str, int]
@@ -33,6 +113,7 @@ class RecursiveMethod(NamedTuple):
 
 
 _ANY = {"na": 1, "nb": 1, "nc": 1, "nd": 0, "nf": 0}
+
 
 RECURSIVE_METHODS: dict[str, RecursiveMethod] = {
     "rarx": RecursiveMethod({"na": 1, "nb": 1}, {}),
@@ -91,7 +172,7 @@ def orders_of(name: str, order: int, delay: int, inputs: int = 1) -> Orders:
         There is no such method, or numbers out of range.
     """
     degrees = {polynomial: order * times for polynomial, times in _find(name).degrees.items()}
-    return structure(**degrees, nk=(delay,) * inputs)
+    return Orders.of(**degrees, nk=(delay,) * inputs)
 
 
 def _find(name: str) -> RecursiveMethod:

@@ -6,7 +6,7 @@ the same without it), ``pbsid`` for any loop. ``select_order`` shows how many st
 
 from __future__ import annotations
 
-from idloop.estimation.subspace.horizon import default_horizon
+from idloop.estimation.subspace.compression import default_horizon
 from idloop.estimation.subspace.known_controller import vodma, vodma_direct
 from idloop.estimation.subspace.open_loop import cva, moesp, n4sid, select_order
 from idloop.estimation.subspace.order import OrderSelection, singular_value_plot

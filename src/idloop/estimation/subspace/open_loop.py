@@ -12,12 +12,10 @@ from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear.model import LinearModel
 from idloop.estimation.linear.sensitivity import Matrices
 from idloop.estimation.subspace import realisation
-from idloop.estimation.subspace.assemble import assembled
-from idloop.estimation.subspace.commands import command_matrices
-from idloop.estimation.subspace.compression import Compression
-from idloop.estimation.subspace.future import Future, project_future
-from idloop.estimation.subspace.horizon import halved_windows
+from idloop.estimation.subspace.compression import Compression, halved_windows
+from idloop.estimation.subspace.model import assembled, command_matrices
 from idloop.estimation.subspace.order import OrderSelection, check_order, significant
+from idloop.estimation.subspace.realisation import Future, project_future
 
 Data = SampledData | Sequence[SampledData]
 
@@ -59,9 +57,9 @@ def n4sid(
     integrates : bool, optional
         Whether the plant is known to integrate: the pole nearest 1 is put there before B and D are fitted. A window
         shows hardly anything of a pole that forgets over many windows; where one is as slow as that and nothing is
-        said, the free run of the data decides.
+        given, the free run of the data decides.
     exact : bool
-        Factor the windows themselves (QR), whatever the data. By default the correlations of the signals stand for
+        Factor the windows themselves (QR), whatever the data. By default the correlations of the signals replace
         them wherever the data have the noise to allow it: many times faster, and equal well within the chance error.
 
     Returns
@@ -176,15 +174,15 @@ def _identify(
     chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
     observability = subspace.observability(chosen)
     transition = realisation.transition(future, observability)
-    beside = transition.beside(future.command)
+    residual = transition.orthogonal_to(future.command)
     if method == "moesp":
         a, c = realisation.shift_invariant(observability, compression.outputs)
     else:
         a, c = realisation.regressed(future, transition)
 
     def model(known: bool) -> LinearModel:
-        poles = realisation.held(a, stable=stable, integrates=known)
-        gain, notes = realisation.kalman_gain(realisation.residual_noise(beside, poles, c), poles, c)
+        poles = realisation.constrained(a, stable=stable, integrates=known)
+        gain, notes = realisation.kalman_gain(realisation.residual_noise(residual, poles, c), poles, c)
         fitted = gain if focus == "prediction" else np.zeros_like(gain)
         b, d, covariance = command_matrices(compression, poles, c, fitted, feedthrough)
         found = Matrices(poles, b, c, d, gain)
@@ -194,10 +192,10 @@ def _identify(
     if integrates is not None or not realisation.beyond_windows(a, future.horizon):
         return model(bool(integrates))
     opening = max(_JUDGED * future.horizon, _LEAST_JUDGED)
-    return _nearer(model(False), model(True), [one.part(0, opening) for one in compression.experiments])
+    return _better_free_run(model(False), model(True), [one.part(0, opening) for one in compression.experiments])
 
 
-def _nearer(free: LinearModel, integrating: LinearModel, experiments: Sequence[SampledData]) -> LinearModel:
+def _better_free_run(free: LinearModel, integrating: LinearModel, experiments: Sequence[SampledData]) -> LinearModel:
     """Of a model with a very slow pole and one with an integrator in its place, that whose free run fits better."""
     errors = []
     spread = np.std(np.concatenate([one.output for one in experiments]), axis=0)
@@ -208,7 +206,7 @@ def _nearer(free: LinearModel, integrating: LinearModel, experiments: Sequence[S
     if not errors[1] < errors[0]:
         return free
     note = (
-        "the slowest pole is an integrator: with it the free run of the data is nearer"
+        "the slowest pole is an integrator: with it the free run fits the data better"
         " (--no-integrates, in Python integrates=False, leaves it as found)"
     )
     return replace(integrating, notes=(*integrating.notes, note))

@@ -14,13 +14,10 @@ from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear.model import LinearModel
 from idloop.estimation.linear.sensitivity import Matrices
 from idloop.estimation.subspace import realisation
-from idloop.estimation.subspace.assemble import assembled
-from idloop.estimation.subspace.commands import command_matrices
-from idloop.estimation.subspace.compression import Compression, compress, not_exciting
-from idloop.estimation.subspace.horizon import default_horizon
+from idloop.estimation.subspace.compression import Compression, compress, default_horizon, not_exciting
+from idloop.estimation.subspace.model import assembled, command_matrices
 from idloop.estimation.subspace.order import OrderSelection, check_order, significant
-from idloop.estimation.subspace.projection import project, regress, row_basis
-from idloop.estimation.subspace.ridge import evidence_regression
+from idloop.estimation.subspace.projection import evidence_regression, project, regress, row_basis
 
 Array = NDArray[np.float64]
 Data = SampledData | Sequence[SampledData]
@@ -91,7 +88,7 @@ def pbsid(
     a, c = coefficients[:, :chosen], c_d[:, :chosen]
     gain = coefficients[:, chosen + m :]
     notes: tuple[str, ...] = ()
-    a = realisation.held(a, stable=stable, integrates=integrates)
+    a = realisation.constrained(a, stable=stable, integrates=integrates)
     if np.max(np.abs(np.linalg.eigvals(a - gain @ c))) >= 1.0:
         rest = following - a @ states - coefficients[:, chosen : chosen + m] @ commands
         gain, notes = realisation.kalman_gain(realisation.noise(np.concatenate([rest, errors]), chosen), a, c)

@@ -1,4 +1,4 @@
-"""Least squares between rows that may be linearly dependent: bases, complements and regressions."""
+"""Least squares between rows that may be linearly dependent: bases, projections, plain and ridge regressions."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dtrtri
 
 Array = NDArray[np.float64]
-
 # Rows of unit deviation come out of the compression with rounding of some 1e-14.
 RANK_TOLERANCE = 1e-11
+_STRENGTHS = np.geomspace(1e-12, 1e1, 131)  # in deviations of the regressors
 
 
 def row_basis(rows: Array, size: float | None = None) -> Array:
@@ -19,7 +19,7 @@ def row_basis(rows: Array, size: float | None = None) -> Array:
     `rows` (r, columns); `size`: norm against which a direction counts as zero; the largest singular value by default.
     """
     if rows.shape[0] <= rows.shape[1]:
-        # Where no row depends on the others, which its triangle tells, the quicker way gives the same span.
+        # Where no row depends on the others, as its triangular factor shows, QR gives the same span faster.
         basis, triangle = np.linalg.qr(rows.T)
         if _independent(triangle, size):
             return np.asarray(basis.T)
@@ -47,7 +47,7 @@ def regress(target: Array, regressors: Array, size: float | None = None) -> Arra
 
 
 def _independent(triangle: Array, size: float | None) -> bool:
-    """Whether every singular value of an upper triangle counts, for less than the values cost; no in doubt."""
+    """Whether an upper triangle has full numerical rank, without its singular values; false in doubt."""
     inverse, singular = dtrtri(triangle)
     if singular:
         return False
@@ -58,3 +58,31 @@ def _independent(triangle: Array, size: float | None) -> bool:
 def _kept(values: Array, size: float | None) -> NDArray[np.bool_]:
     largest = size if size is not None else float(np.max(values, initial=0.0))
     return np.asarray((values > RANK_TOLERANCE * largest) & (values > 0.0))
+
+
+def evidence_regression(target: Array, regressors: Array, windows: int, floor: float) -> Array:
+    """Coefficients of the ridge regression of greatest evidence, shape (t, r).
+
+    Where the excitation leaves directions of the past nearly empty, least squares fills them with numbers that
+    cancel in the data but not in a shifted window. A prior of zero mean on all coefficients keeps them small; its
+    width maximises the marginal likelihood (MacKay, Neural Computation 4, 1992), so that it gives way to the data
+    as these grow.
+
+    `target`, `regressors` (t, columns), (r, columns): square roots of the second moments: rows of an LQ factor divided
+    by the root of the number of windows; `windows`: observations behind the columns; `floor`: deviation of an error
+    that counts as none.
+    """
+    left, values, basis = np.linalg.svd(regressors, full_matrices=False)
+    explained = target @ basis.T
+    rest = target - explained @ basis
+    covariance = rest @ rest.T + floor**2 * np.eye(len(target))
+    seen = np.linalg.solve(np.linalg.cholesky(covariance), explained)
+    weight = np.sum(seen**2, axis=0)
+    best, chosen = np.inf, _STRENGTHS[0]
+    for strength in _STRENGTHS:
+        # Minus twice the log of the evidence, without what all strengths share.
+        spread = values**2 / strength**2
+        criterion = len(target) * np.sum(np.log1p(spread)) + windows * np.sum(weight / (1.0 + spread))
+        if criterion < best:
+            best, chosen = criterion, strength
+    return np.asarray((explained * (values / (values**2 + chosen**2))) @ left.T)

@@ -10,18 +10,95 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.observer.observer import riccati
-from idloop.estimation.subspace.future import Future, toeplitz
+from idloop.estimation.subspace.compression import Compression, check_excitation
 from idloop.estimation.subspace.projection import project, regress, row_basis
 
 Array = NDArray[np.float64]
 Weighting = Literal["n4sid", "moesp", "cva"]
-
 # Variance below which noise is rounding, in variances of the outputs: keeps the Riccati equation regular.
 _NOISE_FLOOR = 1e-14
 _EDGE = 1.0 - 1e-9  # size of a pole that belongs on the unit circle
 _INTEGRATOR = 0.1  # largest distance from 1 of a pole that may be an integrator's
 _UNSEEN = 0.1  # share by which a pole decays within a window that hardly shows it
 _SMALLEST_DEVIATION = 1e-6  # of a combination of future outputs, in deviations of the outputs
+
+
+@dataclass(frozen=True)
+class Future:
+    """Rows of the future and their projections on the past, in the columns of the compression.
+
+    M = U + H Y is the command plus what the controller's response to the measurements takes off it. With a known
+    controller noise of the future does not reach M, and without feedback M is the command itself (paper of the
+    torsion system, eq. 3.6; Van Overschee and De Moor, Automatica 33, 1997).
+
+    `z`, `z_next` (p i, columns), (p (i - 1), columns): orthogonal projections Z of the future outputs, eq. 3.16 and
+    3.17; `residual`, `explained` (p i, columns): future outputs with M taken out, and the part of that which the past
+    explains; `now`, `command_now` (p, columns), (m, columns): outputs and M at lag i.
+    """
+
+    horizon: int  # samples i of past and of future
+    command: Array  # shape (m i, columns): M over the lags i to 2 i - 1
+    command_next: Array  # shape (m (i - 1), columns): M over the lags i + 1 to 2 i - 1
+    z: Array
+    z_next: Array
+    oblique: Array  # shape (p i, columns): projection of the future outputs on the past along M, eq. 3.18
+    residual: Array
+    explained: Array
+    now: Array
+    command_now: Array
+
+    def correlations(self) -> Array:
+        """Canonical correlations between future outputs and past, both with M taken out, largest first."""
+        # In orthonormal bases of both row spaces the correlations are plain singular values.
+        future, past = row_basis(self.residual, size=float(np.linalg.norm(self.now))), row_basis(self.explained)
+        return np.asarray(np.minimum(np.linalg.svd(future @ past.T, compute_uv=False), 1.0))
+
+
+def toeplitz(markov: list[Array]) -> Array:
+    """Lower block triangular Toeplitz matrix of a system's Markov parameters (eq. 3.5)."""
+    rows, columns = markov[0].shape
+    count = len(markov)
+    whole = np.zeros((count * rows, count * columns))
+    for down in range(count):
+        for across in range(down + 1):
+            whole[down * rows : (down + 1) * rows, across * columns : (across + 1) * columns] = markov[down - across]
+    return whole
+
+
+def project_future(compression: Compression, feedback: list[Array] | None = None) -> Future:
+    """Split each window in past and future halves and project.
+
+    `compression`: of windows of 2 i samples; `feedback` (m, p): markov parameters D_c, C_c B_c, C_c A_c B_c, ... of the
+    controller in u = r - controller(y), one for each lag of the future, in scaled units; none for direct
+    identification. Raises InputError: the command excites less than the windows can tell apart.
+    """
+    i = compression.length // 2
+    commands, outputs = compression.u(i, 2 * i), compression.y(i, 2 * i)
+    check_excitation(compression)
+    m, p = compression.inputs, compression.outputs
+    command, command_next = commands, commands[m:]
+    if feedback is not None:
+        command = commands + toeplitz(feedback[:i]) @ outputs
+        command_next = commands[m:] + toeplitz(feedback[: i - 1]) @ outputs[p:]
+    past = np.concatenate([compression.u(0, i), compression.y(0, i)])
+    longer = np.concatenate([compression.u(0, i + 1), compression.y(0, i + 1)])
+    basis = row_basis(command)
+    size = float(np.sqrt(np.linalg.eigvalsh(past @ past.T)[-1]))
+    residual = outputs - project(outputs, basis)
+    past_residual = past - project(past, basis)
+    now = outputs[:p]
+    return Future(
+        horizon=i,
+        command=command,
+        command_next=command_next,
+        z=project(outputs, row_basis(np.concatenate([past, command]))),
+        z_next=project(outputs[p:], row_basis(np.concatenate([longer, command_next]))),
+        oblique=regress(residual, past_residual, size) @ past,
+        residual=residual,
+        explained=project(residual, row_basis(past_residual, size)),
+        now=now,
+        command_now=command[:m],
+    )
 
 
 @dataclass(frozen=True)
@@ -39,11 +116,11 @@ class Subspace:
 def weighted_subspace(future: Future, weighting: Weighting) -> Subspace:
     """Decompose the projection with the weights of a method.
 
-    N4SID takes the oblique projection as it is, MOESP its part beside the future commands, and CVA that part in
+    N4SID takes the oblique projection as it is, MOESP its part orthogonal to the future commands, and CVA that part in
     deviations of the future (Van Overschee and De Moor, Automatica 31, 1995, table 1).
     """
     if weighting == "cva":
-        own, size, _ = np.linalg.svd(future.beside, full_matrices=False)
+        own, size, _ = np.linalg.svd(future.residual, full_matrices=False)
         # Without noise the smallest deviations are rounding, which must not count as much as the rest.
         size = np.hypot(size, _SMALLEST_DEVIATION * np.linalg.norm(future.now))
         left, values, _ = np.linalg.svd((own.T @ future.explained) / size[:, None], full_matrices=False)
@@ -84,7 +161,7 @@ class Transition:
     states: Array  # shape (n, columns)
     after: Array  # shape (n + p, columns): the next states, then the outputs
 
-    def beside(self, commands: Array) -> Transition:
+    def orthogonal_to(self, commands: Array) -> Transition:
         """Without the part of both that the commands' rows explain."""
         basis = row_basis(commands)
         return Transition(self.states - project(self.states, basis), self.after - project(self.after, basis))
@@ -113,7 +190,7 @@ def regressed(future: Future, transition: Transition) -> tuple[Array, Array]:
 
 
 def residual_noise(transition: Transition, a: Array, c: Array) -> Noise:
-    """Covariances of what A and C leave of the next state and of the output, of a transition `beside` the commands."""
+    """Covariances of the residuals of next state and output, of a transition orthogonal to the commands."""
     return noise(transition.after - np.concatenate([a, c]) @ transition.states, len(a))
 
 
@@ -163,7 +240,7 @@ def reflected(a: Array) -> Array:
     return np.asarray(basis @ triangle @ basis.T)
 
 
-def held(a: Array, *, stable: bool, integrates: bool) -> Array:
+def constrained(a: Array, *, stable: bool, integrates: bool) -> Array:
     """A with what is known of its poles imposed: one integrator, none outside the unit circle.
 
     Raises InputError: no real pole is near 1, so that the data contradict the integrator.
@@ -193,13 +270,13 @@ def integrating(a: Array) -> Array:
         shown = ", ".join(f"{size:.3g}" for size in np.sort(np.abs(poles))[::-1][:3])
         raise InputError(f"no real pole near 1 (largest sizes {shown}): these data show no integrator; leave it out")
     across, along = left[:, nearest].real, right[:, nearest].real
-    # Just within the circle, as a reflected pole: the observer's Riccati equation wants it off the circle itself.
+    # Just within the circle, as a reflected pole: the Riccati equation of the observer needs it off the circle.
     move = _EDGE - poles[nearest].real
     return np.asarray(a + move * np.outer(along, across) / (across @ along))
 
 
 def kalman_gain(noise: Noise, a: Array, c: Array) -> tuple[Array, tuple[str, ...]]:
-    """Gain and what there is to say of it: zero where no stationary predictor exists."""
+    """Gain and notes on it; zero where no stationary predictor exists."""
     try:
         return noise.kalman_gain(a, c), ()
     except (IdloopError, np.linalg.LinAlgError):
@@ -228,7 +305,7 @@ def _command_response(future: Future, observability: Array, feedthrough: bool) -
     first = 0 if feedthrough else 1
     columns = []
     for lag in range(first, i):
-        # The block K_lag stands on one diagonal of the Toeplitz matrix.
+        # The block K_lag is repeated on one diagonal of the Toeplitz matrix.
         across = left[:, lag * p :].reshape(len(left), i - lag, p)
         along = commands[: (i - lag) * m].reshape(i - lag, m, -1)
         columns.append(np.einsum("ltp,tmc->lcpm", across, along).reshape(-1, p * m))

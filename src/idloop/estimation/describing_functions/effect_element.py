@@ -19,7 +19,7 @@ _DRIVES = {INPUT: (COMMAND,), BODY: (POSITION, VELOCITY), COUPLING: (TWIST,)}
 
 
 @dataclass(frozen=True)
-class LoneEffect:
+class EffectElement:
     """An effect driven alone, with everything around it given.
 
     ========  =====================  ==================================================
@@ -178,7 +178,7 @@ def _late(delay: float, interval: float) -> Answer:
     return late
 
 
-def lone_effect(
+def effect_element(
     effect: str,
     site: str | None = None,
     drive: str | None = None,
@@ -188,7 +188,7 @@ def lone_effect(
     transmitted_force: float = 0.0,
     velocity_per_command: float = 0.0,
     **values: float,
-) -> LoneEffect:
+) -> EffectElement:
     """An effect of the catalogue, or a user's own, made ready to be driven alone.
 
     Parameters
@@ -200,13 +200,13 @@ def lone_effect(
     drive : {"command", "position", "velocity", "twist"}, optional
         What the input is; by default the first that the site has (of an output: that it fits).
     body_inertia, coupling_stiffness, transmitted_force, velocity_per_command : float
-        What is around the effect, see `LoneEffect`.
+        What is around the effect, see `EffectElement`.
     **values : float
         Parameters of the effect in its units; those left out have their start values.
 
     Returns
     -------
-    LoneEffect
+    EffectElement
 
     Raises
     ------
@@ -215,7 +215,7 @@ def lone_effect(
 
     Examples
     --------
-    >>> lone_effect("dead_zone", width=0.12).name
+    >>> effect_element("dead_zone", width=0.12).name
     'dead_zone@input'
     """
     if site is None:
@@ -235,7 +235,7 @@ def lone_effect(
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(f"effect {found.name}: {name} is {value:g}; it must be finite and above 0")
     around = (body_inertia, coupling_stiffness, transmitted_force, velocity_per_command)
-    return LoneEffect(found, _parameters(found, values), chosen, *around)
+    return EffectElement(found, _parameters(found, values), chosen, *around)
 
 
 def _parameters(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import j1
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimation.describing_functions import describing_function, drive_by_sine, lone_effect
+from idloop.estimation.describing_functions import describing_function, drive_by_sine, effect_element
 from idloop.physics import catalogue
 
 amplitudes = st.floats(0.05, 20.0)
@@ -30,13 +30,13 @@ def test_every_effect_of_the_catalogue_gives_a_describing_function(name: str) ->
             values = VALUES.get(name) or {
                 spec.name: 0.3 for spec in effect.parameters if spec.min <= 0.3 <= spec.max and not spec.integer
             }
-            found = describing_function(lone_effect(name, effect.site, drive, **values), [0.5, 2.0], 0.5)
+            found = describing_function(effect_element(name, effect.site, drive, **values), [0.5, 2.0], 0.5)
             assert np.all(np.isfinite(found.gain))
             json.dumps(found.to_dict(), allow_nan=False)
 
 
 def gain(name: str, a: float, f: float, /, **given) -> complex:
-    return drive_by_sine(lone_effect(name, **given), a, f).gain
+    return drive_by_sine(effect_element(name, **given), a, f).gain
 
 
 @given(f=frequencies, tau=st.floats(1e-3, 2.0))
@@ -88,8 +88,8 @@ def test_imbalance_and_cogging_are_bessel_functions_of_the_swing(a: float, phase
 
 def test_play_and_slip_do_not_depend_on_the_frequency() -> None:
     for effect in (
-        lone_effect("backlash", "output", gap=0.3),
-        lone_effect("slip", coupling_stiffness=2.0, limit=0.7),
+        effect_element("backlash", "output", gap=0.3),
+        effect_element("slip", coupling_stiffness=2.0, limit=0.7),
     ):
         slow, fast = (drive_by_sine(effect, 1.0, f).gain for f in (0.01, 30.0))
         assert fast == pytest.approx(slow, rel=1e-9)
@@ -115,7 +115,7 @@ def test_a_voltage_limit_depends_on_the_speed() -> None:
 
 
 def test_a_bias_moves_the_working_point() -> None:
-    element = lone_effect("dead_zone", width=1.0)
+    element = effect_element("dead_zone", width=1.0)
     assert drive_by_sine(element, 0.5, 1.0).gain == 0.0
     beside = drive_by_sine(element, 0.5, 1.0, bias=3.0)
     assert beside.gain == pytest.approx(1.0)
@@ -124,14 +124,14 @@ def test_a_bias_moves_the_working_point() -> None:
 
 
 def test_distortion_of_a_square_wave_and_of_a_sine() -> None:
-    square = drive_by_sine(lone_effect("coulomb_friction", drive="velocity", level=1.0), 2.0, 1.0)
+    square = drive_by_sine(effect_element("coulomb_friction", drive="velocity", level=1.0), 2.0, 1.0)
     assert square.distortion == pytest.approx(np.sqrt(np.pi**2 / 8.0 - 1.0), rel=1e-4)
     assert square.harmonics[:3] == pytest.approx([0.0, 1.0 / 3.0, 0.0], abs=1e-5)
-    assert drive_by_sine(lone_effect("dead_zone", width=0.0), 2.0, 1.0).distortion < 1e-6
+    assert drive_by_sine(effect_element("dead_zone", width=0.0), 2.0, 1.0).distortion < 1e-6
 
 
 def test_a_constant_answer_has_no_distortion_in_json() -> None:
-    answer = drive_by_sine(lone_effect("dead_zone", width=1.0), 0.5, 1.0)
+    answer = drive_by_sine(effect_element("dead_zone", width=1.0), 0.5, 1.0)
     assert np.isnan(answer.distortion)
     assert json.loads(json.dumps(answer.to_dict(), allow_nan=False))["distortion"] is None
 
@@ -139,18 +139,18 @@ def test_a_constant_answer_has_no_distortion_in_json() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: lone_effect("dead_zon", width=1.0), "did you mean 'dead_zone'"),
-        (lambda: lone_effect("backlash", gap=1.0), "say which: coupling or output"),
-        (lambda: lone_effect("dead_zone", "body", width=1.0), "acts at input"),
-        (lambda: lone_effect("dead_zone", width=-1.0), "width is -1; it must be 0 to inf"),
-        (lambda: lone_effect("dead_zone", with_=1.0), "no parameter 'with_'"),
-        (lambda: lone_effect("dead_zone", drive="position"), "is driven by command, not 'position'"),
-        (lambda: lone_effect("velocity_filter", drive="position"), "is driven by velocity"),
-        (lambda: lone_effect("stribeck_friction", coulomb=1.0, static=0.5), "do not go together"),
-        (lambda: lone_effect("slip", coupling_stiffness=0.0), "coupling_stiffness is 0"),
-        (lambda: describing_function(lone_effect("actuator_lag", time_constant=1.0), [1.0]), "give it in Hz"),
-        (lambda: describing_function(lone_effect("dead_zone"), [1.0], 0.0), "frequency is 0"),
-        (lambda: drive_by_sine(lone_effect("dead_zone"), 1.0, 1.0, samples=8), "8 samples per period"),
+        (lambda: effect_element("dead_zon", width=1.0), "did you mean 'dead_zone'"),
+        (lambda: effect_element("backlash", gap=1.0), "say which: coupling or output"),
+        (lambda: effect_element("dead_zone", "body", width=1.0), "acts at input"),
+        (lambda: effect_element("dead_zone", width=-1.0), "width is -1; it must be 0 to inf"),
+        (lambda: effect_element("dead_zone", with_=1.0), "no parameter 'with_'"),
+        (lambda: effect_element("dead_zone", drive="position"), "is driven by command, not 'position'"),
+        (lambda: effect_element("velocity_filter", drive="position"), "is driven by velocity"),
+        (lambda: effect_element("stribeck_friction", coulomb=1.0, static=0.5), "do not go together"),
+        (lambda: effect_element("slip", coupling_stiffness=0.0), "coupling_stiffness is 0"),
+        (lambda: describing_function(effect_element("actuator_lag", time_constant=1.0), [1.0]), "give it in Hz"),
+        (lambda: describing_function(effect_element("dead_zone"), [1.0], 0.0), "frequency is 0"),
+        (lambda: drive_by_sine(effect_element("dead_zone"), 1.0, 1.0, samples=8), "8 samples per period"),
     ],
 )
 def test_wrong_use_in_one_line(make, words: str) -> None:
@@ -160,6 +160,6 @@ def test_wrong_use_in_one_line(make, words: str) -> None:
 
 
 def test_an_answer_that_never_repeats_is_said_so() -> None:
-    undamped = lone_effect("compliance", stiffness=30.0, damping=0.0, split=0.5)
+    undamped = effect_element("compliance", stiffness=30.0, damping=0.0, split=0.5)
     with pytest.raises(IdloopError, match="no steady answer"):
         drive_by_sine(undamped, 1.0, 0.913, samples=16, harmonics=2)

@@ -1,0 +1,414 @@
+"""Which orders and delays an ARX model of the data should have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.polynomial.polynomials import Orders
+from idloop.estimation.polynomial.regression import (
+    channels,
+    check_inputs,
+    first_row,
+    regression_blocks,
+    solve,
+    triangle,
+)
+
+Array = NDArray[np.float64]
+Criterion = Literal["validation", "aic", "bic", "fpe", "loss"]
+CRITERIA: tuple[Criterion, ...] = ("validation", "aic", "bic", "fpe", "loss")
+_DRAWN: dict[Criterion, str] = {"validation": "validation loss", "aic": "AIC", "bic": "BIC (MDL)"}
+
+
+@dataclass(frozen=True, eq=False)
+class DelayEstimate:
+    """Delays, and how much worse the others would be.
+
+    Attributes
+    ----------
+    sample_time : float
+        Period [s].
+    delay : tuple of int
+        Of each input [samples].
+    candidates : ndarray of int, shape (k,)
+        Delays that were compared [samples].
+    bic : ndarray, shape (m, k)
+        Extended Bayesian information criterion of each, less the least.
+    """
+
+    output_name: str
+    input_names: tuple[str, ...]
+    sample_time: float
+    delay: tuple[int, ...]
+    candidates: NDArray[np.int64]
+    bic: Array
+
+    @property
+    def seconds(self) -> tuple[float, ...]:
+        """Delays less the one sample that a sampled plant has anyway [s]."""
+        return tuple(max(delay - 1, 0) * self.sample_time for delay in self.delay)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "output": self.output_name,
+            "inputs": list(self.input_names),
+            "sample_time": self.sample_time,
+            "delay": list(self.delay),
+            "seconds": list(self.seconds),
+            "candidates": self.candidates,
+            "bic": self.bic,
+        }
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the criterion over the delay; returns the matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+
+        with drawing.styled():
+            if axes is None:
+                _, axes = plt.subplots(figsize=(7, 3), layout="constrained")
+            for index, (name, values) in enumerate(zip(self.input_names, self.bic, strict=True)):
+                axes.plot(self.candidates, values, marker=".", label=name, **drawing.model_look(index))
+                axes.axvline(self.delay[index], color=drawing.BAND, linewidth=0.6)
+            axes.set_yscale("symlog")
+            axes.set_ylim(bottom=0.0)
+            axes.xaxis.get_major_locator().set_params(integer=True)
+            axes.set_xlabel(drawing.label("delay", "samples"))
+            axes.set_ylabel(drawing.label("extended BIC above the least", None))
+            axes.set_title(f"delay to {self.output_name}")
+            axes.legend()
+        return axes
+
+
+def estimate_delay(
+    data: SampledData | Sequence[SampledData],
+    *,
+    longest: int = 20,
+    shortest: int = 1,
+    na: int = 10,
+    nb: int = 10,
+) -> DelayEstimate:
+    """Find the first lag of each input that a long ARX model cannot do without.
+
+    Models with the lags nk to `longest` + `nb` - 1 of an input are nested; one QR factorisation gives the sums
+    of squares of all, and the extended Bayesian information criterion (Chen and Chen, Biometrika 95, 2008)
+    chooses, which allows for the many lags that are compared. A first coefficient that the noise hides
+    counts to the delay.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        With one output.
+    longest, shortest : int
+        Delays to compare [samples]. Under feedback without delay keep `shortest` at 1: the command of a sample
+        follows the measurement there.
+    na, nb : int
+        Order of the noise and plant that is allowed for.
+
+    Returns
+    -------
+    DelayEstimate
+
+    Raises
+    ------
+    InputError
+        More than one output, an empty range, or too few samples.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., sections 16.4 and 17.3; Björklund and Ljung, IEEE CDC 2003.
+    """
+    experiments = together(data)
+    if experiments[0].output.shape[1] != 1:
+        raise InputError(f"{experiments[0].name}: choose one output, as data.outputs([0]), to estimate its delays")
+    if not 0 <= shortest <= longest or nb < 1 or na < 0:
+        raise InputError(
+            f"delays {shortest} to {longest} with na = {na}, nb = {nb}; give 0 <= shortest <= longest, na >= 0, nb >= 1"
+        )
+    m = experiments[0].input.shape[1]
+    count = longest - shortest + nb
+    orders = Orders(na, (count,) * m, 0, 0, (0,) * m, (shortest,) * m)
+    check_inputs(experiments, orders)
+    signals = channels(experiments, 0)
+    first = first_row(orders, "estimate")
+    rows = sum(max(len(c.output) - first, 0) for c in signals)
+    if rows <= orders.size:
+        raise InputError(
+            f"{experiments[0].name}: {rows} usable samples for {orders.size} coefficients; record longer, or lower"
+            " longest, na or nb"
+        )
+    whole = triangle(regression_blocks(signals, orders, first))
+    candidates = np.arange(shortest, longest + 1)
+    criteria = np.array([_criteria(whole, orders, i, len(candidates), rows) for i in range(m)])
+    best = tuple(int(candidates[np.argmin(row)]) for row in criteria)
+    return DelayEstimate(
+        experiments[0].output_names[0], experiments[0].input_names, experiments[0].sample_time, best, candidates,
+        criteria - criteria.min(axis=1, keepdims=True),
+    )  # fmt: skip
+
+
+def _criteria(factor: Array, orders: Orders, index: int, candidates: int, rows: int) -> Array:
+    """BIC of the models that leave out 0, 1, ... of the first lags of one input."""
+    own = [*range(orders.b(index).start, orders.b(index).stop)]
+    others = [column for column in range(orders.size) if column not in own]
+    # The first lag comes last: what it alone explains is then the last entry before the rest.
+    ordered = triangle([factor[:, [*others, *own[::-1], orders.size]]])
+    shares = ordered[: orders.size, -1] ** 2
+    left = ordered[orders.size, -1] ** 2
+    squares = left + np.concatenate([[0.0], np.cumsum(shares[::-1][: candidates - 1])])
+    sizes = orders.size - np.arange(candidates)
+    price = np.log(rows) + 2.0 * np.log(candidates)
+    return np.asarray(rows * np.log(np.maximum(squares / rows, np.finfo(float).tiny)) + sizes * price)
+
+
+@dataclass(frozen=True, eq=False)
+class ArxStructures:
+    """Losses of ARX models of several structures, all on the same rows.
+
+    Attributes
+    ----------
+    loss : ndarray, shape (s,)
+        Mean squared prediction error on the data that it was fitted to [output unit squared].
+    validation_loss : ndarray, shape (s,), or None
+        On the validation data.
+    samples : int
+        Rows of the fit.
+    variance : float
+        Of the output that is judged, that of the validation data where there are any.
+    """
+
+    output_name: str
+    input_names: tuple[str, ...]
+    structures: tuple[Orders, ...]
+    loss: Array
+    validation_loss: Array | None
+    samples: int
+    variance: float
+
+    @property
+    def parameters(self) -> NDArray[np.int64]:
+        """Number of coefficients of each structure."""
+        return np.array([o.size for o in self.structures])
+
+    def criterion(self, name: Criterion) -> Array:
+        """Value of a criterion for each structure; the least is the best.
+
+        Parameters
+        ----------
+        name : "validation", "aic", "bic", "fpe" or "loss"
+            N ln V + 2 d, N ln V + d ln N (which is Rissanen's MDL), V (1 + d/N) / (1 - d/N), or a loss itself
+            (Ljung, System Identification, 2nd ed., section 16.4).
+
+        Raises
+        ------
+        InputError
+            Another name, or validation without validation data.
+        """
+        if name == "validation":
+            if self.validation_loss is None:
+                raise InputError("no validation data were given; give them, or choose by 'bic', 'aic' or 'fpe'")
+            return self.validation_loss
+        d, n = self.parameters, self.samples
+        logarithm = n * np.log(np.maximum(self.loss, np.finfo(float).tiny))
+        if name == "aic":
+            return np.asarray(logarithm + 2.0 * d)
+        if name == "bic":
+            return np.asarray(logarithm + d * np.log(n))
+        if name == "fpe":
+            return np.asarray(self.loss * (1 + d / n) / np.maximum(1 - d / n, 1e-12))
+        if name == "loss":
+            return self.loss
+        raise InputError(f"criterion {name!r} is unknown; choose one of {', '.join(CRITERIA)}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        named = [name for name in CRITERIA if name != "validation" or self.validation_loss is not None]
+        return {
+            "output": self.output_name,
+            "inputs": list(self.input_names),
+            "samples": self.samples,
+            "variance": self.variance,
+            "structures": [
+                {"na": o.na, "nb": list(o.nb), "nk": list(o.nk)}
+                | {name: float(self.criterion(name)[i]) for name in named}
+                for i, o in enumerate(self.structures)
+            ],
+        }
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw what the best structure of each size leaves unexplained; returns the matplotlib axes."""
+        import matplotlib.pyplot as plt
+
+        from idloop import drawing
+
+        judged = self.loss if self.validation_loss is None else self.validation_loss
+        sizes = np.unique(self.parameters)
+        least = np.array([np.min(judged[self.parameters == size]) for size in sizes])
+        percent = 100.0 / max(self.variance, np.finfo(float).tiny)
+        with drawing.styled():
+            if axes is None:
+                _, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
+            axes.bar(sizes, percent * least, color=drawing.BAND, label="best of its size")
+            for index, (name, text) in enumerate(_DRAWN.items()):
+                if name == "validation" and self.validation_loss is None:
+                    continue
+                best = int(np.argmin(self.criterion(name)))
+                axes.plot(
+                    self.parameters[best], percent * judged[best], "ovs"[index], fillstyle="none",
+                    color=drawing.MODELS[index], label=f"{text}: {_text(self.structures[best])}",
+                )  # fmt: skip
+            axes.set_yscale("log")
+            axes.set_xlabel(drawing.label("number of coefficients", None))
+            axes.set_ylabel(drawing.label("unexplained variance", "%"))
+            axes.set_title(f"ARX structures of {self.output_name}")
+            axes.legend()
+        return axes
+
+
+def arx_structures(
+    data: SampledData | Sequence[SampledData],
+    na: int | Iterable[int] = range(1, 9),
+    nb: int | Iterable[int | tuple[int, ...]] = range(1, 9),
+    nk: int | Iterable[int | tuple[int, ...]] = 1,
+    *,
+    validation: SampledData | Sequence[SampledData] | None = None,
+    structures: Iterable[tuple[int, int | Sequence[int], int | Sequence[int]]] | None = None,
+) -> ArxStructures:
+    """Fit ARX models of many structures and tabulate their losses.
+
+    The record is factored once; each structure then costs a factorisation of its few columns alone. All are
+    fitted to the same rows, so that their losses compare.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        With one output.
+    na, nb, nk : int or iterable
+        Numbers to combine; an entry of nb or nk may be a tuple with one number per input.
+    validation : SampledData or sequence of SampledData, optional
+        On which the models are judged.
+    structures : iterable of (na, nb, nk), optional
+        In the place of all combinations.
+
+    Returns
+    -------
+    ArxStructures
+
+    Raises
+    ------
+    InputError
+        More than one output, no structures, or too few samples for the largest.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., section 16.4; the table is that of arxstruc.
+    """
+    experiments = together(data)
+    judged = [] if validation is None else together([experiments[0], *together(validation)])[1:]
+    if experiments[0].output.shape[1] != 1:
+        raise InputError(
+            f"{experiments[0].name}: {experiments[0].output.shape[1]} outputs; choose orders for one at a time,"
+            " as data.outputs([0])"
+        )
+    m = experiments[0].input.shape[1]
+    listed = structures if structures is not None else product(_several(na), _several(nb), _several(nk))
+    orders = tuple(Orders.of(m, na=a, nb=b, nk=k) for a, b, k in listed)
+    if not orders:
+        raise InputError("no structures to compare; give at least one of na, nb and nk each")
+    every = _covering(orders)
+    check_inputs(experiments, every)
+    factor, samples, variance = _factored(experiments, every)
+    other = _factored(judged, every) if judged else None
+    loss, judgement = np.empty(len(orders)), np.empty(len(orders))
+    for index, one in enumerate(orders):
+        columns = [*_columns(one, every), every.size]
+        solution = solve(triangle([factor[:, columns]]))
+        loss[index] = solution.squares / samples
+        if other is not None:
+            left = other[0][:, columns] @ np.append(-solution.coefficients, 1.0)
+            judgement[index] = float(left @ left) / other[1]
+    return ArxStructures(
+        experiments[0].output_names[0], experiments[0].input_names, orders, loss,
+        judgement if other is not None else None, samples, variance if other is None else other[2],
+    )  # fmt: skip
+
+
+def select_order(table: ArxStructures, criterion: Criterion | None = None) -> Orders:
+    """Choose the structure of the least criterion, of equals the smaller.
+
+    Parameters
+    ----------
+    table : ArxStructures
+    criterion : "validation", "bic", "aic", "fpe" or "loss", optional
+        Validation where there are validation data, else BIC, which finds the true order as records grow.
+
+    Returns
+    -------
+    Orders
+        For ``arx(data, orders.na, orders.nb, orders.nk)``.
+
+    Raises
+    ------
+    InputError
+        An unknown criterion, or validation without validation data.
+    """
+    name: Criterion = criterion or ("validation" if table.validation_loss is not None else "bic")
+    values = table.criterion(name)
+    sizes = table.parameters
+    return table.structures[min(range(len(values)), key=lambda i: (float(values[i]), int(sizes[i])))]
+
+
+def _several(value: Any) -> list[Any]:
+    return [value] if isinstance(value, int) else list(value)
+
+
+def _covering(orders: Sequence[Orders]) -> Orders:
+    """The smallest structure that holds all columns of the others."""
+    m = orders[0].inputs
+    begin, end = [0] * m, [0] * m
+    for i in range(m):
+        used = [o for o in orders if o.nb[i]]
+        begin[i] = min((o.nk[i] for o in used), default=0)
+        end[i] = max((o.nk[i] + o.nb[i] for o in used), default=0)
+    nb = tuple(e - b for b, e in zip(begin, end, strict=True))
+    return Orders(max(o.na for o in orders), nb, 0, 0, (0,) * m, tuple(begin))
+
+
+def _columns(orders: Orders, every: Orders) -> list[int]:
+    columns = [*range(orders.na)]
+    for i in range(orders.inputs):
+        if orders.nb[i]:
+            first = every.b(i).start + orders.nk[i] - every.nk[i]
+            columns += range(first, first + orders.nb[i])
+    return columns
+
+
+def _factored(data: Sequence[SampledData], every: Orders) -> tuple[Array, int, float]:
+    """Triangular factor, number of rows and variance of the output of one side."""
+    signals = channels(data, 0)
+    first = first_row(every, "estimate")
+    rows = sum(max(len(c.output) - first, 0) for c in signals)
+    if rows <= every.size:
+        raise InputError(
+            f"{data[0].name}: {rows} usable samples for the largest structure of {every.size} coefficients and a"
+            f" longest lag of {first}; record longer or lower the orders"
+        )
+    outputs = np.concatenate([c.output[first:] for c in signals])
+    return triangle(regression_blocks(signals, every, first)), rows, float(np.var(outputs))
+
+
+def _text(orders: Orders) -> str:
+    def short(values: tuple[int, ...]) -> str:
+        return str(values[0]) if len(set(values)) == 1 else "[" + " ".join(map(str, values)) + "]"
+
+    return f"na {orders.na}, nb {short(orders.nb)}, nk {short(orders.nk)}"
