@@ -13,12 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop import documents
-from idloop.cli._ladder_folder import read_ladder
 from idloop.control.controller_file import load_controller
 from idloop.documents import MOST_DEPTH, MOST_DIGITS, read_json, read_npz, read_text, read_yaml
 from idloop.errors import InputError
 from idloop.estimation.linear import model_file as linear_file
-from idloop.estimation.networks import model_file as network_file
+from idloop.estimation.networks import model as network_file
 from idloop.graph.description import load_graph
 from idloop.parameter_table import read_mapping
 from idloop.physics import load_model
@@ -26,6 +25,7 @@ from idloop.records import Record, write_bag
 from idloop.records.bags.bag import Bag
 from idloop.records.tables.mapping import load_mapping
 from idloop.records.tables.table_files import read_table
+from idloop.reporting.ladder_folder import read_ladder
 
 LAUGH = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 10)
