@@ -473,7 +473,9 @@ def _read_message(path: Path, target: Path) -> object:
     for reader in readers:
         with contextlib.suppress(CdrError):
             reader.read(data)
-    return read_layout(data)
+    with contextlib.suppress(CdrError):
+        return read_layout(data)
+    return None
 
 
 def _messages() -> list[bytes]:

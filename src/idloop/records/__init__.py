@@ -1,17 +1,21 @@
-"""Records: experiments as arrays, from bags, CSV, MAT, NPZ and JSON."""
+"""Records: experiments as arrays, from bags, CSV, MAT, NPZ and JSON. Names are imported on first use."""
 
 from __future__ import annotations
 
-from idloop.records.align import read_record, read_records
-from idloop.records.bags.read import read_streams
-from idloop.records.bags.stream import JointStream
-from idloop.records.bags.write import make_stream, record_streams, write_bag
-from idloop.records.finding import Finding
-from idloop.records.from_model import record_from_model
-from idloop.records.gaps import cut_at_gaps
-from idloop.records.inspection.checks import check_commands, check_identifiable, check_record
-from idloop.records.inspection.inspection import Inspection, inspect_bag
-from idloop.records.record import Record
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from idloop.records.align import read_record, read_records
+    from idloop.records.bags.read import read_streams
+    from idloop.records.bags.stream import JointStream
+    from idloop.records.bags.write import make_stream, record_streams, write_bag
+    from idloop.records.finding import Finding
+    from idloop.records.from_model import record_from_model
+    from idloop.records.gaps import cut_at_gaps
+    from idloop.records.inspection.checks import check_commands, check_identifiable, check_record
+    from idloop.records.inspection.inspection import Inspection, inspect_bag
+    from idloop.records.record import Record
 
 __all__ = [
     "Finding",
@@ -31,3 +35,24 @@ __all__ = [
     "record_streams",
     "write_bag",
 ]
+
+_MODULES = {
+    "align": ("read_record", "read_records"),
+    "bags.read": ("read_streams",),
+    "bags.stream": ("JointStream",),
+    "bags.write": ("make_stream", "record_streams", "write_bag"),
+    "finding": ("Finding",),
+    "from_model": ("record_from_model",),
+    "gaps": ("cut_at_gaps",),
+    "inspection.checks": ("check_commands", "check_identifiable", "check_record"),
+    "inspection.inspection": ("Inspection", "inspect_bag"),
+    "record": ("Record",),
+}
+_WHERE = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name on first use: a node that reads single messages needs neither numpy nor scipy."""
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)

@@ -12,7 +12,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from idloop.errors import IdloopError, InputError
-from idloop.graph.diagnostics import read_diagnostics
+from idloop.graph.live_results import read_diagnostics
 from idloop.records import write_bag
 from idloop.records.bags import bag_limits
 from idloop.records.bags.bag import Bag

@@ -97,7 +97,7 @@ class Bag:
                 error.args[0] if isinstance(error, ReaderError) and error.args else f"{type(error).__name__}: {error}"
             )
             raise InputError(
-                f"{file}: cannot be read as a bag ({_one_line(str(reason))}); check the copy of the file"
+                f"{file}: cannot be read as a bag ({one_line(reason)}); check the copy of the file"
             ) from None
         self._readers.append(reader)
         custom = getattr(reader.storage.metadata, "custom", None) or {}
@@ -158,7 +158,7 @@ class Bag:
                     yield from reader.messages(wanted)
         except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
             raise InputError(
-                f"{self.path}: damaged inside ({_one_line(str(error))}); copy it again, or save the rest with"
+                f"{self.path}: damaged inside ({one_line(error)}); copy it again, or save the rest with"
                 f" `idloop recover {self.path}`"
             ) from None
 
@@ -179,7 +179,7 @@ class Bag:
             try:
                 types.update(get_types_from_msg(text, name))
             except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
-                raise InputError(f"definition of {name}: not a valid .msg text ({_one_line(str(error))})") from None
+                raise InputError(f"definition of {name}: not a valid .msg text ({one_line(error)})") from None
         for reader in self._readers:
             for connection in reader.connections:
                 types.update(_own_types(connection))
@@ -340,5 +340,6 @@ def resolve_topic(name: str, topics: Iterable[str], where: Path | str) -> str:
     raise InputError(f"{where}: no topic {name!r}; the bag has {listed(known)}{did_you_mean(name.lstrip('/'), bare)}")
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split()).rstrip(".")
+def one_line(reason: object) -> str:
+    """Return what another library says, fit to stand in the middle of a message."""
+    return " ".join(str(reason).split()).rstrip(".")

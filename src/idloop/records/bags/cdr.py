@@ -1,169 +1,210 @@
-"""sensor_msgs/JointState in CDR, many messages at once.
+"""CDR (XCDR version 1) byte by byte: the fields of one message, and where a JointState has its numbers.
 
-Consecutive messages of a topic differ in stamp and values only, so the bytes of all messages form a table
-whose columns are read (or written) in one step.
+The serializer behind rclpy leaves whatever was in memory in the padding, so that two equal messages differ as bytes.
+Recordings that must be identical, run after run, need padding of zeros. Nothing here needs numpy, so that a node that
+reads and writes single messages starts without it.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+HEADER = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little endian; alignment counts from behind it
+SECOND = 1_000_000_000
 
-Bytes = NDArray[np.uint8]
-Floats = NDArray[np.float64]
 
-_HEADER = 4  # encapsulation: representation identifier and options; alignment counts from behind it
-_STAMP = slice(4, 12)
+class CdrError(ValueError):
+    """The bytes are no CDR message of the expected type."""
+
+
+class CdrWriter:
+    """Builds one little-endian message."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(HEADER)
+
+    def align(self, size: int) -> None:
+        """Pad with zeros to a multiple of `size` bytes."""
+        self.data.extend(bytes(-(len(self.data) - len(HEADER)) % size))
+
+    def int32(self, value: int) -> None:
+        """Append a signed 32-bit integer."""
+        self.align(4)
+        self.data += struct.pack("<i", value)
+
+    def uint32(self, value: int) -> None:
+        """Append an unsigned 32-bit integer."""
+        self.align(4)
+        self.data += struct.pack("<I", value)
+
+    def uint8(self, value: int) -> None:
+        """Append one byte."""
+        self.data.append(value)
+
+    def string(self, text: str) -> None:
+        """Append a string: length with the closing zero, bytes, zero."""
+        encoded = text.encode()
+        self.uint32(len(encoded) + 1)
+        self.data += encoded + b"\x00"
+
+    def stamp(self, stamp_ns: int) -> None:
+        """Append a builtin_interfaces/Time from nanoseconds."""
+        self.int32(stamp_ns // SECOND)
+        self.uint32(stamp_ns % SECOND)
+
+    def doubles(self, values: Sequence[float]) -> None:
+        """Append a sequence of doubles."""
+        self.uint32(len(values))
+        if values:
+            self.align(8)
+            self.data += struct.pack(f"<{len(values)}d", *values)
+
+    def finish(self) -> bytes:
+        """Return the message, padded to a multiple of four bytes."""
+        self.align(4)
+        return bytes(self.data)
+
+
+class CdrReader:
+    """Takes one message apart; every read checks that the bytes are there.
+
+    Parameters
+    ----------
+    data : bytes
+        The message.
+    order : {"<", ">"}
+        Byte order that it must have: little or big endian.
+
+    Raises
+    ------
+    CdrError
+        The message is not plain CDR in this byte order. The methods raise it where the bytes end too early.
+    """
+
+    def __init__(self, data: bytes, order: str = "<") -> None:
+        if len(data) < len(HEADER) or data[1] != (order == "<"):
+            raise CdrError(f"not a {'little' if order == '<' else 'big'}-endian CDR message")
+        self.data = data
+        self.at = len(HEADER)
+        self._int32, self._uint32 = f"{order}i", f"{order}I"
+        self._order = order
+
+    def align(self, size: int) -> None:
+        """Step over padding to a multiple of `size` bytes."""
+        self.at += -(self.at - len(HEADER)) % size
+
+    def take(self, size: int) -> bytes:
+        """Return the next `size` bytes."""
+        piece = self.data[self.at : self.at + size]
+        if len(piece) != size:
+            raise CdrError(f"message ends at byte {len(self.data)}, {self.at + size} wanted")
+        self.at += size
+        return piece
+
+    def int32(self) -> int:
+        """Read a signed 32-bit integer."""
+        self.align(4)
+        return int(struct.unpack(self._int32, self.take(4))[0])
+
+    def uint32(self) -> int:
+        """Read an unsigned 32-bit integer."""
+        self.align(4)
+        return int(struct.unpack(self._uint32, self.take(4))[0])
+
+    def uint8(self) -> int:
+        """Read one byte."""
+        return self.take(1)[0]
+
+    def count(self, item_size: int = 1) -> int:
+        """Read the length of a sequence; refuse one that the message cannot hold."""
+        size = self.uint32()
+        if size * item_size > len(self.data):
+            raise CdrError(f"a sequence of {size} items cannot be in {len(self.data)} bytes")
+        return size
+
+    def string(self) -> str:
+        """Read a string; bytes that are no UTF-8 are replaced."""
+        return self.take(self.count())[:-1].decode(errors="replace")
+
+    def stamp(self) -> int:
+        """Read a builtin_interfaces/Time as nanoseconds."""
+        seconds = self.int32()
+        return seconds * SECOND + self.uint32()
+
+    def doubles(self) -> tuple[float, ...]:
+        """Read a sequence of doubles."""
+        size = self.count(8)
+        if size:
+            self.align(8)
+        return struct.unpack(f"{self._order}{size}d", self.take(8 * size))
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Where the parts of a JointState message lie; fixed while joint names and lengths stay the same.
+class JointLayout:
+    """Where the parts of a sensor_msgs/JointState lie; the same while joint names and lengths stay the same.
 
     Attributes
     ----------
-    size : int
-        Bytes per message.
     order : str
         ``"<"`` or ``">"``.
     names : tuple of str
-        Joint names.
+        Joint names; bytes that are no UTF-8 are replaced.
     offsets, counts : tuple of int
         First byte and number of doubles of position, velocity and effort.
-    fixed : ndarray of int64
-        Byte positions that must agree between messages of this layout.
+    fixed : tuple of (int, int)
+        Stretches of bytes, from start to stop, that two messages of one layout have in common: all but the stamp, the
+        text of the frame, padding and numbers.
+    end : int
+        Bytes up to the end of the last number.
     """
 
-    size: int
     order: str
     names: tuple[str, ...]
     offsets: tuple[int, int, int]
     counts: tuple[int, int, int]
-    fixed: NDArray[np.int64]
+    fixed: tuple[tuple[int, int], ...]
+    end: int
 
 
-def _align(position: int, to: int) -> int:
-    return position + (-(position - _HEADER)) % to
+def read_layout(data: bytes) -> JointLayout:
+    """Return the layout of one serialised JointState.
 
+    Raises
+    ------
+    CdrError
+        The message is not plain CDR, or its lengths do not fit into it.
+    """
+    if data[:1] != b"\x00":
+        raise CdrError("not plain CDR")
+    order = ">" if data[1:2] == b"\x00" else "<"
+    reader = CdrReader(data, order)
+    reader.take(8)  # stamp
+    fixed = [(0, 2)]
 
-def read_layout(payload: bytes) -> Layout | None:
-    """Return the layout of one serialised message, or None when it is not plain CDR or does not add up."""
-    if len(payload) < 16 or payload[0] != 0 or payload[1] not in (0, 1):
-        return None
-    order = "<" if payload[1] else ">"
-    unsigned = struct.Struct(order + "I")
-    fixed: list[int] = [0, 1]
+    def count(item_size: int) -> int:
+        size = reader.count(item_size)
+        fixed.append((reader.at - 4, reader.at))
+        return size
 
-    def length_at(position: int) -> int:
-        fixed.extend(range(position, position + 4))
-        return int(unsigned.unpack_from(payload, position)[0])
-
-    try:
-        at = 12
-        at += 4 + length_at(at)  # frame_id
-        at = _align(at, 4)
-        names = []
-        joints = length_at(at)
-        if joints > len(payload):
-            return None
-        at += 4
-        for _ in range(joints):
-            at = _align(at, 4)
-            length = length_at(at)
-            at += 4
-            if length > len(payload) - at:
-                return None
-            names.append(payload[at : at + max(length - 1, 0)].decode())
-            fixed.extend(range(at, at + length))
-            at += length
-        offsets = []
-        counts = []
-        for _ in range(3):
-            at = _align(at, 4)
-            count = length_at(at)
-            at += 4
-            if count:
-                at = _align(at, 8)
-            offsets.append(at)
-            counts.append(count)
-            at += 8 * count
-    except (struct.error, UnicodeDecodeError):
-        return None
-    if not at <= len(payload) < at + 8:
-        return None
-    return Layout(
-        size=len(payload),
+    reader.take(count(1))  # frame
+    names = []
+    for _ in range(count(5)):
+        names.append(reader.take(count(1))[:-1].decode(errors="replace"))
+        fixed[-1] = (fixed[-1][0], reader.at)
+    offsets, counts = [], []
+    for _ in range(3):
+        counts.append(count(8))
+        if counts[-1]:
+            reader.align(8)
+        offsets.append(reader.at)
+        reader.take(8 * counts[-1])
+    return JointLayout(
         order=order,
         names=tuple(names),
         offsets=(offsets[0], offsets[1], offsets[2]),
         counts=(counts[0], counts[1], counts[2]),
-        fixed=np.array(fixed, dtype=np.int64),
+        fixed=tuple(fixed),
+        end=reader.at,
     )
-
-
-def same_layout(rows: Bytes, layout: Layout, payload: bytes) -> NDArray[np.bool_]:
-    """Tell which rows (n, size) have the layout that was read from `payload`."""
-    first = np.frombuffer(payload, dtype=np.uint8)
-    same: NDArray[np.bool_] = (rows[:, layout.fixed] == first[layout.fixed]).all(axis=1)
-    return same
-
-
-def decode_rows(rows: Bytes, layout: Layout) -> tuple[NDArray[np.int64], tuple[Floats, Floats, Floats]]:
-    """Return stamps in ns (n,) and position, velocity, effort (n, count) of messages of one layout."""
-    stamp = np.ascontiguousarray(rows[:, _STAMP])
-    seconds = stamp[:, :4].copy().view(layout.order + "i4")[:, 0].astype(np.int64)
-    nanoseconds = stamp[:, 4:].copy().view(layout.order + "u4")[:, 0].astype(np.int64)
-
-    def doubles(which: int) -> Floats:
-        start, count = layout.offsets[which], layout.counts[which]
-        block = np.ascontiguousarray(rows[:, start : start + 8 * count])
-        return block.view(layout.order + "f8").astype(np.float64).reshape(len(rows), count)
-
-    return seconds * 1_000_000_000 + nanoseconds, (doubles(0), doubles(1), doubles(2))
-
-
-def encode_rows(
-    names: tuple[str, ...],
-    stamp_ns: NDArray[np.int64],
-    values: tuple[Floats | None, Floats | None, Floats | None],
-    frame_id: str = "",
-) -> Bytes:
-    """Serialise n messages at once; returns their bytes as a table (n, size), little-endian CDR.
-
-    `values` are position, velocity, effort, each (n, j) or None for an empty sequence.
-    """
-    head = bytearray(b"\x00\x01\x00\x00" + bytes(8))
-
-    def pad(to: int) -> None:
-        head.extend(bytes(_align(len(head), to) - len(head)))
-
-    def string(text: str) -> None:
-        pad(4)
-        raw = text.encode() + b"\x00"
-        head.extend(struct.pack("<I", len(raw)) + raw)
-
-    string(frame_id)
-    pad(4)
-    head.extend(struct.pack("<I", len(names)))
-    for name in names:
-        string(name)
-    blocks: list[tuple[int, Floats]] = []
-    for value in values:
-        pad(4)
-        count = 0 if value is None else value.shape[1]
-        head.extend(struct.pack("<I", count))
-        if value is not None and count:
-            pad(8)
-            blocks.append((len(head), value))
-            head.extend(bytes(8 * count))
-    rows = np.tile(np.frombuffer(bytes(head), dtype=np.uint8), (stamp_ns.size, 1))
-    seconds, nanoseconds = np.divmod(stamp_ns, 1_000_000_000)
-    rows[:, 4:8] = seconds.astype("<i4").view(np.uint8).reshape(-1, 4)
-    rows[:, 8:12] = nanoseconds.astype("<u4").view(np.uint8).reshape(-1, 4)
-    for start, value in blocks:
-        block = np.ascontiguousarray(value, dtype="<f8")
-        rows[:, start : start + 8 * value.shape[1]] = block.view(np.uint8).reshape(stamp_ns.size, -1)
-    return rows

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bags.cdr import encode_rows
 from idloop.records.bags.imported_units import UNITS
+from idloop.records.bags.joint_states import encode_rows
 from idloop.records.bags.stream import FIELDS, JOINT_STATE, JointStream
 from idloop.records.measured_conditions import FIELD, conditions_columns
 from idloop.records.measured_conditions import TOPIC as CONDITIONS

@@ -4,7 +4,7 @@ Nodes publish and subscribe raw CDR bytes: no message object is built on a contr
 bytes of equal values are equal.
 """
 
-from idloop_nodes.codec.cdr import CdrError
+from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status, decode_diagnostics, encode_diagnostics
 from idloop_nodes.codec.effects import (
     EffectSummary,

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from idloop_nodes.codec.cdr import CdrError, CdrReader, CdrWriter
-
-SECOND = 1_000_000_000
+from idloop.records.bags.cdr import CdrError, CdrReader, CdrWriter
 
 
 class Level(IntEnum):
@@ -48,8 +46,7 @@ class Status:
 def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status], frame_id: str = "") -> bytes:
     """Return a DiagnosticArray as bytes."""
     writer = CdrWriter()
-    writer.int32(stamp_ns // SECOND)
-    writer.uint32(stamp_ns % SECOND)
+    writer.stamp(stamp_ns)
     writer.string(frame_id)
     writer.uint32(len(statuses))
     for status in statuses:
@@ -73,21 +70,13 @@ def decode_diagnostics(data: bytes) -> tuple[int, list[Status]]:
         When the bytes are cut short or no DiagnosticArray.
     """
     reader = CdrReader(data)
-    stamp = reader.int32() * SECOND + reader.uint32()
-    reader.string()
+    stamp, _ = reader.stamp(), reader.string()
     statuses = []
-    for _ in range(_count(reader)):
+    for _ in range(reader.count()):
         level = reader.uint8()
         if level not in tuple(Level):
             raise CdrError(f"{level} is no diagnostic level")
         name, message, hardware = reader.string(), reader.string(), reader.string()
-        values = {reader.string(): reader.string() for _ in range(_count(reader))}
+        values = {reader.string(): reader.string() for _ in range(reader.count())}
         statuses.append(Status(name, message, Level(level), values, hardware))
     return stamp, statuses
-
-
-def _count(reader: CdrReader) -> int:
-    size = reader.uint32()
-    if size > len(reader.data):
-        raise CdrError(f"a sequence of {size} items cannot be in {len(reader.data)} bytes")
-    return size

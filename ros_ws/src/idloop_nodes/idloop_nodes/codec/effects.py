@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from idloop.documents import read_json
 from idloop.errors import InputError
-from idloop_nodes.codec.cdr import CdrError
+from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.numbers import number_or_none, plus_minus, text_or_empty
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 from idloop.documents import read_json
 from idloop.errors import InputError
-from idloop_nodes.codec.cdr import CdrError
+from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.numbers import as_json
 from idloop_nodes.codec.results import ParameterSummary

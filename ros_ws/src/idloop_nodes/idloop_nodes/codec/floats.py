@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-from idloop_nodes.codec.cdr import HEADER, CdrError, CdrReader
+from idloop.records.bags.cdr import HEADER, CdrReader
 
 _FLOAT = struct.Struct("<d")
 _EMPTY_LAYOUT = bytes(8)  # no dimensions, data offset 0
@@ -36,17 +36,9 @@ def decode_floats(data: bytes) -> tuple[float, ...]:
         When the bytes are cut short or no Float64MultiArray.
     """
     reader = CdrReader(data)
-    dimensions = reader.uint32()
-    if dimensions > len(data):
-        raise CdrError(f"{dimensions} dimensions cannot be in {len(data)} bytes")
-    for _ in range(dimensions):
+    for _ in range(reader.count()):  # dimensions
         reader.string()
         reader.uint32()
         reader.uint32()
     reader.uint32()
-    size = reader.uint32()
-    if size:
-        reader.align(8)
-    if 8 * size > len(data):
-        raise CdrError(f"{size} numbers cannot be in {len(data)} bytes")
-    return struct.unpack(f"<{size}d", reader.take(8 * size))
+    return reader.doubles()

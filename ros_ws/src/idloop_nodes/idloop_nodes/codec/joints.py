@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from idloop_nodes.codec.cdr import HEADER, CdrError, CdrReader, CdrWriter
+from idloop.records.bags.cdr import HEADER, SECOND, CdrError, CdrReader, CdrWriter, JointLayout, read_layout
 
-SECOND = 1_000_000_000
 FIELDS = ("position", "velocity", "effort")
 NAN = math.nan
 _STAMP = struct.Struct("<iI")
@@ -46,16 +45,6 @@ def peek_stamp(data: bytes) -> int:
     return int(seconds) * SECOND + int(nanoseconds)
 
 
-def _write_stamp(writer: CdrWriter, stamp_ns: int) -> None:
-    writer.int32(stamp_ns // SECOND)
-    writer.uint32(stamp_ns % SECOND)
-
-
-def _read_stamp(reader: CdrReader) -> int:
-    seconds = reader.int32()
-    return seconds * SECOND + reader.uint32()
-
-
 def encode_time(stamp_ns: int) -> bytes:
     """Return rosgraph_msgs/Clock (or builtin_interfaces/Time) as bytes."""
     return HEADER + _STAMP.pack(stamp_ns // SECOND, stamp_ns % SECOND)
@@ -63,13 +52,13 @@ def encode_time(stamp_ns: int) -> bytes:
 
 def decode_time(data: bytes) -> int:
     """Return the nanoseconds of a rosgraph_msgs/Clock."""
-    return _read_stamp(CdrReader(data))
+    return CdrReader(data).stamp()
 
 
 def encode_header(stamp_ns: int, frame_id: str) -> bytes:
     """Return std_msgs/Header as bytes."""
     writer = CdrWriter()
-    _write_stamp(writer, stamp_ns)
+    writer.stamp(stamp_ns)
     writer.string(frame_id)
     return writer.finish()
 
@@ -77,22 +66,19 @@ def encode_header(stamp_ns: int, frame_id: str) -> bytes:
 def decode_header(data: bytes) -> tuple[int, str]:
     """Return stamp in nanoseconds and frame of a std_msgs/Header."""
     reader = CdrReader(data)
-    return _read_stamp(reader), reader.string()
+    return reader.stamp(), reader.string()
 
 
 def encode_joint_state(sample: JointSample) -> bytes:
     """Return sensor_msgs/JointState as bytes."""
     writer = CdrWriter()
-    _write_stamp(writer, sample.stamp_ns)
+    writer.stamp(sample.stamp_ns)
     writer.string(sample.frame_id)
     writer.uint32(len(sample.names))
     for name in sample.names:
         writer.string(name)
     for values in (sample.position, sample.velocity, sample.effort):
-        writer.uint32(len(values))
-        if values:
-            writer.align(8)
-            writer.data += struct.pack(f"<{len(values)}d", *values)
+        writer.doubles(values)
     return writer.finish()
 
 
@@ -105,24 +91,9 @@ def decode_joint_state(data: bytes) -> JointSample:
         When the bytes are cut short or no JointState.
     """
     reader = CdrReader(data)
-    stamp = _read_stamp(reader)
-    frame = reader.string()
-    names = tuple(reader.string() for _ in range(_count(reader, 5)))
-    columns: list[tuple[float, ...]] = []
-    for _ in FIELDS:
-        size = _count(reader, 8)
-        if size:
-            reader.align(8)
-        columns.append(struct.unpack(f"<{size}d", reader.take(8 * size)))
-    return JointSample(stamp, names, columns[0], columns[1], columns[2], frame)
-
-
-def _count(reader: CdrReader, item_size: int) -> int:
-    """Read a sequence length; refuse one that the remaining bytes cannot hold."""
-    size = reader.uint32()
-    if size * item_size > len(reader.data):
-        raise CdrError(f"a sequence of {size} items cannot be in {len(reader.data)} bytes")
-    return size
+    stamp, frame = reader.stamp(), reader.string()
+    names = tuple(reader.string() for _ in range(reader.count(5)))
+    return JointSample(stamp, names, reader.doubles(), reader.doubles(), reader.doubles(), frame)
 
 
 class JointWriter:
@@ -145,13 +116,13 @@ class JointWriter:
         blank = (NAN,) * len(self.names)
         position, velocity, effort = (blank if field in self.fields else () for field in FIELDS)
         template = encode_joint_state(JointSample(0, self.names, position, velocity, effort))
-        layout = _Layout(template)
+        offsets = dict(zip(FIELDS, read_layout(template).offsets, strict=True))
         # One call packs everything: stamp, what stays between the numbers, and the numbers.
         form, at = "<4siI", 12
         fixed: list[bytes] = []
         for field in self.fields:
             if self.names:
-                start = layout.starts[field]
+                start = offsets[field]
                 fixed.append(template[at:start])
                 form += f"{start - at}s{len(self.names)}d"
                 at = start + 8 * len(self.names)
@@ -171,45 +142,6 @@ class JointWriter:
         return self._pack(HEADER, seconds, nanoseconds, *parts, self._after)
 
 
-class _Layout:
-    """Where the numbers of one shape of JointState lie."""
-
-    def __init__(self, data: bytes) -> None:
-        reader = CdrReader(data)
-        reader.take(8)
-        reader.string()
-        self.names = tuple(reader.string() for _ in range(_count(reader, 5)))
-        reader.align(4)
-        self.names_end = reader.at
-        self.count_at: list[int] = []
-        self.counts: list[int] = []
-        self.starts: dict[str, int] = {}
-        for field in FIELDS:
-            reader.align(4)
-            self.count_at.append(reader.at)
-            size = _count(reader, 8)
-            self.counts.append(size)
-            if size:
-                reader.align(8)
-                self.starts[field] = reader.at
-            reader.take(8 * size)
-        self.end = reader.at
-        self._marks = struct.Struct("<12x" + "".join(self._forms())).unpack_from
-        self._shape = self._marks(data)
-
-    def _forms(self) -> Iterator[str]:
-        """Yield what takes out all that lies between stamp and end and is no number: names and counts."""
-        yield f"{self.names_end - 12}s"
-        at = self.names_end
-        for start in self.count_at:
-            yield f"{start - at}x4s"
-            at = start + 4
-
-    def matches(self, data: bytes) -> bool:
-        """Tell whether `data` has this very shape (padding between names may hold anything)."""
-        return len(data) >= self.end and self._marks(data) == self._shape
-
-
 class JointReader:
     """Takes chosen joints and fields out of JointState messages, fast while their shape repeats.
 
@@ -222,8 +154,10 @@ class JointReader:
 
     def __init__(self, wanted: Sequence[tuple[str, str]]) -> None:
         self.wanted = tuple(wanted)
-        self._layout: _Layout | None = None
+        self._layout: JointLayout | None = None
         self._pick: Callable[[bytes], tuple[float, ...]] = lambda data: ()
+        self._fixed: Callable[[bytes], tuple[object, ...]] = lambda data: ()
+        self._shape: tuple[object, ...] = ()
 
     def read(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """Return stamp in nanoseconds and the wanted values.
@@ -233,7 +167,7 @@ class JointReader:
         CdrError
             When the bytes are cut short or no JointState.
         """
-        if self._layout is None or not self._layout.matches(data):
+        if self._layout is None or len(data) < self._layout.end or self._fixed(data) != self._shape:
             self._learn(data)
         seconds, nanoseconds = _STAMP.unpack_from(data, 4)
         return seconds * SECOND + nanoseconds, self._pick(data)
@@ -244,15 +178,28 @@ class JointReader:
         return () if self._layout is None else self._layout.names
 
     def _learn(self, data: bytes) -> None:
-        layout = _Layout(data)
+        layout = read_layout(data)
+        if layout.order != "<":
+            raise CdrError("not a little-endian CDR message")
+        blocks = dict(zip(FIELDS, zip(layout.offsets, layout.counts, strict=True), strict=True))
         offsets: list[int | None] = []
         for joint, field in self.wanted:
-            start = layout.starts.get(field)
+            start, count = blocks.get(field, (0, 0))
             index = 0 if joint == "*" else layout.names.index(joint) if joint in layout.names else -1
-            known = start is not None and 0 <= index < layout.counts[FIELDS.index(field)]
-            offsets.append(start + 8 * index if known and start is not None else None)
+            offsets.append(start + 8 * index if 0 <= index < count else None)
         self._pick = _picker(offsets)
+        self._fixed = _stretches(layout.fixed[1:])  # the byte order of a publisher does not change
+        self._shape = self._fixed(data)
         self._layout = layout
+
+
+def _stretches(places: Sequence[tuple[int, int]]) -> Callable[[bytes], tuple[object, ...]]:
+    """Return a function that reads stretches of bytes, from start to stop, in one call; lengths as numbers."""
+    form, at = "<", 0
+    for start, stop in places:
+        form += f"{start - at}x" + ("I" if stop - start == 4 else f"{stop - start}s")
+        at = stop
+    return struct.Struct(form).unpack_from
 
 
 def _picker(offsets: Sequence[int | None]) -> Callable[[bytes], tuple[float, ...]]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from idloop.documents import read_json
 from idloop.errors import InputError
-from idloop_nodes.codec.cdr import CdrError
+from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.effects import EffectSummary, effect_from_values, effect_to_values
 from idloop_nodes.codec.numbers import number_or_none, text_or_empty

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from idloop_nodes.codec.cdr import CdrError
+from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.numbers import number_or_none, plus_minus, text_or_empty
 

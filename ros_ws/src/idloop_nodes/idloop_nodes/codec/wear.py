@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from idloop_nodes.codec.cdr import CdrError
+from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.numbers import number_or_none, text_or_empty
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from idloop_nodes.codec.joints import NAN, SECOND
+from idloop.records.bags.cdr import SECOND
+from idloop_nodes.codec.joints import NAN
 
 
 class Speedometer:
