@@ -65,7 +65,7 @@ def test_a_plant_says_the_first_sample_until_every_listener_has_told_of_it(bench
     assert {decode_joint_state(data).stamp_ns for data in one.got["joint_states"]} == {stamp}
     progress.publish(encode_header(stamp, "late"))
     one.until(lambda: decode_joint_state(one.got["joint_states"][-1]).stamp_ns == stamp + PERIOD)
-    assert "waits for late at 0.010 s of simulated time, which told of no sample yet" in capfd.readouterr().err
+    assert "waits for late at 0.010 s of simulated time, which confirmed no sample yet" in capfd.readouterr().err
 
 
 @pytest.mark.usefixtures("ros_environment")
@@ -80,7 +80,7 @@ def test_a_plant_whose_listener_never_tells_ends_with_a_line(bench, monkeypatch)
     one.matched(commands)
     stamp = decode_joint_state(one.got["joint_states"][0]).stamp_ns
     commands.publish(encode_joint_state(JointSample(stamp, ("motor",), (), (), (1.0,))))
-    with pytest.raises(IdloopError, match=r"^late told of no sample within 0\.2 s; start the graph again$"):
+    with pytest.raises(IdloopError, match=r"^late confirmed no sample within 0\.2 s; start the graph again$"):
         one.until(lambda: False, wait=60.0)
 
 

@@ -138,11 +138,11 @@ class PlantNode(StreamNode):
         unheard = self._window.unheard() if held else []
         if self._stall.due((self._index, held), time.monotonic(), FIRST if unheard else PATIENCE):
             who = ", ".join(self._window.slow(self._stamp(), self._start_ns)) if held else "the controller"
-            first = ", which told of no sample yet" if unheard else ""
+            first = ", which confirmed no sample yet" if unheard else ""
             self.get_logger().warning(f"waits for {who} at {self._index * self._period:.3f} s of simulated time{first}")
         limit = LONGER_FOR_THOSE_THERE * self.parameters["start_timeout"]
         if unheard and time.monotonic() - self._started > limit:
-            raise IdloopError(f"{', '.join(unheard)} told of no sample within {limit:g} s; start the graph again")
+            raise IdloopError(f"{', '.join(unheard)} confirmed no sample within {limit:g} s; start the graph again")
 
     def _partners(self) -> bool:
         """Without named peers: whether somebody listens and somebody commands."""
