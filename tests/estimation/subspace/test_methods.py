@@ -114,7 +114,7 @@ def test_unstable_plant_under_feedback(method):
     found = vodma(data, control.ss([], [], [], 1.0, STEP), 2) if method is known else pbsid(data, 2)
     np.testing.assert_allclose(np.sort(found.poles.real), [0.7, 1.05], atol=0.02)
     assert not found.stable
-    assert "grows 1.0" in found.notes[0]
+    assert "grows by a factor of 1.0" in found.notes[0]
     if method is pbsid:
         assert pbsid(data, 2, stable=True).stable
 

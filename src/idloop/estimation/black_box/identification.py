@@ -147,7 +147,7 @@ def _fitted(
     try:
         found = method.run(data, choices, order, delay)
     except LinAlgError as error:
-        # Filters of an order far above the plant's overflow on the way to a model.
+        # With an order far above the plant's the filters overflow during the estimation.
         size = f" of order {order}" if "order" in method.needs and isinstance(order, int) else ""
         raise InputError(
             f"{data[0].name}: {method.name}{size} overflows on the way to a model; lower the order or excite more"
@@ -192,7 +192,7 @@ def _delays(method: Method, choices: Choices, data: list[SampledData]) -> Sequen
 
     columns = range(data[0].output.shape[1])
     found = [estimate_delay([one.outputs([i]) for one in data], longest=_DELAYS) for i in columns]
-    # One delay serves all outputs: a longer one would cut into the response of the quickest.
+    # All outputs have one delay: a longer one would cut off part of the fastest response.
     shortest = min(min(one.delay) for one in found)
     if shortest >= _DELAYS:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Names and units of signals: as python-control takes them, and as a Bode diagram shows them."""
+"""Names, units and axes of results: as python-control takes them, and as figures show them."""
 
 from __future__ import annotations
 
@@ -38,3 +38,13 @@ def title_over_legend(axes: Any, title: str) -> None:
     """Write title and legend above the axes, one over the other: inside, the legend would lie on the curves."""
     axes.set_title(title, loc="left", pad=20)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=2, columnspacing=1.2)
+
+
+def new_axes(axes: Any, rows: int = 1, height: float = 4.0, *, columns: int = 1, width: float = 8.0) -> Any:
+    """Return the given matplotlib axes, or new ones; those below each other share the horizontal axis [inch]."""
+    if axes is not None:
+        return axes
+    import matplotlib.pyplot as plt
+
+    _, made = plt.subplots(rows, columns, sharex="col", figsize=(width, height), layout="constrained")
+    return made

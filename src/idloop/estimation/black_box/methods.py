@@ -113,8 +113,8 @@ def _iv4(data: list[SampledData], choices: Choices, order: int, delay: int) -> L
     from idloop.estimation.polynomial import iv4
 
     instruments: Literal["reference", "command"] = "reference" if choices.closed_loop else "command"
-    degrees = _degrees(choices, ("na", "nb"), order)
-    return iv4(data, **degrees, nk=delay, instruments=instruments, **_prefilter(data, choices))
+    na, nb = _degrees(choices, ("na", "nb"), order).values()
+    return iv4(data, na, nb, delay, instruments=instruments, **_prefilter(data, choices))
 
 
 # ---------------------------------------------------------------- state space

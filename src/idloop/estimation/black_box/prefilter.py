@@ -34,7 +34,7 @@ def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[S
         return list(data)
     from scipy.signal import lfilter, lfilter_zi
 
-    # Here, because the polynomial methods import this file.
+    # A module-level import would be circular: the polynomial methods import this file.
     from idloop.estimation.polynomial.polynomials import radius
 
     numerator, denominator = _coefficients(prefilter, data[0].sample_time)

@@ -155,7 +155,7 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
         source = record.filtered(None, 0.4 / period, inputs=True)
     steps = np.diff(source.time)
     measured = np.isfinite(source.output)
-    # Sensors that take turns are interpolated; a row that lacks all of them is a hole.
+    # Sensors sampled in turn are interpolated; a row without any of them is a gap.
     rows = bool(np.all(measured.all(axis=1) == measured.any(axis=1)))
     even = bool(np.all(np.abs(steps - period) <= _EVEN * period))
     grid = source if even and rows else source.resample(period, antialias=False)
@@ -170,7 +170,7 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
         )
     reference = held_sum(grid, grid.time, ("reference", 0), ("excitation", 0))
     velocity = held_sum(grid, grid.time, ("reference", 1))
-    # A loop of speed follows nothing else.
+    # A speed loop has no position reference.
     reference = velocity if reference is None else reference
     feedforward = held_sum(grid, grid.time, ("excitation", 1))
     return [

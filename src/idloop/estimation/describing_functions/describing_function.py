@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.describing_functions.element import (
     ClosedForm,
     Complexes,
@@ -18,7 +19,7 @@ from idloop.estimation.describing_functions.element import (
     check_size,
     positive_amplitudes,
 )
-from idloop.estimation.describing_functions.presentation import new_axes, plain_list, with_unit
+from idloop.estimation.describing_functions.presentation import plain_list, with_unit
 from idloop.estimation.describing_functions.sine_drive import HARMONICS, SAMPLES, drive_by_sine
 
 # Frequencies that agree to this part are one.
@@ -190,7 +191,7 @@ def describing_function(
     for value in given[np.isfinite(given)] if frequency is None else given:
         check_size(element.name, "frequency", float(value))
     points = [(float(a), float(f)) for f in given for a in sizes]
-    # An element without a clock answers alike at every frequency: take one.
+    # The response of a static element does not depend on the frequency: take any.
     answers = [
         drive_by_sine(element, a, f if np.isfinite(f) else 1.0, bias, samples=samples, harmonics=harmonics)
         for a, f in points

@@ -67,7 +67,7 @@ class EffectElement:
     def needs_frequency(self) -> bool:
         """Whether the answer depends on time and not only on the order of the inputs."""
         effect = self.effect
-        # Dry friction of a given velocity asks for nothing but its sign and size.
+        # Dry friction depends on sign and size of the velocity alone.
         moved = effect.site == BODY and (effect.force is not None or self.drive == POSITION)
         return bool(effect.delay) or effect.splits or effect.settle is not None or moved
 

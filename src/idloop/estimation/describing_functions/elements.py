@@ -89,7 +89,7 @@ class Relay:
 
         def switch(value: float, rate: float, total: float) -> float:
             nonlocal position
-            # Both ways off come before the ways on, so that one sample may cross the whole dead zone.
+            # Off is checked before on, so that one sample may cross the whole dead zone.
             if (position > 0.0 and value < self.lower) or (position < 0.0 and value > -self.lower):
                 position = 0.0
             if value > self.on:
@@ -288,7 +288,7 @@ class InertiaBacklash:
                 position, velocity, started = value, rate, True
                 return position
             position += velocity * interval
-            # A wall takes the mass along without a rebound, and lets go where it begins to lag behind.
+            # A wall moves the mass without rebound and releases it where the wall slows down.
             if position > value + half:
                 position, velocity = value + half, min(velocity, rate)
             elif position < value - half:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from idloop.errors import InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.describing_functions.describing_function import (
     DescribingFunction,
     Exact,
@@ -19,11 +20,11 @@ from idloop.estimation.describing_functions.describing_function import (
 from idloop.estimation.describing_functions.element import ClosedForm, Complexes, Floats, positive_amplitudes
 from idloop.estimation.describing_functions.elements import Relay
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.presentation import new_axes, plain, plain_list, with_unit
+from idloop.estimation.describing_functions.presentation import plain, plain_list, with_unit
 from idloop.estimation.describing_functions.relay_cycle import RelayCycle, relay_cycles
 from idloop.estimation.describing_functions.sine_drive import drive_by_sine
 
-# A zero on an edge belongs to both triangles: better found twice than never.
+# A zero on an edge belongs to both triangles, so that it is not missed.
 _EDGE = 1e-9
 # Amplitudes of the grid: how close to the threshold they begin, how far they reach, how many.
 NEAREST, FARTHEST, AMPLITUDES = 1e-4, 1e4, 500
@@ -193,7 +194,7 @@ class LimitCycles:
         for one in self.exact:
             text = f"exact: A {one.amplitude:.4g}, {one.frequency:.4g} Hz"
             ax.plot(one.point.real, one.point.imag, "x", color="C3", label=text)
-        # Both curves run to infinity: what matters is around the meetings, or else around −1.
+        # Both curves are unbounded: show the neighbourhood of the intersections, or else of −1.
         points = [cycle.point for cycle in self.cycles] + [one.point for one in self.exact]
         reach = 2.0 * max([abs(point) for point in points], default=1.0)
         ax.set(xlim=(-reach, 0.5 * reach), ylim=(-reach, 0.5 * reach))
@@ -335,7 +336,7 @@ def _refined(linear: LinearPart, gain: Gain, amplitude: float, frequency: float)
     from scipy.optimize import root
 
     def equation(x: Floats) -> list[float]:
-        # A step that leads far off is no root of this cell.
+        # A root far from the cell is another one.
         a, f = (
             amplitude * math.exp(float(np.clip(x[0], -1.0, 1.0))),
             frequency * math.exp(float(np.clip(x[1], -1.0, 1.0))),

@@ -85,7 +85,7 @@ class LinearPart:
         if self.delay > 0.0:
             top = min(top, DELAY_MOST / self.delay / (2.0 * math.pi))
         if self.discrete:
-            # At half the sample rate itself the response is real, whatever the loop does there.
+            # At half the sample rate the response is always real.
             top = (0.5 - 1e-6) / self.sample_time
         top = top if high is None else high
         if not 0.0 < bottom < top or not math.isfinite(top):

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from idloop.errors import InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.describing_functions.element import Element, Floats
 from idloop.estimation.describing_functions.limit_cycle import LimitCycle
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.presentation import new_axes, plain, with_unit
+from idloop.estimation.describing_functions.presentation import plain, with_unit
 from idloop.estimation.describing_functions.relay_cycle import RelayCycle
 from idloop.estimation.describing_functions.sine_drive import HARMONICS
 from idloop.estimation.describing_functions.sine_fit import refine_frequency, sine_fit

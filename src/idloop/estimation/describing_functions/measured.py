@@ -19,7 +19,7 @@ from idloop.estimation.describing_functions.sine_drive import HARMONICS
 from idloop.estimation.describing_functions.sine_fit import SineFit, held_sine_fit, sine_fit
 from idloop.records import Record
 
-# Frequencies beside the fundamental at which the noise is read: enough to average, near enough to be like it.
+# Frequencies beside the fundamental at which the noise is read: enough to average, near enough for the same noise.
 BESIDE = 8
 # Fitted unknowns need more samples than this many times their number.
 SAMPLES_PER_UNKNOWN = 2

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from idloop.errors import IdloopError, InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.describing_functions.element import (
     Complexes,
     Element,
@@ -17,7 +18,7 @@ from idloop.estimation.describing_functions.element import (
     distortion,
     period_harmonics,
 )
-from idloop.estimation.describing_functions.presentation import new_axes, plain, plain_list
+from idloop.estimation.describing_functions.presentation import plain, plain_list
 
 SAMPLES = 2048  # per period: a switch is found to 0.2 % of the period
 HARMONICS = 9
@@ -158,7 +159,7 @@ def drive_by_sine(
     outputs: list[Floats] = []
     for period in range(MOST_PERIODS + silent):
         output = np.array([answer(x, rate, total + share + drift * period) for x, rate, total, share in rows])
-        # What comes before the first input has passed repeats as well, and means nothing.
+        # The output before the first input arrives repeats as well and must not count.
         outputs = [*outputs[-2:], output] if period >= silent else []
         settled = _settled(outputs)
         if settled is not None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import control
 
 Array = NDArray[np.float64]
-# An integrator comes out a little to either side of the circle.
+# The estimate of an integrator lies slightly inside or outside of the unit circle.
 _UNSTABLE = 1.001
 Focus = Literal["prediction", "simulation"]
 
@@ -261,17 +261,14 @@ class LinearModel:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the Bode diagram, magnitude over phase; returns the two matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
-        from idloop.estimation.black_box.labels import bode_labels, title_over_legend
+        from idloop.estimation.black_box.labels import bode_labels, new_axes, title_over_legend
 
         unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
         frequency = np.geomspace(1e-3, 0.5, 400) / self.sample_time
         values = self.response(frequency)
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
+            axes = new_axes(axes, 2, 5)
             magnitude, phase = axes
             for index, (row, column) in enumerate(np.ndindex(values.shape[1:])):
                 look = drawing.model_look(index)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _PARTS = ("a", "b", "c", "d", "gain")
-_LOOKED_AT = 20_000  # samples from which the size of the states is taken
+_SCALED_ON = 20_000  # samples from which the scale of the states is taken
 
 
 def start_model(start: LinearModel | control.StateSpace | control.TransferFunction, data: SampledData) -> LinearModel:
@@ -212,7 +212,7 @@ def overflowing(name: str, focus: Focus) -> InputError:
 
 def filtered(data: SampledData | Sequence[SampledData], prefilter: Filter | None) -> list[SampledData]:
     """Experiments that belong together, all signals through the same filter."""
-    # Polynomial models are linear models, so that this package must not import theirs when it is read.
+    # Polynomial models are linear models, so that a module-level import would be circular.
     from idloop.estimation.black_box.prefilter import prefiltered
 
     return prefiltered(together(data), prefilter)
@@ -257,7 +257,7 @@ def _complement(matrices: Matrices, scale: Array, moving: NDArray[np.bool_]) -> 
 
 def _entry_scale(matrices: Matrices, experiments: Sequence[SampledData]) -> Array:
     """Size of each entry that moves a state or an output by its own size."""
-    first = experiments[0].part(0, _LOOKED_AT)
+    first = experiments[0].part(0, _SCALED_ON)
     n, m = matrices.b.shape
     p = len(matrices.c)
     driven = np.hstack([matrices.b - matrices.gain @ matrices.d, matrices.gain])

@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-_LONGEST = 20_000  # samples: a mode that has not died away by then drifts in everything that follows as well
-_WEIGHINGS = 3  # rounds: the errors give the weights, and the weights the errors
+_LONGEST = 20_000  # samples: a mode that has not decayed by then is nearly constant in the rest as well
+_REWEIGHTINGS = 3  # rounds of iteratively reweighted least squares
 _LEAST_SHARE = 1e-9  # of an output's size: errors below are rounding
 
 
@@ -106,7 +106,7 @@ def initial_state(a: Array, c: Array, rest: Array) -> Array:
     deviation, state = np.maximum(size, floor), np.zeros(order)
     # Each output's response and measurements as one triangle: every round then weighs a few rows.
     triangles = [_triangle(columns[:, j], target[:, j]) for j in range(len(c))]
-    for _ in range(_WEIGHINGS if len(c) > 1 else 1):
+    for _ in range(_REWEIGHTINGS if len(c) > 1 else 1):
         state = _least_squares(np.concatenate([one / d for one, d in zip(triangles, deviation, strict=True)]))
         left = [float(np.linalg.norm(one[:, -1] - one[:, :-1] @ state)) for one in triangles]
         deviation = np.maximum(np.array(left) / np.sqrt(last), floor)

@@ -139,7 +139,7 @@ def search(
         # Weights that hardly change leave the minimum where it is.
         same = np.linalg.norm(renewed @ np.linalg.inv(whitener) - np.eye(len(whitener))) < _SAME_WEIGHTS
         converged = found.converged and bool(same)
-        # A search that cannot take a single step is at its end too.
+        # A search that finds no descent step has ended as well.
         converged = converged or (not np.any(found.point) and bool(same))
         whitener = renewed
     return Found(point, chart.covariance(white), chart.directions, iterations, converged)
@@ -164,7 +164,7 @@ def mirrored(model: Matrices, covariance: Array) -> Matrices:
     if not predictor_radius(model) > 1.0 or not np.all(np.isfinite(model.flat())):
         return model
     closed = model.a - model.gain @ model.c
-    # Any noise at all makes the Riccati equation choose the stable one of its solutions.
+    # With process noise, however small, the Riccati equation has the stabilising solution.
     size = 1e-14 * float(np.trace(model.gain @ covariance @ model.gain.T)) + 1e-300
     try:
         spread = riccati(closed, model.c, size * np.eye(len(closed)), covariance)

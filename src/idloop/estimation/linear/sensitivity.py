@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_BLOCK_NUMBERS = 2_000_000  # numbers of one block of derivatives: what a cache and a small machine hold easily
-_OVERFLOW = 1e100  # beyond it squares overflow, and the model is of no use anyway
+_BLOCK_NUMBERS = 2_000_000  # numbers of one block of derivatives: fits the cache and the memory of a small machine
+_OVERFLOW = 1e100  # beyond it squares overflow
 _MOST_SCORES = 50_000  # rows: longer records are summed in stretches first
 
 

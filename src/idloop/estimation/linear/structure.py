@@ -133,12 +133,11 @@ def _matrices(given: tuple[ArrayLike, ...], m: int, p: int) -> Matrices:
 
 def _held(matrices: Matrices, sample_time: float) -> Matrices:
     """Sampled with commands and innovations held."""
-    from scipy.linalg import expm
+    from scipy.signal import cont2discrete
 
-    n, m = matrices.b.shape
-    joint = np.zeros((n + m + len(matrices.c),) * 2)
-    joint[:n] = np.hstack([matrices.a, matrices.b, matrices.gain])
-    if not np.all(np.isfinite(joint)):
+    (n, m), p = matrices.b.shape, len(matrices.c)
+    driven = np.hstack([matrices.b, matrices.gain])
+    if not (np.all(np.isfinite(matrices.a)) and np.all(np.isfinite(driven))):
         return Matrices(np.full((n, n), np.inf), matrices.b, matrices.c, matrices.d, matrices.gain)
-    sampled = expm(joint * sample_time)[:n]
-    return Matrices(sampled[:, :n], sampled[:, n : n + m], matrices.c, matrices.d, sampled[:, n + m :])
+    a, b, *_ = cont2discrete((matrices.a, driven, matrices.c, np.zeros((p, m + p))), sample_time)
+    return Matrices(a, b[:, :m], matrices.c, matrices.d, b[:, m:])

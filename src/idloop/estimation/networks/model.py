@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_text
 from idloop.errors import IdloopError, InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, check_fits
 from idloop.estimation.networks.network import Network, ahead, parameters
 from idloop.estimation.networks.training import TrainingHistory
@@ -233,13 +234,10 @@ class NarxModel:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the training curve; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
+            axes = new_axes(axes, 1, 3.5)
             step = np.arange(len(self.history.train))
             curves = (self.history.train, self.history.validation, self.history.test)
             for index, (text, curve) in enumerate(zip(("training", "validation", "test"), curves, strict=True)):
@@ -254,15 +252,12 @@ class NarxModel:
 
     def plot_regression(self, data: SampledData, axes: Any = None) -> Any:
         """Draw predicted over measured outputs with their correlation R; returns the matplotlib axes, one an output."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         predicted, measured = self.predict(data)[self.first :], data.output[self.first :]
         with drawing.styled():
             count = len(self.output_names)
-            if axes is None:
-                _, axes = plt.subplots(1, count, figsize=(4 * count, 4), layout="constrained")
+            axes = new_axes(axes, 1, 4, columns=count, width=4 * count)
             for index, each in enumerate(np.atleast_1d(axes)):
                 x, y = measured[:, index], predicted[:, index]
                 moves = np.ptp(x) > 0 and np.ptp(y) > 0
@@ -277,15 +272,12 @@ class NarxModel:
 
     def plot_response(self, data: SampledData, axes: Any = None) -> Any:
         """Draw measurement, prediction and free run over time; returns the matplotlib axes, one an output."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         curves = (("one step ahead", self.predict(data)), ("free run", self.simulate(data)))
         with drawing.styled():
             count = len(self.output_names)
-            if axes is None:
-                _, axes = plt.subplots(count, 1, sharex=True, figsize=(8, 2.5 * count), layout="constrained")
+            axes = new_axes(axes, count, 2.5 * count)
             several = np.atleast_1d(axes)
             for index, each in enumerate(several):
                 drawing.line(each, data.time, data.output[:, index], color=drawing.MEASURED, label="measured")

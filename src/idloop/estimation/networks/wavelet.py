@@ -136,7 +136,7 @@ def dyadic_grid(z: Array, levels: int, cells: int) -> tuple[Indices, Array, Arra
     for level in range(levels):
         dilation = 2.0**level / radius
         nodes, held = np.unique(np.rint(z * dilation), axis=0, return_counts=True)
-        # A cell with hardly more samples than directions would carry a unit of its own noise.
+        # A cell with hardly more samples than directions would make a unit that fits noise.
         order = np.argsort(-held, kind="stable")[:cells]
         order = order[held[order] > z.shape[1]]
         for kind in (SCALING, WAVELET) if level == 0 else (WAVELET,):

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
-_CLEAR = 25.0  # an input's power at a line over that of its noise from which one may divide by it
+_CLEAR = 25.0  # least power of an input at a line over that of its noise, for a division by it
 _NEIGHBOURS = 6  # empty lines that are averaged for the distortion at an excited one
 
 

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimation.black_box.labels import new_axes
+
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9  # of a signal: what noise-free records scatter by rounding counts as their noise
+_ROUNDING = 1e-9  # of a signal: rounding that counts as noise in noise-free records
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,13 +172,10 @@ class Distortion:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the output at excited and empty lines, or else the standard errors; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
+            axes = new_axes(axes, 1, 3.5)
             if self.excited is None:
                 self.draw_levels(axes)
                 axes.set_ylabel(drawing.label("standard error", "output/input"))

@@ -79,7 +79,7 @@ class FrequencyResponse:
 
         All of them where none does.
         """
-        # Lines are multiples of something, which rounding must not put below.
+        # Rounding must not put a line below the resolution.
         found = self.frequency >= (self.resolution or 0.0) * (1.0 - 1e-9)
         return np.asarray(found if np.any(found) else ~found)
 
@@ -153,17 +153,14 @@ class FrequencyResponse:
         share : float
             Probability of the bands.
         """
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
-        from idloop.estimation.black_box.labels import bode_labels, title_over_legend
+        from idloop.estimation.black_box.labels import bode_labels, new_axes, title_over_legend
 
         unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
         radius = self.radius(share)
         with drawing.styled():
-            if axes is None:
-                rows = 2 if self.coherence is None else 3
-                _, axes = plt.subplots(rows, 1, sharex=True, figsize=(8, 2.5 * rows), layout="constrained")
+            rows = 2 if self.coherence is None else 3
+            axes = new_axes(axes, rows, 2.5 * rows)
             magnitude, phase = axes[0], axes[1]
             for index, (row, column) in enumerate(np.ndindex(self.response.shape[1:])):
                 look = drawing.model_look(index)

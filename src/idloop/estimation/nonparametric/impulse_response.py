@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.nonparametric.spectral import Trend, covariances, without_trend
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     import control
 
 Array = NDArray[np.float64]
-_FAR = 4  # times the lags: as far as a command that is held carries a response back to negative lags
+_REACH = 4  # times the lags: as far as a held command smears a response to negative lags
 _COLOURED = 0.1  # correlation that prewhitening may leave in the input before the weights smear into each other
 
 
@@ -108,14 +109,11 @@ class ImpulseResponse:
 
     def plot(self, axes: Any = None, share: float = 0.99) -> Any:
         """Draw the weights with their bands; returns the matplotlib axes, one for each output."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         count = len(self.output_names)
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(count, 1, sharex=True, figsize=(8, 3 * count), layout="constrained")
+            axes = new_axes(axes, count, 3 * count)
             several = np.atleast_1d(axes)
             null, band = self.null_band(share), self.band(share)
             for index, each in enumerate(several):
@@ -208,7 +206,7 @@ def cra(
     follows = bool(np.any(feedback < 1e-3))
     notes = []
     # What is left at a lag beyond those of the response matters only where it has reached the negative lags.
-    left = _left(white, min(_FAR * lags if follows else lags, shortest - prewhitening - 1))
+    left = _left(white, min(_REACH * lags if follows else lags, shortest - prewhitening - 1))
     if left > max(_COLOURED, 5.0 / np.sqrt(total)):
         notes.append(
             f"the whitened input still has a correlation of {left:.2g} with its past, which smears the"

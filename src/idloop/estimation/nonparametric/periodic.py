@@ -13,19 +13,19 @@ from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.signals.base import LineGrid
 
 Array = NDArray[np.float64]
-_DIFFERENT = 0.25  # mismatch that a signal must have gone through before it can have come back
-_BACK = 0.2  # mismatch at which it has
-_NEAR, _ALIKE = 1.3, 1e-4  # times the least mismatch, and more than that, one that is as good
-_MISSED = 1e-3  # mismatch that a period may have beside one that fits better
-_BETTER = 0.5  # of a period's mismatch, that of one that fits better
+_DIFFERENT = 0.25  # mismatch that a signal must have exceeded before it can repeat
+_REPEATED = 0.2  # largest mismatch at which it repeats
+_NEAR, _ALIKE = 1.3, 1e-4  # factor and offset up to which a mismatch counts as equal to the least
+_MISSED = 1e-3  # mismatch that is accepted though another period fits better
+_BETTER = 0.5  # largest mismatch of a better period, over that of the given one
 _UNLIKE = 0.5  # mismatch of a signal that does not repeat at all
-_BESIDE, _LEAST_BESIDE = 100, 2  # neighbours of a period that are compared: its hundredth part, and at least so many
-_CLOSER = 0.7  # of a period's mismatch, that of a neighbour which is the period: noise makes less of a difference
+_NEAR_PART, _LEAST_NEAR = 100, 2  # neighbours of a period that are compared: its hundredth part, and at least so many
+_CLOSER = 0.7  # largest mismatch of a better neighbour, over that of the given period: noise makes a smaller difference
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 _NEIGHBOURS = 21  # lines over which the noise of the driver is averaged
-_ABOVE_NOISE = 15.0  # of it, the power of a line that is meant: noise alone comes so far once in a million lines
-_EXCITED = 1e-4  # a line with this share of the greatest line's power is meant, less is noise or rounding
+_ABOVE_NOISE = 15.0  # times the noise, power of an excited line: noise alone exceeds it once in a million lines
+_EXCITED = 1e-4  # least power of an excited line, over that of the largest; less is noise or rounding
 
 
 def mismatches(signal: Array) -> Array:
@@ -55,7 +55,7 @@ def repetition(signal: Array) -> int | None:
         return None
     later = np.arange(len(miss)) >= away[0]
     least = float(np.min(miss[later]))
-    if least > _BACK:
+    if least > _REPEATED:
         return None
     return int(np.flatnonzero(later & (miss <= _NEAR * least + _ALIKE))[0])
 
@@ -83,7 +83,7 @@ def misfit(signal: Array, period: int) -> tuple[float, int | None] | None:
 
 def _closest(miss: Array, period: int) -> int:
     """The neighbour of a claimed period whose multiples fit clearly better, else the period."""
-    width = min(max(period // _BESIDE, _LEAST_BESIDE), period - 1)
+    width = min(max(period // _NEAR_PART, _LEAST_NEAR), period - 1)
     near = np.arange(period - width, period + width + 1)
     times = np.arange(1, max((len(miss) - 1) // near[-1], 1) + 1)
     lags = np.minimum(near[:, None] * times, len(miss) - 1)

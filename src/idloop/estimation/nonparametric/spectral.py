@@ -25,8 +25,8 @@ HANN_WIDTH = 1.44  # lines: width of a Hann window's power at half its height
 _STEPS = 128  # fewest lines of an estimate
 _LEAST_AVERAGES = 4  # fewest of the longer window that shows what the shorter one smooths away
 _SIGMAS = 3.0
-_STEEP = 1e-2  # power of an output's differences beside its own: less, and low frequencies leak into all others
-_WORTH = 0.1  # a change of a response by less than this is not worth a word
+_STEEP = 1e-2  # power of an output's differences over its own, below which low frequencies leak into all others
+_RELEVANT = 0.1  # relative change of a response that gets a note
 _LEAST_COHERENCE = 4.0  # the reference's share of the command, in units of what chance alone would give it
 
 
@@ -88,7 +88,7 @@ def response_from(
     response = matrix[:, :p, p:] @ inverse
     explained = np.einsum("fij,fji->fi", response, matrix[:, p:, :p]).real
     outputs = power[:, :p]
-    # What is left of the output is never less than rounding leaves of it.
+    # The residual power is never below the rounding of the output's power.
     left = np.maximum(outputs - explained, 4 * np.finfo(float).eps * np.abs(outputs))
     spare = spectra.averages - m
     known = spare > 0.5
@@ -267,7 +267,7 @@ def spa(
     if where.size == 0 or not (where[0] > 0 and where[-1] < half_rate):
         raise InputError(f"{first.name}: frequencies must lie above 0 and below half the sample rate, {half_rate:g} Hz")
     signals = [without_trend(np.hstack([one.output, one.input]), trend) for one in several]
-    # Below the resolution the filter is flat: it does not take the little that there is to see there.
+    # Below the resolution the filter is flat and does not attenuate what little power there is.
     share = np.exp(-2.0 * np.pi / lags) if _steep(signals, first.output.shape[1]) else 0.0
     if share:
         signals = [values[1:] - share * values[:-1] for values in signals]
@@ -324,8 +324,8 @@ def _smoothing_notes(found: FrequencyResponse, finer: FrequencyResponse, window:
     for column, name in enumerate(found.output_names):
         change = np.max(np.abs(found.response - finer.response)[:, column], axis=1)
         size = np.max(np.abs(finer.response[:, column]), axis=1)
-        # The estimates share their data: what sets them apart is less than the noise of the finer one.
-        sure = (change > _SIGMAS * np.max(finer.stderr[:, column], axis=1)) & (change > _WORTH * size)
+        # Both estimates use the same data: their difference has less noise than the finer one.
+        sure = (change > _SIGMAS * np.max(finer.stderr[:, column], axis=1)) & (change > _RELEVANT * size)
         if np.any(sure):
             at = int(np.argmax(np.where(sure, change / np.maximum(size, 1e-300), 0.0)))
             notes.append(
@@ -343,7 +343,7 @@ def covariances(values: Array, lags: int) -> Array:
     from scipy.fft import irfft, next_fast_len, rfft
 
     size = next_fast_len(len(values) + lags, real=True)
-    # Signals of very different size would leave their rounding in each other's products.
+    # Without scaling the rounding of the larger signal would show in the products of the smaller one.
     scale = np.max(np.abs(values), axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     transform = rfft(values / scale, size, axis=0)

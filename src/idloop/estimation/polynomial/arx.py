@@ -89,8 +89,8 @@ def arx(
             raise InputError("arx: focus 'simulation' is for uncoupled outputs; leave coupled out")
         from idloop.estimation.polynomial.prediction_error import search
 
-        degrees = {"na": na, "nb": nb, "nk": nk}
-        return search("arx", experiments, degrees, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+        numbers = {"na": na, "nb": nb, "nk": nk}
+        return search("arx", experiments, numbers, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
     if coupled and p > 1:
         orders = Orders.of(m + p - 1, na=na, nb=orders.nb + (na,) * (p - 1), nk=orders.nk + (1,) * (p - 1))
     weighted = prefiltered(experiments, prefilter)

@@ -189,7 +189,7 @@ def _caused(data: Sequence[Channel], orders: Orders, coefficients: Array) -> lis
     """Commands, and the outputs that they alone cause in a model."""
     from scipy.signal import lfilter
 
-    # An unstable generator of instruments would drown the record; its mirrored roots serve as well.
+    # An unstable model would make instruments that grow without bound; mirrored roots serve as well.
     denominator = reflect(np.concatenate([[1.0], coefficients[orders.a]]))
     caused = []
     for channel in data:

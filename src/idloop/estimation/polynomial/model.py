@@ -18,7 +18,7 @@ from idloop.estimation.statistics.collinear import collinear_inputs, collinearit
 
 Array = NDArray[np.float64]
 _ROUNDING = 1e-9  # a direction of the windows of less than this part of the largest is none
-_SOME = 20_000  # samples that are nearly always enough
+_FIRST_LOOK = 20_000  # samples that are nearly always enough
 
 
 def excited_order(commands: Sequence[Array], most: int) -> int:
@@ -28,7 +28,7 @@ def excited_order(commands: Sequence[Array], most: int) -> int:
     samples.
     """
     for few in (True, False):
-        used = [command[:_SOME] if few else command for command in commands]
+        used = [command[:_FIRST_LOOK] if few else command for command in commands]
         blocks = [
             lagged(command, range(most), start, stop)
             for command in used
@@ -38,7 +38,7 @@ def excited_order(commands: Sequence[Array], most: int) -> int:
             return 0
         sizes = np.linalg.svd(triangle(blocks), compute_uv=False)
         order = int(np.sum(sizes > _ROUNDING * sizes[0]))
-        if order == most or max(map(len, commands)) <= _SOME:
+        if order == most or max(map(len, commands)) <= _FIRST_LOOK:
             break
     return order
 

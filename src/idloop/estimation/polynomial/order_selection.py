@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.polynomial.polynomials import Orders
 from idloop.estimation.polynomial.regression import (
@@ -70,13 +71,10 @@ class DelayEstimate:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the criterion over the delay; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(figsize=(7, 3), layout="constrained")
+            axes = new_axes(axes, 1, 3, width=7)
             for index, (name, values) in enumerate(zip(self.input_names, self.bic, strict=True)):
                 axes.plot(self.candidates, values, marker=".", label=name, **drawing.model_look(index))
                 axes.axvline(self.delay[index], color=drawing.BAND, linewidth=0.6)
@@ -247,8 +245,6 @@ class ArxStructures:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw what the best structure of each size leaves unexplained; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         judged = self.loss if self.validation_loss is None else self.validation_loss
@@ -256,8 +252,7 @@ class ArxStructures:
         least = np.array([np.min(judged[self.parameters == size]) for size in sizes])
         percent = 100.0 / max(self.variance, np.finfo(float).tiny)
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
+            axes = new_axes(axes, 1, 3.5, width=7)
             axes.bar(sizes, percent * least, color=drawing.BAND, label="best of its size")
             for index, (name, text) in enumerate(_DRAWN.items()):
                 if name == "validation" and self.validation_loss is None:

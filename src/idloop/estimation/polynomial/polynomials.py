@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.black_box.labels import control_names
+from idloop.estimation.black_box.labels import control_names, new_axes
 from idloop.estimation.linear import Coefficient, LinearModel
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[A
 
     `a`, `c`, `d`: polynomials, first coefficient 1; `b`, `f`: of each input; B with its delay as leading zeros.
     """
-    # What has a denominator of its own is a subsystem in front; the rest drives 1/A directly.
+    # A path with its own denominator is a subsystem in series with 1/A; the others drive 1/A directly.
     paths = [(num, den, column) for column, (num, den) in enumerate(zip(b, f, strict=True))] + [(c, d, len(b))]
     through = [np.ones(1) if len(den) > 1 else num for num, den, _ in paths]
     core = observer_form(a, through)
@@ -416,13 +416,10 @@ class Polynomials:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw poles and zeros of G and H in the z plane; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(figsize=(4.5, 4.5), layout="constrained")
+            axes = new_axes(axes, 1, 4.5, width=4.5)
             turn = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 200))
             axes.plot(turn.real, turn.imag, color=drawing.BAND, linewidth=0.6)
             systems = [

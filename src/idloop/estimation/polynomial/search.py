@@ -78,9 +78,9 @@ class Objective:
         self.known = first_row(orders, initial)
         self.start = self.known + (orders.nd if initial == "estimate" else 0)
         longest = max(len(channel.output) for channel in self.data)
-        # A root this far out grows by e squared over the record: an integrator's estimate may.
+        # A root here makes the response grow by e squared over the record: allowed, for estimates of an integrator.
         self.plant_limit = 1.0 + 2.0 / longest
-        # A predictor must forget; at 1 - 0.1 / N it just does not within the record.
+        # The predictor must be stable; at 1 - 0.1 / N it hardly decays within the record.
         self.noise_limit = self.plant_limit if integrating else 1.0 - 0.1 / longest
 
     @property

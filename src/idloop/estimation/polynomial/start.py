@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 _LONG = (5, 10, 20, 40)  # orders of the long ARX model; Akaike's criterion chooses
 _ROUNDS = 12  # of the Steiglitz-McBride iteration
-_MOST_SPLITS = 6  # choices of poles for A beside F
+_MOST_SPLITS = 6  # choices of poles for A when there is an F
 _INSIDE = 0.98  # roots of C start inside this circle, so that the predictor forgets
 
 
@@ -142,7 +142,7 @@ def _split(data: Sequence[Channel], orders: Orders) -> list[Array]:
     found = []
     for chosen in combinations(range(len(roots)), orders.na):
         polynomial = np.poly(roots[list(chosen)])
-        # Complex poles go together, or the coefficients would not be real.
+        # Complex poles stay in conjugate pairs, so that the coefficients are real.
         if np.max(np.abs(np.imag(polynomial)), initial=0.0) > 1e-9:
             continue
         polynomial = np.real(polynomial)

@@ -65,7 +65,7 @@ class RecursivePolynomial:
     warm_up : float, optional
         In [0, 1): the first samples, predicted by a model that is still wrong, are forgotten at the rate 0.95, and
         this is the share of that rate which is left from each sample to the next; 0 for none. By default 0 for
-        ARX models, which are right from the first sample, and 0.995 for the others.
+        ARX models, which are exact from the first sample, and 0.995 for the others.
     radius : float
         Circle that the roots of C and F are kept in.
     sample_time : float
@@ -103,7 +103,7 @@ class RecursivePolynomial:
     ) -> None:
         m = orders.inputs
         names = input_names if input_names is not None else _default_names(m)
-        # Linear regressions are right from the first sample.
+        # Linear regressions are exact from the first sample.
         linear = not (orders.nc or orders.nd or any(orders.nf))
         growth = (0.0 if linear else 0.995) if warm_up is None else float(warm_up)
         width = (100.0 if linear else 3.0) if prior is None else float(prior)

@@ -38,7 +38,7 @@ _HALVINGS = 6
 _DEFAULT_NOISE, _LEAST = 1.0, 1e-4
 # Samples after which the random walk of a coefficient adds as much variance as the data have removed.
 _MEMORY = 1e5
-# Times its standard error by which the start from the first samples may be wrong: they are gone over once more.
+# Times its standard error by which the start from the first samples may be wrong: they are processed once more.
 _START_ERROR = 10.0
 # Shares of the noise that may be in the equation, the rest in the sensor: the likeliest is used.
 _SHARES = (0.0, 0.03, 0.1, 0.3, 0.6, 0.9, 1.0)
@@ -126,7 +126,7 @@ def _least_squares(rows: Array, y: Array) -> tuple[Array, Array, Array] | None:
     errors = np.where(known, y - np.where(np.isfinite(rows), rows, 0.0) @ solution, np.nan)
     variance = float(np.sum(errors[known] ** 2)) / spare
     stderr = np.sqrt(variance * np.maximum(np.diag(np.linalg.pinv(rows[known].T @ rows[known])), 0.0))
-    # Of a command that has not come yet nothing is known, though the pseudo-inverse has 0 there.
+    # The coefficients of a command that has not moved yet are unknown, though the pseudo-inverse gives 0.
     stderr[np.all(rows[known] == 0.0, axis=0)] = np.inf
     return solution, errors, stderr
 
@@ -352,7 +352,7 @@ class ExtendedKalman(RecursivePolynomial):
         measurement = found[1] if self._measurement is None else self._measurement**2
         self._noise = np.zeros(s + k)
         self._noise[:s] = process / output_scale**2
-        # Least of all a sensor resolves about so much, and a filter that believes in none is too sure of itself.
+        # Without sensor noise the filter would be overconfident: a sensor resolves about this much at best.
         floor = _LEAST**2 if self._measurement is None else 0.0
         self._measured = max(measurement / output_scale**2, floor)
         total = float(np.sum(self._noise[:s])) + self._measured

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.polynomial.polynomials import Polynomials
 from idloop.estimation.recursive.estimator import RecursivePolynomial
@@ -71,13 +72,10 @@ class CoefficientHistory:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw each coefficient with a band of two standard errors; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(figsize=(8, 4), layout="constrained")
+            axes = new_axes(axes, 1, 4)
             self.draw(axes, range(len(self.names)))
             axes.set_xlabel(drawing.label("time", "s"))
             axes.set_ylabel(drawing.label("coefficient", None))

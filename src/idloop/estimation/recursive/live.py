@@ -14,7 +14,7 @@ from idloop.estimation.recursive.methods import orders_of, recursive_estimator
 
 Array = NDArray[np.float64]
 
-# Samples: a longer hole in the stream ends the memory of the signals instead of being predicted through.
+# Samples: after a longer gap in the stream the signals start again instead of being predicted.
 _LONGEST_HOLE = 1000
 
 

@@ -11,7 +11,7 @@ from idloop.estimation.recursive.estimator import Method, RecursivePolynomial
 from idloop.estimation.recursive.extended_kalman import ExtendedKalman
 from idloop.spelling import did_you_mean_or_known
 
-# Wander of a coefficient from sample to sample that the Kalman filter assumes, signals being of size 1.
+# Standard deviation of the random walk that the Kalman filter assumes, for signals of size 1.
 DRIFT = 1e-3
 
 

@@ -12,7 +12,7 @@ Whole = NDArray[np.int64]
 OUTPUT, OUTPUT_FILTERED, INPUTS = range(3)
 INPUT, INPUT_OVER_F, INPUT_FILTERED, PLANT, PLANT_OVER_F, PLANT_FILTERED, ROWS_PER_INPUT = range(7)
 ERROR, ERROR_FILTERED, DISTURBANCE, DISTURBANCE_FILTERED, ROWS_OF_NOISE = range(5)
-# Numbers that the recursion keeps besides.
+# Further numbers of the state of the recursion.
 FORGETTING, VARIANCE, COUNT, TURN, PROJECTED, WEIGHT, WEIGHT_SQUARED, SCALARS = range(8)
 _HALVINGS = 6
 
@@ -341,7 +341,7 @@ def advance(
         elif not np.isfinite(y):
             y = predicted if np.isfinite(predicted) else 0.0
         if walking and scalars[COUNT] > 2.0 * size and scalars[VARIANCE] > 0.0:
-            # One coefficient a turn, in its turn for all: O(k^2) and the same walk.
+            # One coefficient per sample, in turn: O(k^2), with the same random walk on average.
             index = int(scalars[TURN]) % size
             scalars[TURN] = float((index + 1) % size)
             add_variance(upper, diagonal, index, size * walk[index] / scalars[VARIANCE], work)

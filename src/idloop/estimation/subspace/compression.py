@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 _SUMMED_AT_ONCE = 4096  # samples summed before they join the whole: short sums keep their digits
 _SMALLEST_BLOCK = 4096  # windows that are factored at once
 _BLOCK = 65536  # samples that are summed at once
-# Squares carry half of the digits. A white noise of this variance, in those of the signals, hides what is lost of the
+# Squares carry half of the digits. A white noise of this variance, in those of the signals, covers what is lost of the
 # smallest directions: 20 bits below the motion, less than any sensor's own.
 _RIDGE = 1e-14
 # Deviation of what is new in the last sample of a window, as a share, to which that noise is negligible.
@@ -338,7 +338,7 @@ def halved_windows(
     least = 1 + (1 if order is None else -(-order // found.outputs))
     if 2 * shown < found.length and shown < least:
         raise not_exciting(found, excited, 2 * least)
-    # Narrow excitation: shorter windows are told apart where long ones are not.
+    # Narrow excitation: it is persistent for shorter windows where it is not for long ones.
     return found if 2 * shown >= found.length else compress(data, 2 * max(shown, 2), exact=exact)
 
 

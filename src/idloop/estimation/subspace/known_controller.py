@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 _SAME_PERIOD = 1e-3  # of a period
 _LIMITED = 1e-3  # of the limit, and of the time
-_MADE_IT = 0.05  # of the command's rms: quantised logs and commands held from between two samples stay below
+_LARGEST_MISFIT = 0.05  # of the command's rms: quantised logs and commands held from between two samples stay below
 Data = SampledData | Sequence[SampledData]
 
 
@@ -56,13 +56,13 @@ def controller_notes(spec: Mapping[str, Any], data: Sequence[SampledData]) -> li
     notes = _limit_notes(spec, data)
     if misfit is None:
         return [*notes, "no reference was recorded: whether this is the controller that ran cannot be checked"]
-    if misfit.share <= _MADE_IT:
+    if misfit.share <= _LARGEST_MISFIT:
         return notes
     text = (
         f"the controller misses the recorded command by {100 * misfit.share:.3g} % of its rms when it answers the"
         " recorded reference and measurements"
     )
-    if misfit.late <= _MADE_IT:
+    if misfit.late <= _LARGEST_MISFIT:
         late = f"and by {100 * misfit.late:.2g} % where the command answers one sample later"
         return [*notes, f"{text}, {late}: stamp each command as the measurement that it answers"]
     if misfit.share >= 1.0:
@@ -181,37 +181,31 @@ def vodma(
     InputError
         As for `n4sid`, or a controller of other signals or another sample time.
     """
-    experiments = together(data)
-    return _identify("vodma", experiments, order, horizon, feedthrough, stable, integrates, weighting, controller)
+    return _identify(
+        "vodma", together(data), order, controller,
+        horizon=horizon, feedthrough=feedthrough, stable=stable, integrates=integrates, weighting=weighting,
+    )  # fmt: skip
 
 
-def vodma_direct(
-    data: Data,
-    order: int | Literal["auto"] = "auto",
-    *,
-    horizon: int | None = None,
-    feedthrough: bool = False,
-    stable: bool = False,
-    integrates: bool = False,
-    weighting: realisation.Weighting = "cva",
-) -> LinearModel:
+def vodma_direct(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> LinearModel:
     """Algorithm of `vodma` with the controller set to zero: direct identification, the thesis's DI.
 
-    Parameters and errors as for `vodma`. Consistent in open loop only.
+    Options, result and errors as for `vodma`. Consistent in open loop only.
     """
-    return _identify("vodma_direct", together(data), order, horizon, feedthrough, stable, integrates, weighting, None)
+    return _identify("vodma_direct", together(data), order, None, **options)
 
 
 def _identify(
     method: str,
     experiments: list[SampledData],
     order: int | Literal["auto"],
-    horizon: int | None,
-    feedthrough: bool,
-    stable: bool,
-    integrates: bool,
-    weighting: realisation.Weighting,
     controller: control.LTI | Mapping[str, control.LTI] | None,
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    stable: bool = False,
+    integrates: bool = False,
+    weighting: realisation.Weighting = "cva",
 ) -> LinearModel:
     first = experiments[0]
     known = None if isinstance(order, str) else order

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from idloop.estimation.subspace.realisation import Future, project_future
 
 Data = SampledData | Sequence[SampledData]
 
-# Horizons and samples of each experiment, whichever is longer, that the free runs of rivals are compared on.
-_JUDGED, _LEAST_JUDGED = 150, 4000
+# Horizons and samples of each experiment, whichever is longer, on which the free runs of the two models are compared.
+_COMPARED, _LEAST_COMPARED = 150, 4000
 
 
 def n4sid(
@@ -72,44 +72,27 @@ def n4sid(
         Too few samples, an input that excites too little, an order that the horizon cannot show, or no pole near 1
         where the plant is to integrate.
     """
-    return _identify("n4sid", data, order, horizon, feedthrough, focus, stable, integrates, exact)
+    return _identify(
+        "n4sid", data, order,
+        horizon=horizon, feedthrough=feedthrough, focus=focus, stable=stable, integrates=integrates, exact=exact,
+    )  # fmt: skip
 
 
-def moesp(
-    data: Data,
-    order: int | Literal["auto"] = "auto",
-    *,
-    horizon: int | None = None,
-    feedthrough: bool = False,
-    focus: Literal["prediction", "simulation"] = "prediction",
-    stable: bool = False,
-    integrates: bool | None = None,
-    exact: bool = False,
-) -> LinearModel:
+def moesp(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> LinearModel:
     """State-space model from the shift of the observability matrix, past signals as instruments (PO-MOESP).
 
-    Verhaegen, Automatica 30, 1994. Parameters and errors as for `n4sid`.
+    Verhaegen, Automatica 30, 1994. Options, result and errors as for `n4sid`.
     """
-    return _identify("moesp", data, order, horizon, feedthrough, focus, stable, integrates, exact)
+    return _identify("moesp", data, order, **options)
 
 
-def cva(
-    data: Data,
-    order: int | Literal["auto"] = "auto",
-    *,
-    horizon: int | None = None,
-    feedthrough: bool = False,
-    focus: Literal["prediction", "simulation"] = "prediction",
-    stable: bool = False,
-    integrates: bool | None = None,
-    exact: bool = False,
-) -> LinearModel:
+def cva(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> LinearModel:
     """State-space model from the canonical variates of past and future.
 
     Larimore, Proc. IEEE Conf. Decision and Control 1990, in the weights of Van Overschee and De Moor, Automatica 31,
-    1995: outputs of any unit and noise level count alike. Parameters and errors as for `n4sid`.
+    1995: outputs of any unit and noise level count alike. Options, result and errors as for `n4sid`.
     """
-    return _identify("cva", data, order, horizon, feedthrough, focus, stable, integrates, exact)
+    return _identify("cva", data, order, **options)
 
 
 def select_order(
@@ -162,12 +145,13 @@ def _identify(
     method: realisation.Weighting,
     data: Data,
     order: int | Literal["auto"],
-    horizon: int | None,
-    feedthrough: bool,
-    focus: Literal["prediction", "simulation"],
-    stable: bool,
-    integrates: bool | None,
-    exact: bool,
+    *,
+    horizon: int | None = None,
+    feedthrough: bool = False,
+    focus: Literal["prediction", "simulation"] = "prediction",
+    stable: bool = False,
+    integrates: bool | None = None,
+    exact: bool = False,
 ) -> LinearModel:
     compression, future = _projected(data, order, horizon, feedthrough, exact)
     subspace = realisation.weighted_subspace(future, method)
@@ -191,7 +175,7 @@ def _identify(
 
     if integrates is not None or not realisation.beyond_windows(a, future.horizon):
         return model(bool(integrates))
-    opening = max(_JUDGED * future.horizon, _LEAST_JUDGED)
+    opening = max(_COMPARED * future.horizon, _LEAST_COMPARED)
     return _better_free_run(model(False), model(True), [one.part(0, opening) for one in compression.experiments])
 
 

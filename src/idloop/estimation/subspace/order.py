@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.estimation.black_box.labels import new_axes
 
 if TYPE_CHECKING:
     from idloop.estimation.linear.model import LinearModel
@@ -57,13 +58,10 @@ class OrderSelection:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the singular values over the canonical correlations; returns the two matplotlib axes."""
-        import matplotlib.pyplot as plt
-
         from idloop import drawing
 
         with drawing.styled():
-            if axes is None:
-                _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
+            axes = new_axes(axes, 2, 5)
             top, bottom = axes
             _stems(top, self.singular_values, self.order, "singular value [-]")
             top.set_title(f"{self.method}, horizon {self.horizon} samples: order {self.order}")
@@ -92,15 +90,12 @@ def singular_value_plot(model: LinearModel, axes: Any = None) -> Any:
     InputError
         The model comes from another kind of method.
     """
-    import matplotlib.pyplot as plt
-
     from idloop import drawing
 
     if model.singular_values is None:
         raise InputError(f"model {model.method} has no singular values; identify it with a subspace method")
     with drawing.styled():
-        if axes is None:
-            _, axes = plt.subplots(figsize=(8, 3), layout="constrained")
+        axes = new_axes(axes, 1, 3)
         _stems(axes, model.singular_values, model.order, "singular value [-]")
         axes.set_title(f"{model.method}, order {model.order}")
         axes.set_xlabel("order [-]")

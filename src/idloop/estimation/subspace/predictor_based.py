@@ -81,7 +81,7 @@ def pbsid(
     c_d = regress(now, shown)
     errors = now - c_d @ shown
     moved = np.concatenate([states, commands, errors])
-    # Errors that are rounding take no part: a gain from them would be as large as it is meaningless.
+    # Errors that are rounding are left out: the gain from them would be meaningless.
     moved[len(moved) - len(errors) :][np.linalg.norm(errors, axis=1) < _FLOOR] = 0.0
     coefficients = regress(following, moved)
     m = compression.inputs

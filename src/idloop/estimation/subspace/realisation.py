@@ -121,7 +121,7 @@ def weighted_subspace(future: Future, weighting: Weighting) -> Subspace:
     """
     if weighting == "cva":
         own, size, _ = np.linalg.svd(future.residual, full_matrices=False)
-        # Without noise the smallest deviations are rounding, which must not count as much as the rest.
+        # Without noise the smallest deviations are rounding and must not have full weight.
         size = np.hypot(size, _SMALLEST_DEVIATION * np.linalg.norm(future.now))
         left, values, _ = np.linalg.svd((own.T @ future.explained) / size[:, None], full_matrices=False)
         return Subspace((own * size) @ left, values)
@@ -146,7 +146,7 @@ class Noise:
         size = _NOISE_FLOOR * max(float(np.trace(self.process)), 1e-3)
         mixed = np.linalg.solve(output, self.cross.T).T
         process = self.process - mixed @ self.cross.T + size * np.eye(len(a))
-        # A leak far slower than any record keeps integrators that no noise moves off the unit circle.
+        # A decay far slower than any record moves integrators without noise off the unit circle.
         decoupled = (a - mixed @ c) * (1.0 - 1e-7)
         covariance = riccati(decoupled, c, process, output)
         innovation = c @ covariance @ c.T + output
@@ -234,7 +234,7 @@ def reflected(a: Array) -> Array:
         block = slice(row, row + size)
         radius = float(np.max(np.abs(np.linalg.eigvals(triangle[block, block]))))
         if radius >= 1.0:
-            # A pole on the circle has no mirror image inside: it goes just within.
+            # A pole on the circle has no mirror image inside: it is moved just inside.
             triangle[block, block] *= min(1.0 / radius, _EDGE) / radius
         row += size
     return np.asarray(basis @ triangle @ basis.T)
