@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -182,23 +182,16 @@ def measure_describing_function(
         names += [record.name] * len(steps)
         units = (origin.unit, answer.unit)
     source_name = every[0].input_name if source is None else source
+    columns: dict[str, Any] = {one.name: np.array([getattr(row, one.name) for row in rows]) for one in fields(_Point)}
     return MeasuredDescribingFunction(
+        **columns,
         name=f"{source_name} → {target}",
-        amplitude=np.array([row.amplitude for row in rows]),
-        frequency=np.array([row.frequency for row in rows]),
-        gain=np.array([row.gain for row in rows], dtype=np.complex128),
-        distortion=np.array([row.distortion for row in rows]),
-        harmonics=np.array([row.harmonics for row in rows]),
         input_unit=units[0],
         output_unit=units[1],
         record=tuple(names),
         source=source_name,
         target=target,
-        stderr=np.array([row.stderr for row in rows]),
-        radius=np.array([row.radius for row in rows]),
         probability=probability,
-        source_distortion=np.array([row.source_distortion for row in rows]),
-        periods=np.array([row.periods for row in rows], dtype=np.float64),
     )
 
 
@@ -212,7 +205,7 @@ class _Point:
     stderr: float
     radius: float
     source_distortion: float
-    periods: int
+    periods: float
 
 
 def _dwells_for(
@@ -275,7 +268,7 @@ def _point(
         stderr=stderr,
         radius=radius,
         source_distortion=origin.distortion,
-        periods=periods,
+        periods=float(periods),
     )
 
 

@@ -9,6 +9,7 @@ sections 3.4 and 4.3).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,7 @@ def robust_best_linear_approximation(
         Fewer than two experiments or periods, or an excitation that does not fit.
     """
     spectra = by_period(data, period, lines=lines, skip=skip, by_reference=by_reference, drift=drift)
-    realisations = len(spectra.data)
-    if realisations < 2:
+    if len(spectra.data) < 2:
         raise InputError(
             f"{spectra.data[0].name}: one realisation; record two or more with other random phases, or use the fast"
             " method on an odd_random grid"
@@ -87,37 +87,29 @@ def robust_best_linear_approximation(
     from_noise = np.sum(noise, axis=0, where=excited) / count**2
     periods = np.array([len(one) for one in spectra.output])
     excess = count * (total - from_noise)
-    notes = _drowned(spectra, kept)
+    notes = _noise_notes(spectra, kept)
     left_out = int(np.sum(np.sum(spectra.excited, axis=0) == 1))
     if left_out:
         notes = (*notes, f"{left_out} lines are excited by one realisation only and are left out")
     return _result(
-        "best linear approximation (robust)",
+        "robust",
         spectra,
         kept,
         response,
-        np.sqrt(total),
         2.0 * (count[:, 0] - 1.0),
-        Distortion(
-            frequency=spectra.frequency[kept],
-            noise=np.sqrt(from_noise),
-            total=np.sqrt(total),
-            stochastic=np.sqrt(np.maximum(excess, 0.0)),
-            single_noise=np.sqrt(count * from_noise),
-            excess=excess,
-            p_values=combined_p_value(
-                count * total,
-                count * from_noise,
-                2.0 * (count - 1.0),
-                2.0 * np.sum(spectra.excited[:, kept] * (periods - 1)[:, None], axis=0)[:, None],
-                np.abs(response),
-            ),
-            realisations=realisations,
-            periods=spectra.periods,
-            output_names=spectra.data[0].output_names,
-            output_units=spectra.data[0].output_units,
-        ),
         notes,
+        noise=np.sqrt(from_noise),
+        total=np.sqrt(total),
+        stochastic=np.sqrt(np.maximum(excess, 0.0)),
+        single_noise=np.sqrt(count * from_noise),
+        excess=excess,
+        p_values=combined_p_value(
+            count * total,
+            count * from_noise,
+            2.0 * (count - 1.0),
+            2.0 * np.sum(spectra.excited[:, kept] * (periods - 1)[:, None], axis=0)[:, None],
+            np.abs(response),
+        ),
     )
 
 
@@ -188,29 +180,21 @@ def fast_best_linear_approximation(
     stochastic = np.sqrt(np.maximum(total**2 - from_noise, 0.0) * count)
     seen = _levels(spectra, spectra.excited, *_levels_of_output(spectra))
     return _result(
-        "best linear approximation (fast)",
+        "fast",
         spectra,
         any_excited,
         response,
-        total,
         np.full(any_excited.size, 2.0 * averaged),
-        Distortion(
-            frequency=spectra.frequency[any_excited],
-            noise=np.sqrt(from_noise),
-            total=total,
-            stochastic=stochastic,
-            single_noise=np.sqrt(count * from_noise),
-            excess=above / through[:, None] ** 2,
-            p_values=odd.p_values,
-            realisations=len(spectra.data),
-            periods=spectra.periods,
-            output_names=first.output_names,
-            output_units=first.output_units,
-            excited=seen,
-            odd=odd,
-            even=even,
-        ),
-        _drowned(spectra, any_excited),
+        _noise_notes(spectra, any_excited),
+        noise=np.sqrt(from_noise),
+        total=total,
+        stochastic=stochastic,
+        single_noise=np.sqrt(count * from_noise),
+        excess=above / through[:, None] ** 2,
+        p_values=odd.p_values,
+        excited=seen,
+        odd=odd,
+        even=even,
     )
 
 
@@ -242,7 +226,7 @@ def _variance_of_mean(periods: Complex) -> Array:
     return np.asarray(np.sum(np.abs(periods - np.mean(periods, axis=0)) ** 2, axis=0) / (count - 1) / count)
 
 
-def _drowned(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> tuple[str, ...]:
+def _noise_notes(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> tuple[str, ...]:
     """A note where the input is too noisy to divide by: the error of a ratio is normal only while it is small."""
     excited = spectra.excited[:, kept]
     driver = np.where(excited, spectra.driver[:, kept], 1.0)
@@ -307,19 +291,27 @@ def _result(
     spectra: PeriodicSpectra,
     kept: NDArray[np.int64],
     response: Complex,
-    stderr: Array,
     degrees: Array,
-    distortion: Distortion,
     notes: tuple[str, ...],
+    **distortion: Any,
 ) -> FrequencyResponse:
+    first, frequency = spectra.data[0], spectra.frequency[kept]
+    found = Distortion(
+        frequency=frequency,
+        realisations=len(spectra.data),
+        periods=spectra.periods,
+        output_names=first.output_names,
+        output_units=first.output_units,
+        **distortion,
+    )
     return FrequencyResponse(
-        method=method,
-        frequency=spectra.frequency[kept],
+        method=f"best linear approximation ({method})",
+        frequency=frequency,
         response=response[:, :, None],
-        stderr=stderr[:, :, None],
+        stderr=found.total[:, :, None],
         degrees=degrees,
         samples=spectra.samples,
-        distortion=distortion,
+        distortion=found,
         notes=notes,
-        **spectra.data[0].labels,
+        **first.labels,
     )
