@@ -9,7 +9,7 @@ from typing import Any
 
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.workbench.state import ERROR, WARN, Activity, Note, State
-from idloop.reporting.workbench.worker import Worker
+from idloop.worker_process import WorkerProcess
 
 Job = Callable[[], None]
 
@@ -26,14 +26,14 @@ class Coordinator:
     def __init__(self, state: State) -> None:
         self.state = state
         self.busy = ""
-        self._worker = Worker()
+        self._worker = WorkerProcess("idloop page")
         self._quiet = False
         self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="workbench coordinator", daemon=True)
         self._thread.start()
 
     def order(self, what: str, job: Job, *, quiet: bool = False) -> None:
-        """Queue a job; `what` tells the reader what it is, unless it goes on quietly.
+        """Queue a job; the reader sees `what` it is, unless it runs quietly.
 
         Raises
         ------

@@ -9,12 +9,12 @@ import threading
 import pytest
 
 from idloop.errors import IdloopError, InputError
-from idloop.reporting.workbench.worker import Worker
+from idloop.worker_process import WorkerProcess
 
 
 @pytest.fixture(scope="module")
 def worker():
-    one = Worker()
+    one = WorkerProcess()
     yield one
     one.close()
 
@@ -48,10 +48,10 @@ def test_a_lost_process_is_said_and_started_anew(worker):
 
 @pytest.mark.parametrize("at", ["sent", "begun"])
 def test_it_can_be_closed_in_the_middle_and_then_stays_closed(at):
-    worker, begun, ended = Worker(), threading.Event(), []
+    worker, begun, ended = WorkerProcess(), threading.Event(), []
 
     def call():
-        with pytest.raises(IdloopError, match="was ended in the middle") as caught:
+        with pytest.raises(IdloopError, match="ended in the middle") as caught:
             worker.call(_stay, report=lambda share, text: begun.set())
         ended.append(caught)
 

@@ -1,38 +1,64 @@
-"""A process that computes while the page stays alive: one piece of work after the other."""
+"""A process that computes while another one stays responsive: one call after the other."""
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import multiprocessing
 import os
 import signal
 import threading
 import time
+import traceback
 import warnings
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from idloop.errors import IdloopError, InputError
 
 NICENESS = 10  # the work may take longer; a control loop on the same machine may not
 REPORT_PERIOD = 0.1  # seconds between two reports
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_SET_PARENT_DEATH_SIGNAL, _SET_NAME = 1, 15  # prctl(2)
 
 Report = Callable[[float, str], None]
 
 
-class Worker:
-    """One child process, started with the first piece of work and anew after it was lost.
+class WorkerLostError(IdloopError):
+    """The process ended in the middle of a call."""
 
-    Functions and their arguments travel as pickles. Any thread may close it for good, also in the middle of a piece.
+
+class WorkerProcess:
+    """One child process, started with the first call and again after it was lost.
+
+    Functions and their arguments travel as pickles. Any thread may close it for good, also during a call.
+
+    Parameters
+    ----------
+    name : str
+        Name of the process, as `top` shows it (at most 15 characters).
     """
 
-    def __init__(self) -> None:
-        self._calling = threading.Lock()  # who holds it alone uses the pipe
+    def __init__(self, name: str = "idloop worker") -> None:
+        self._name = name
+        self._calling = threading.Lock()  # its holder alone uses the pipe
         self._changing = threading.Lock()
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
         self._closed = False
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the child; None while there is none."""
+        process = self._process
+        return None if process is None else process.pid
+
+    def start(self) -> None:
+        """Start the child before the first call needs it; the calling thread must live as long as the child."""
+        with self._calling:
+            self._ready()
 
     def call(self, function: Callable[..., Any], *arguments: Any, report: Report = lambda share, text: None) -> Any:
         """Run ``function(*arguments, report)`` in the child and return what it returns.
@@ -40,7 +66,9 @@ class Worker:
         Raises
         ------
         InputError, IdloopError
-            As the function did, or because the child was lost or closed.
+            As the function did; any other error becomes an IdloopError.
+        WorkerLostError
+            The child was lost or closed.
         """
         with self._calling:
             pipe = self._ready()
@@ -58,7 +86,7 @@ class Worker:
                         raise IdloopError(content)
             except (EOFError, OSError) as error:
                 self._lose()
-                raise IdloopError("the process that computes was ended in the middle of it") from error
+                raise WorkerLostError("the worker process ended in the middle of its work") from error
 
     def _ready(self) -> Connection:
         if self._pipe is not None and self._process is not None and self._process.is_alive():
@@ -66,17 +94,17 @@ class Worker:
         self._lose()
         with self._changing:
             if self._closed:
-                raise IdloopError("the process that computes has been ended")
+                raise WorkerLostError("the worker process has been ended")
             # A fresh interpreter: a copy of this one would hold its sockets and half of its threads.
             context = multiprocessing.get_context("spawn")
             self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=serve, args=(theirs,), name="idloop workbench", daemon=True)
+            self._process = context.Process(target=serve, args=(theirs, self._name), name=self._name, daemon=True)
             self._process.start()
             theirs.close()
             return self._pipe
 
     def _lose(self) -> None:
-        """Leave nothing of a child behind; only for whoever holds the right to call."""
+        """Leave nothing of a child behind; only for the holder of the right to call."""
         with self._changing:
             process, pipe = self._process, self._pipe
             self._process = self._pipe = None
@@ -91,22 +119,47 @@ class Worker:
         with self._changing:
             self._closed = True
             if self._process is not None:
-                self._process.kill()  # whoever waits for it now finds its end of the pipe closed
+                self._process.kill()  # a thread that waits for it now finds its end of the pipe closed
         with self._calling:
             self._lose()
 
 
-def serve(pipe: Connection) -> None:
-    """Work until the other side is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends us
-    with contextlib.suppress(OSError, AttributeError):
-        os.nice(NICENESS)
-    # What a trial step of a fit runs into is not for the reader of the page.
+def serve(pipe: Connection, name: str) -> None:
+    """Work until the other side has ended."""
+    _end_with_parent(name)
+    _yield_processor()
+    # One thread: the other cores belong to the parent, and sums come out the same every time.
+    os.environ |= dict.fromkeys(ONE_THREAD, "1")
+    # What a trial step of a fit runs into is not for the user of the parent.
     warnings.simplefilter("ignore", RuntimeWarning)
     with contextlib.suppress(EOFError, OSError):
         while True:
             function, arguments = pipe.recv()
             pipe.send(_work(function, arguments, _reporter(pipe)))
+
+
+def _end_with_parent(name: str) -> None:
+    """Let the kernel end this process when the parent ends, also in the middle of a call; and name the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends the child
+    with contextlib.suppress(OSError, AttributeError):  # on other systems the closed pipe ends it after the call
+        library = ctypes.CDLL(None)
+        library.prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+        library.prctl(_SET_NAME, name.encode())
+
+
+def _yield_processor() -> None:
+    """Yield the processor to control loops.
+
+    Linux shares it between sessions first, and niceness counts only within one: hence a session of its own,
+    and a nice group as well.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        os.setsid()
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # a parent with real-time priority
+    with contextlib.suppress(OSError, AttributeError):
+        os.nice(NICENESS)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(NICENESS), encoding="ascii")
 
 
 def _work(function: Callable[..., Any], arguments: tuple[Any, ...], report: Report) -> tuple[str, Any]:
@@ -116,9 +169,11 @@ def _work(function: Callable[..., Any], arguments: tuple[Any, ...], report: Repo
         return "bad input", _one_line(error)
     except IdloopError as error:
         return "error", _one_line(error)
-    except (EOFError, OSError):
-        raise  # the page has gone
-    except Exception as error:  # noqa: BLE001  (the page must outlive whatever a computation meets)
+    except (EOFError, BrokenPipeError):
+        raise  # the parent has ended
+    except Exception as error:  # noqa: BLE001  (the parent must outlive any error of a computation)
+        if os.environ.get("IDLOOP_DEBUG"):
+            traceback.print_exc()
         return "error", f"{type(error).__name__}: {_one_line(error)}"
 
 
