@@ -168,7 +168,7 @@ def trial(case: Case, hours: float, worn: int, seed: int, share: float) -> dict[
     pieces = round(REFERENCE / PIECE)
     reference = [move(REFERENCE / pieces) for _ in range(pieces)]
     any_base = learn(fitted, reference, watches)
-    bases = {rate: any_base.promising(rate) for rate in RATES}
+    bases = {rate: any_base.with_false_alarm_hours(rate) for rate in RATES}
     growth = watches[0].growth
     healthy = [any_base.scores(move(PIECE)) for _ in range(round(3600.0 * hours / PIECE))]
     found: dict[str, Any] = {

@@ -170,7 +170,7 @@ def test_compare_prints_where_in_words(bags, capsys):
     out = capsys.readouterr().out
     assert "dc_motor: where the error of train falls" in out
     assert "drive force: applied minus needed, rms" in out
-    assert "a curve over one variable makes up so much of it:" in out
+    assert "share explained by a function of one variable:" in out
     assert "% of the error falls in the" in out
 
 

@@ -63,7 +63,7 @@ DESIGN = {
             "must name a velocity",
         ),
         ({**STATES, "states": []}, "states is empty"),
-        ({**STATES, "states": ["m.position", "m.position"]}, "stands twice"),
+        ({**STATES, "states": ["m.position", "m.position"]}, "twice"),
         ({**STATES, "gains": [1.0]}, "gains has 1 entries but there are 2 states"),
         ({**STATES, "differentiate": ["n.velocity"]}, "differentiate holds 'n.velocity'"),
         ({**STATES, "gains": None}, "give gains, or q, r, model.a and model.b"),

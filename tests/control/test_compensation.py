@@ -298,7 +298,7 @@ LEFT = {
     "saturation@input(limit=3.0)": "no command brings back",
     "input_delay@input(delay=0.01)": "before the command is known",
     "actuator_lag@input(time_constant=0.01)": "amplifies the noise",
-    "sensor_offset@position[axis](offset=0.1)": "in the sensor",
+    "sensor_offset@position[axis](offset=0.1)": "acts on the sensor",
     "compliance@axis(stiffness=100.0)": "left to the controller",
 }
 
@@ -331,7 +331,7 @@ def test_every_effect_of_the_catalogue_is_cancelled_or_says_why():
 def test_chosen_effects_only():
     one = build(SOME, effects=("dead_zone", "cogging@axis"))
     assert {found.active.name for found in one.plan.cancelled} == {"dead_zone@input", "cogging@axis"}
-    assert one.plan.left["coulomb_friction@axis"] == "not asked for"
+    assert one.plan.left["coulomb_friction@axis"] == "not requested"
     with pytest.raises(InputError, match="did you mean 'cogging@axis'"):
         build(SOME, effects=("coging@axis",))
 

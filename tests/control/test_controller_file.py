@@ -25,7 +25,7 @@ def test_a_controller_is_read_from_any_file_that_holds_one(tmp_path):
     [
         ("gains: [1]", "neither a model file nor a controller"),
         ("controller: {type: foo}", "unknown type 'foo'"),
-        ("controller: null", "names no controller"),
+        ("controller: null", "no controller"),
         ("schema: idloop/mapping/1", "must be 'idloop/model/1'"),
         ("[1]", "must be a mapping"),
     ],

@@ -52,7 +52,7 @@ def test_the_law_is_sampled_anew():
     np.testing.assert_allclose(step, [1.0 + 0.1 / 0.01, 1.02, 1.04, 1.06], rtol=1e-9)
 
 
-@pytest.mark.parametrize(("spec", "words"), ((None, "no controller"), ({"type": "none"}, "measures nothing")))
+@pytest.mark.parametrize(("spec", "words"), ((None, "no controller"), ({"type": "none"}, "no feedback")))
 def test_no_feedback_is_one_clear_line(spec, words):
     with pytest.raises(InputError, match=words):
         linear_feedback(spec)

@@ -61,7 +61,7 @@ def test_a_name_with_dots_is_no_obstacle():
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    (({"schema": "other/1"}, "schema"), ({"A": None}, "A"), ({"B": [[1.0]]}, "fit together")),
+    (({"schema": "other/1"}, "schema"), ({"A": None}, "A"), ({"B": [[1.0]]}, "inconsistent")),
 )
 def test_a_spoilt_file_is_one_line(change, words):
     file = {**json.loads(export(load_model("axis"), "control").text), **change}

@@ -60,8 +60,8 @@ def test_what_is_lost_stands_in_the_file():
 
 
 def test_forces_relative_to_an_assumed_inertia_are_marked():
-    assert "scale of the inertia" in export(load_model("dc_motor"), "urdf").text
-    assert "scale of the inertia" not in export(load_model("axis"), "urdf").text
+    assert "inertia that the model assumes" in export(load_model("dc_motor"), "urdf").text
+    assert "inertia that the model assumes" not in export(load_model("axis"), "urdf").text
 
 
 def test_two_hyphens_in_a_name_do_not_break_the_comments():

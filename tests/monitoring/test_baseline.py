@@ -21,8 +21,8 @@ def test_a_healthy_reference_agrees_with_the_model(baseline):
     (normal,) = baseline.normal
     assert abs(normal.offset) < 3.0 * normal.offset_stderr
     assert normal.offset_stderr < 0.1 * normal.watch.growth
-    assert 0.5 < normal.spread < 3.0
-    assert 0.8 < normal.echo <= 1.0
+    assert 0.5 < normal.variance_ratio < 3.0
+    assert 0.8 < normal.sensitivity <= 1.0
     assert not normal.why
     assert baseline.varying == ("motor.viscous_friction",)
     assert 4.0 < baseline.delay(0) < 60.0
@@ -47,25 +47,25 @@ effects: [{effect: backlash, at: motor-load, gap: {value: 0.1, min: 0.0}}]
         return Experiment(given).run(model.with_values({GAP: gap}), noise=True, disturbance=0.005, seed=seed)
 
     baseline = learn(model, [run(0.1, 1)], choose_watches(model, [f"{GAP}=50%"]), false_alarm_hours=1.0)
-    assert 0.5 < baseline.normal[0].echo < 0.98
-    (worn,) = baseline.evident(baseline.scores(run(0.15, 2)))
+    assert 0.5 < baseline.normal[0].sensitivity < 0.98
+    (worn,) = baseline.efficient_score(baseline.scores(run(0.15, 2)))
     normal = baseline.normal[0]
-    growth = (np.sum(worn.gradient) / np.sum(worn.information) - normal.offset) / normal.echo
+    growth = (np.sum(worn.gradient) / np.sum(worn.information) - normal.offset) / normal.sensitivity
     assert growth == pytest.approx(0.05, rel=0.2)
 
 
 def test_fewer_false_alarms_cost_a_longer_delay(baseline):
-    seldom = baseline.promising(100.0)
+    seldom = baseline.with_false_alarm_hours(100.0)
     assert seldom.normal[0].threshold > baseline.normal[0].threshold
     assert seldom.delay(0) > baseline.delay(0)
-    assert seldom.promising(10.0).normal == baseline.normal
+    assert seldom.with_false_alarm_hours(10.0).normal == baseline.normal
     with pytest.raises(InputError, match="positive"):
-        baseline.promising(0.0)
+        baseline.with_false_alarm_hours(0.0)
 
 
 def test_a_reference_without_motion_tells_nothing(model, run):
     still = learn(model, [run(60.0, 3, name="step", amplitude=3.0, start=59.95)], choose_watches(model, [LEVEL]))
-    assert "tell" in still.normal[0].why
+    assert "informative" in still.normal[0].why
     assert still.normal[0].threshold == np.inf
     assert still.delay(0) == np.inf
 
@@ -115,7 +115,7 @@ def test_holes_cost_the_blocks_that_they_are_in(baseline, run):
 def test_another_sample_rate_is_refused(baseline, run):
     record = run(20.0, 6)
     slow = replace(record, time=record.time[::2], output=record.output[::2])
-    with pytest.raises(InputError, match="one rate"):
+    with pytest.raises(InputError, match="same rate"):
         baseline.scores(slow)
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.monitoring.baseline import Normal
-from idloop.monitoring.block_scores import Evident
+from idloop.monitoring.baseline import ReferenceStatistics
+from idloop.monitoring.block_scores import EfficientScore
 from idloop.monitoring.cusum import Cusum
 from idloop.monitoring.run_length import Evidence
 from idloop.monitoring.watch import Watch
@@ -16,15 +16,17 @@ from idloop.monitoring.watch import Watch
 INFORMATION = 4.0
 
 
-def normal(growth=1.0, threshold=8.0, offset=0.0, spread=1.0, echo=1.0):
+def normal(growth=1.0, threshold=8.0, offset=0.0, variance_ratio=1.0, sensitivity=1.0):
     watch = Watch("friction", 5.0, growth, "N")
-    ratio = (echo * growth) ** 2 * INFORMATION / (2.0 * spread)
-    return Normal(watch, offset, 0.01, spread, INFORMATION, Evidence(ratio, 1.0, 1e4), threshold, echo=echo)
+    ratio = (sensitivity * growth) ** 2 * INFORMATION / (2.0 * variance_ratio)
+    return ReferenceStatistics(
+        watch, offset, 0.01, variance_ratio, INFORMATION, Evidence(ratio, 1.0, 1e4), threshold, sensitivity=sensitivity
+    )
 
 
-def blocks(count, change, seed=0, information=INFORMATION, spread=1.0):
-    noise = np.random.default_rng(seed).normal(0.0, np.sqrt(spread * information), count)
-    return np.arange(count), Evident(change * information + noise, np.full(count, information))
+def blocks(count, change, seed=0, information=INFORMATION, variance_ratio=1.0):
+    noise = np.random.default_rng(seed).normal(0.0, np.sqrt(variance_ratio * information), count)
+    return np.arange(count), EfficientScore(change * information + noise, np.full(count, information))
 
 
 def test_a_growth_alarms_and_its_onset_is_found():
@@ -59,9 +61,9 @@ def test_what_the_reference_is_off_by_is_no_growth():
 def test_what_shows_only_in_part_is_told_in_full():
     index, faint = blocks(400, 0.5, 5)
     sums = Cusum()
-    sums.take(normal(echo=0.5), index, faint)
+    sums.take(normal(sensitivity=0.5), index, faint)
     assert sums.alarms
-    growth = sums.growth(normal(echo=0.5))
+    growth = sums.growth(normal(sensitivity=0.5))
     assert growth.low < 1.0 < growth.high
 
 
@@ -69,8 +71,8 @@ def test_what_shows_only_in_part_is_told_in_full():
 def test_blocks_that_tell_nothing_add_nothing(share, size):
     index = np.arange(20)
     sums = Cusum()
-    sums.take(normal(), index, Evident(np.full(20, size), np.full(20, share * INFORMATION)))
-    assert (sums.sum, sums.telling, sums.blocks, sums.alarms) == (0.0, 0, 20, [])
+    sums.take(normal(), index, EfficientScore(np.full(20, size), np.full(20, share * INFORMATION)))
+    assert (sums.sum, sums.informative, sums.blocks, sums.alarms) == (0.0, 0, 20, [])
     assert sums.growth(normal()) is None
 
 
@@ -79,7 +81,7 @@ def test_one_knock_is_no_wear(size):
     index, healthy = blocks(20, 0.0, 3)
     healthy.gradient[5] = size
     sums = Cusum()
-    sums.take(normal(), index[:6], Evident(healthy.gradient[:6], healthy.information[:6]))
+    sums.take(normal(), index[:6], EfficientScore(healthy.gradient[:6], healthy.information[:6]))
     assert not sums.alarms
     assert sums.sum <= 8.0
 
@@ -91,7 +93,7 @@ def test_it_does_not_matter_how_the_blocks_arrive(cut, seed, change):
     sums = whole.take(normal(), index, score)
     got = []
     for part in (slice(0, cut), slice(cut, 40)):
-        got += parts.take(normal(), index[part], Evident(score.gradient[part], score.information[part]))
+        got += parts.take(normal(), index[part], EfficientScore(score.gradient[part], score.information[part]))
     assert got == sums
     assert parts == whole
     assert all(value >= 0.0 for value in got)

@@ -49,11 +49,11 @@ def test_the_promise_holds_over_many_references():
     walks, steps = 4000, 1000
     # Each walk has a reference of its own, which took offset and variance from sixty normal numbers.
     seen = rng.normal(size=(walks, 60))
-    offset, spread = np.mean(seen, axis=1), np.var(seen, axis=1, ddof=1)
+    offset, variance_ratio = np.mean(seen, axis=1), np.var(seen, axis=1, ddof=1)
     total, alarms = np.zeros(walks), 0
     for _ in range(steps):
         z = rng.normal(size=walks) - offset
-        total = np.maximum(total + (z - 0.5) / spread, 0.0)
+        total = np.maximum(total + (z - 0.5) / variance_ratio, 0.0)
         alarms += int(np.sum(total > threshold))
         total[total > threshold] = 0.0
     assert walks * steps / alarms == pytest.approx(200.0, rel=0.35)
@@ -68,9 +68,9 @@ def test_a_reference_that_is_too_short_is_refused_and_the_needed_length_is_known
     find_threshold(1e6, Evidence(0.5, 1.0, 20.0 * factor))
 
 
-@given(ratio=st.floats(1e-3, 50.0), blocks=st.floats(50.0, 1e7), telling=st.floats(0.05, 1.0))
-def test_the_threshold_gives_the_rate(ratio, blocks, telling):
-    evidence = Evidence(ratio, telling, 1e6)
+@given(ratio=st.floats(1e-3, 50.0), blocks=st.floats(50.0, 1e7), informative=st.floats(0.05, 1.0))
+def test_the_threshold_gives_the_rate(ratio, blocks, informative):
+    evidence = Evidence(ratio, informative, 1e6)
     threshold = find_threshold(blocks, evidence)
     rate = false_alarm_rate(threshold, evidence)
     assert rate <= 1.0 / blocks

@@ -55,7 +55,7 @@ def test_without_a_name_friction_and_couplings_are_watched():
     model = load_model("torsion").with_effects(["backlash@motor-load1(gap=0.01)", "coulomb_friction@load3(level=0.01)"])
     found = choose_watches(model.with_effects(["dead_zone@input(width=0.1)"]), [])
     assert [watch.parameter for watch in found] == ["backlash@motor-load1.gap", "coulomb_friction@load3.level"]
-    with pytest.raises(InputError, match="no friction"):
+    with pytest.raises(InputError, match="no dry friction"):
         choose_watches(load_model("torsion"), [])
 
 

@@ -131,7 +131,8 @@ def test_balance_prediction_and_slopes_know_the_condition() -> None:
         np.testing.assert_allclose(slopes[column], expected, atol=1e-3 * np.max(np.abs(expected)))
     p, warmth = model.values, 10.0 * TIME
     acceleration = (p["drive.gain"] * COMMAND - (p["motor.viscous_friction"] - 0.02 * warmth) * run[:, 1])[:, None]
-    left = engine.equation_error(None, run[:, :1], run[:, 1:], acceleration, TIME, COMMAND, TIME, conditions=conditions)
+    motion = run[:, :1], run[:, 1:], acceleration
+    left = engine.balance(None, *motion, TIME, COMMAND, TIME, conditions=conditions).residual
     np.testing.assert_allclose(left, 0.0, atol=1e-9)
 
 

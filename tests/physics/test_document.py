@@ -9,8 +9,7 @@ import pytest
 from idloop.physics import load_model
 from idloop.physics.document import PLACES, page
 from idloop.physics.effect import Effect, built_in
-from idloop.reporting.page.equations import equations
-from idloop.reporting.page.mathml import to_mathml
+from idloop.reporting.page.equations import equations, to_mathml
 
 DOCS = Path(__file__).parents[2] / "docs"
 

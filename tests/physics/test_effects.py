@@ -114,12 +114,12 @@ def test_an_unknown_parameter_is_named_with_the_nearest_one() -> None:
 
 def test_a_user_effect_is_one_file(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "square_law.py").write_text(
-        "from idloop.physics import Effect, ParameterSpec, hook\n"
+        "from idloop.physics import Effect, EffectParameter, hook\n"
         "@hook\n"
         "def command(value, velocity, sent, elapsed, state, parameters):\n"
         "    return value * abs(value) ** parameters[0]\n"
         "EFFECT = Effect(name='square_law', site='input', text='The drive answers with a power of the command.',\n"
-        "                parameters=(ParameterSpec('exponent', '-'),), command=command)\n"
+        "                parameters=(EffectParameter('exponent', '-'),), command=command)\n"
     )
     monkeypatch.setenv("IDLOOP_EFFECTS", str(tmp_path))
     model = load_model("dc_motor").with_effects(["square_law@input(exponent=1.0)"])

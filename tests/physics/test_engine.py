@@ -62,14 +62,12 @@ def test_the_force_balance_closes_on_the_models_own_motion() -> None:
     command = np.sign(np.sin(9.0 * fine))
     x, v = simulate(model, fine, command, fine).output.T
     a = np.gradient(v, fine)
-    left = Engine(model).equation_error(None, x[:, None], v[:, None], a[:, None], fine, command, fine, rest_speed=1e-6)[
-        :, 0
-    ]
+    motion = x[:, None], v[:, None], a[:, None]
+    left = Engine(model).balance(None, *motion, fine, command, fine, rest_speed=1e-6).residual[:, 0]
     away = np.abs(v) > 0.05
     assert np.percentile(np.abs(left[away]), 99) < 2e-3
-    wrong = Engine(model.without_effect("imbalance@axis")).equation_error(
-        None, x[:, None], v[:, None], a[:, None], fine, command, fine, rest_speed=1e-6
-    )[:, 0]
+    without = Engine(model.without_effect("imbalance@axis"))
+    wrong = without.balance(None, *motion, fine, command, fine, rest_speed=1e-6).residual[:, 0]
     np.testing.assert_allclose((wrong - left)[away], -0.05 * np.sin(x[away] + 0.2), atol=1e-12)
 
 
@@ -77,9 +75,9 @@ def test_applied_and_required_force_differ_by_the_residual() -> None:
     model = load_model("emps")
     t = np.arange(0.0, 1.0, 0.001)
     motion = np.sin(t)[:, None], np.cos(t)[:, None], -np.sin(t)[:, None]
-    applied, required = Engine(model).drive_force(None, *motion, t, np.sin(t), t)
-    np.testing.assert_allclose(applied, 35.15065 * np.sin(t), atol=1e-9)
-    np.testing.assert_allclose(required, 100.0 * -np.sin(t) + 100.0 * np.cos(t), atol=1e-9)
+    found = Engine(model).balance(None, *motion, t, np.sin(t), t)
+    np.testing.assert_allclose(found.applied, 35.15065 * np.sin(t), atol=1e-9)
+    np.testing.assert_allclose(found.required, 100.0 * -np.sin(t) + 100.0 * np.cos(t), atol=1e-9)
 
 
 def test_the_linear_part_predicts_small_motion() -> None:
@@ -200,5 +198,5 @@ def test_a_search_finds_no_motion_where_static_friction_is_below_the_kinetic_one
         assert np.all(np.isfinite(engine.simulate(theta, TIME, COMMAND, TIME))) == moves
         predicted = engine.predict(theta, TIME, COMMAND, TIME, measured, np.zeros((3, 2)))
         assert np.all(np.isfinite(predicted)) == moves
-        left = engine.equation_error(theta, motion, motion, motion, TIME, COMMAND, TIME)
+        left = engine.balance(theta, motion, motion, motion, TIME, COMMAND, TIME).residual
         assert np.all(np.isfinite(left)) == moves

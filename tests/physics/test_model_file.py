@@ -137,7 +137,7 @@ WRONG = [
     ("unit: rad/s}", "unit: m/s}", "do not fit one axis"),
     ("inertia: 1.0", "inertia: -1.0", "motor.inertia: must be > 0 kg·m² (got -1)"),
     ("inertia: 1.0", "inertia: 0", "motor.inertia: must be > 0"),
-    ("inertia: 1.0", "inertia: 1,5", "bodies[0][5]: 5 stands where a key belongs; a decimal point is a point: 0.02"),
+    ("inertia: 1.0", "inertia: 1,5", "bodies[0][5]: 5 in the place of a key; the decimal separator is a point: 0.02"),
     ("inertia: 1.0", "inertia: heavy", "bodies[0].inertia: a number or a mapping"),
     ("inertia: 1.0", "inertia: .nan", "not a number"),
     ("inertia: 1.0", "inertia: {valeu: 1.0}", "unknown key 'valeu' (did you mean 'value'?)"),

@@ -14,17 +14,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idloop.cli._ladder_folder import Kept, read_ladder, write_ladder
 from idloop.diagnosis import Ladder
 from idloop.diagnosis.ladder import Step
 from idloop.errors import InputError
 from idloop.physics import load_model, simulate, trust
 from idloop.physics.model_file import from_text
+from idloop.reporting.ladder_folder import Kept, read_ladder, write_ladder
 
 LEAN = """\
 from pathlib import Path
 
-from idloop.physics import Effect, ParameterSpec, hook
+from idloop.physics import Effect, EffectParameter, hook
 
 with Path({log!r}).open("a") as log:
     log.write({said!r})
@@ -35,7 +35,7 @@ def force(position, velocity, inertia, elapsed, state, parameters):
     return parameters[0]
 
 
-EFFECT = Effect("lean", "body", "It leans.", (ParameterSpec("size", "{{force}}"),), force=force)
+EFFECT = Effect("lean", "body", "It leans.", (EffectParameter("size", "{{force}}"),), force=force)
 """
 
 

@@ -86,15 +86,15 @@ def test_coloured_residuals_in_a_closed_loop_are_tested_against_the_reference() 
     found = residual_tests(e, u, outside=[r, np.arange(len(u)) % 7.0], fed_back=True)[0]
     assert found.against == "reference"
     assert not found.input_free
-    assert found.freedom == "still follows the reference"
+    assert found.freedom == "is correlated with the reference"
 
 
 def test_where_feedback_hides_it_nothing_is_said() -> None:
     e, u, _ = closed_loop(0)
     found = residual_tests(e, u, fed_back=True)[0]
     assert found.input_free
-    assert not found.told
+    assert not found.decided
     assert found.to_dict()["input_correlation_p"] is None
-    assert "reference would tell" in found.freedom
+    assert "record the reference" in found.freedom
     white = np.random.default_rng(1).normal(size=1000)
-    assert residual_tests(white, np.roll(white, -1), fed_back=True)[0].told
+    assert residual_tests(white, np.roll(white, -1), fed_back=True)[0].decided

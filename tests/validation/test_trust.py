@@ -20,13 +20,13 @@ def test_an_estimate_with_nothing_against_it_is_trusted_and_says_what_holds() ->
 @pytest.mark.parametrize(
     ("standing", "said"),
     [
-        (replace(SOUND, missed={}), "not been compared"),
-        (replace(SOUND, missed={"axis.velocity": 3.5}), "axis.velocity is missed by 3.5 times"),
+        (replace(SOUND, missed={}), "not validated"),
+        (replace(SOUND, missed={"axis.velocity": 3.5}), "axis.velocity on unseen samples is 3.5 times"),
         (replace(SOUND, missed={"axis.velocity": float("nan")}), "axis.velocity"),
         (replace(SOUND, missing=("dead_zone@input",)), "dead_zone@input"),
-        (replace(SOUND, doubtful=("dead_zone@input",)), "not decided yet: dead_zone@input"),
+        (replace(SOUND, doubtful=("dead_zone@input",)), "undecided effects: dead_zone@input"),
         (replace(SOUND, unknown=True), "not in the catalogue"),
-        (replace(SOUND, weighed=0.0), "not been weighed"),
+        (replace(SOUND, weighed=0.0), "not tested yet"),
     ],
 )
 def test_what_speaks_against_the_model_speaks_against_every_estimate(standing: Standing, said: str) -> None:

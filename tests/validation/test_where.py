@@ -115,9 +115,9 @@ def test_a_free_run_that_drifts_gives_way_to_a_prediction() -> None:
     where = compare(plain, recorded(plain, swept(0.5), disturbance=0.01), steps=25).where
     position = where["motor.position"]
     assert position.basis == "ahead"
-    assert "drifts" in position.why or "further" in position.why
+    assert "drifts" in position.why or "exceeds" in position.why
     assert "25 steps (0.05 s)" in position.kind
-    assert any("hence a prediction" in line for line in where.lines())
+    assert any("a prediction is analysed instead" in line for line in where.lines())
 
 
 def test_a_free_run_that_does_not_stay_finite_gives_way_to_a_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,7 +163,7 @@ def test_text_and_json_say_the_same(friction: Comparison) -> None:
         for breakdown in one["share"].values():
             assert (breakdown["worst"]["text"] in text) == breakdown["stands_out"]
             assert sum(b["error"] for b in breakdown["bins"]) == pytest.approx(1.0)
-    assert "a curve over one variable" in text
+    assert "share explained by a function of one variable" in text
     assert friction.to_dict()["where"].keys() == document.keys()
 
 
@@ -173,7 +173,7 @@ def test_only_lasting_departure_counts_as_drift() -> None:
     assert drift(time, motion, 0.1 * np.sin(14.0 * time)) == ""
     assert drift(time, motion, np.full(len(time), 0.2)) == ""
     assert "drifts" in drift(time, motion, 0.05 * time)
-    assert "further" in drift(time, motion, 2.0 * motion)
+    assert "exceeds" in drift(time, motion, 2.0 * motion)
     assert "finite" in drift(time, motion, np.where(time < 5.0, 0.0, np.nan))
     # A slow motion may well have a slow error.
     assert drift(time, time, 0.05 * time) == ""

@@ -132,8 +132,8 @@ class Monitor(Result):
             reference = {
                 "offset": normal.offset,
                 "stderr": normal.offset_stderr,
-                "spread": normal.spread,
-                "echo": normal.echo,
+                "spread": normal.variance_ratio,
+                "echo": normal.sensitivity,
             }
             watches.append({**fields, "reference": reference})
         return {

@@ -1,4 +1,4 @@
-"""From the `controller:` section of a model file to a controller."""
+"""Controllers from the `controller:` section of a model file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def build_controller(
     where : str
         Place named at the start of an error line.
     compensation : Compensation, optional
-        Effects of a fitted model that it is to cancel beside its law.
+        Effects of a fitted model to cancel.
 
     Returns
     -------
@@ -34,10 +34,10 @@ def build_controller(
     Raises
     ------
     InputError
-        The section does not describe a controller, or what is to be cancelled cannot be.
+        The section does not describe a controller, or an effect cannot be cancelled.
     """
     values = check_controller(spec, where)
-    # The compiled step needs numba, which takes a second to import: not before it is used.
+    # The compiled step needs numba, which takes a second to import.
     from idloop.control.controller import Controller
     from idloop.control.packing import pack
 

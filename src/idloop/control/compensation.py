@@ -1,4 +1,4 @@
-"""What of a fitted model a controller cancels, how, and what it leaves alone and why."""
+"""Plan of a compensator: which effects of a fitted model it cancels, how, and why not the others."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ from idloop.spelling import did_you_mean_or_known
 INVERSE, FORCE, TAKE_UP, SHIFT = "inverse", "force", "take-up", "shift"
 WORDS = {
     INVERSE: "the inverse of its equation in front of the drive",
-    FORCE: "the force that it takes along the reference, asked of the drive",
-    TAKE_UP: "a push across the gap when the reference turns round",
-    SHIFT: "a step of the reference by the gap when it turns round",
+    FORCE: "feedforward of the force that it requires along the reference",
+    TAKE_UP: "a feedforward force across the gap at a reversal of the reference",
+    SHIFT: "a shift of the reference by the gap at its reversals",
 }
-_IN_THE_SENSOR = "it is in the sensor: it changes what is read, not what the drive has to do"
-_NO_MOTION = "the controller follows no reference along which its force could be known"
+_IN_THE_SENSOR = "it acts on the sensor, not on the motion"
+_NO_MOTION = "the controller has no reference along which its force could be computed"
 _NO_POSITION = "its force depends on the position, and the reference is a velocity"
-# Where a force is compared to see whether it depends on the position; no common divisor of any period.
+# Positions at which a force is compared to find whether it depends on the position; without a common period.
 _PLACES = (0.0, 0.137, 1.0, 2.71, -0.59)
 
 
 @dataclass(frozen=True)
 class Compensation:
-    """What is to be cancelled, and within what.
+    """Effects to cancel, with limits.
 
     Attributes
     ----------
     model : Model
-        The machine as a fit has found it.
+        The fitted model of the machine.
     effects : tuple of str
         Effects to cancel, as ``name@site`` or ``name`` for all sites; empty: all that can be.
     limit : float or None
-        Most that compensation adds to the command, in its unit; None: half of the controller's limit.
+        Largest command that the compensation adds, in its unit; None: half of the controller's limit.
     velocity_width : float or None
-        Speed of the reference below which dry friction is cancelled in part, in proportion: its force must not jump
-        when the motion turns round. None: the speed that it gives the whole machine in two periods.
+        Speed of the reference below which dry friction is cancelled in proportion to the speed, so that the force has
+        no step at a reversal. None: the speed that it gives the whole machine in two periods.
     command_width : float or None
-        Size of a command below which a jump of an inverse is applied in part; None: a quarter of the jump's
-        height, more where the noise of the sensors alone gives larger commands.
+        Size of a command below which a step of an inverse is applied in part; None: a quarter of the height of the
+        step, more where sensor noise alone gives larger commands.
     crossing_time : float or None
-        Time in which a gap is crossed [s]; None: 20 periods, longer where the limit asks for it.
+        Time in which a gap is crossed [s]; None: 20 periods, longer where the limit requires it.
     """
 
     model: Model
@@ -84,14 +84,14 @@ class Cancelled:
 
 @dataclass(frozen=True)
 class Plan:
-    """Every effect of a model: cancelled, or left alone.
+    """Every effect of a model: cancelled or not.
 
     Attributes
     ----------
     cancelled : tuple of Cancelled
-        Of the command chain in the order of its inverse: what acts last is undone first.
+        In the order of the inverse: the effect that acts last on the command comes first.
     left : dict of str to str
-        Name of each other effect, and why in one line.
+        Reason by name of each other effect, in one line.
     """
 
     cancelled: tuple[Cancelled, ...]
@@ -114,12 +114,12 @@ def plan_compensation(compensation: Compensation, values: Mapping[str, Any]) -> 
     Raises
     ------
     InputError
-        An effect that is asked for is not in the model or cannot be cancelled; the controller reads what is no
-        output of the model; or the model has no drive.
+        A requested effect is not in the model or cannot be cancelled; the controller reads a signal that is no output
+        of the model; or the drive gain is 0.
     """
     model = compensation.model
     if model.values["drive.gain"] == 0.0:
-        raise InputError(f"compensation: the drive gain of model {model.name} is 0: no command moves it")
+        raise InputError(f"compensation: the drive gain of model {model.name} is 0, so that no command moves it")
     followed = followed_output(model, values)
     wanted = _wanted(model, compensation.effects)
     cancelled: list[Cancelled] = []
@@ -128,7 +128,7 @@ def plan_compensation(compensation: Compensation, values: Mapping[str, Any]) -> 
         own = values_of(active, model.values)
         how, reason = _way(model, active, own, followed, controller_inputs(values))
         if active.name not in wanted:
-            left[active.name] = reason or "not asked for"
+            left[active.name] = reason or "not requested"
         elif how:
             cancelled.append(Cancelled(active, how, own))
         elif compensation.effects:
@@ -139,7 +139,7 @@ def plan_compensation(compensation: Compensation, values: Mapping[str, Any]) -> 
 
 
 def followed_output(model: Model, values: Mapping[str, Any]) -> OutputSignal | None:
-    """Output that a controller makes follow the reference; None where it has no feedback.
+    """Controlled output; None without feedback.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def followed_output(model: Model, values: Mapping[str, Any]) -> OutputSignal | N
     Raises
     ------
     InputError
-        The controller reads what is no output of the model.
+        The controller reads a signal that is no output of the model.
     """
     known = {output.name: output for output in model.outputs}
     for name in controller_inputs(values):
@@ -168,14 +168,14 @@ def followed_output(model: Model, values: Mapping[str, Any]) -> OutputSignal | N
 
 
 def bodies_before(model: Model, coupling: str) -> tuple[str, ...]:
-    """Bodies between the drive and the far side of a coupling; of a body that is split, its half before it."""
+    """Bodies before a coupling; of a body that is split, its first half."""
     inner = model.inner_couplings.get(coupling)
     last = model.couplings.index(coupling) if inner is None else model.bodies.index(inner.at)
     return model.bodies[: last + 1]
 
 
 def _wanted(model: Model, effects: Sequence[str]) -> set[str]:
-    """Names of the effects that are asked for: all, or those named."""
+    """Names of the requested effects: all, or those named."""
     if not effects:
         return set(model.effect_names)
     found: set[str] = set()
@@ -196,7 +196,7 @@ def _way(
     followed: OutputSignal | None,
     read: Sequence[str],
 ) -> tuple[str, str]:
-    """How an effect is cancelled, or else why it is not."""
+    """How an effect is cancelled, or why it is not."""
     effect = active.effect
     if effect.not_cancelled:
         return "", effect.not_cancelled
@@ -216,9 +216,9 @@ def _way(
 
 
 def _gap(model: Model, active: ActiveEffect, followed: OutputSignal | None, read: Sequence[str]) -> tuple[str, str]:
-    """A gap is crossed by a push where the controller reads behind it, else by a step of its reference."""
+    """A gap is crossed by a force where the controller measures behind it, otherwise by a shift of the reference."""
     if followed is None or followed.field != "position":
-        return "", "the controller follows no position that could turn round"
+        return "", "the controller does not control a position"
     if active.effect.site == OUTPUT:
         behind = [output.name for output in model.outputs if output.site == active.at and output.name in read]
         return (TAKE_UP, "") if behind else ("", _IN_THE_SENSOR + ", which the controller does not read")

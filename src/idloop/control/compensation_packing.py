@@ -1,4 +1,4 @@
-"""From a plan of compensation to the flat arrays of the compiled step."""
+"""Flat arrays of the compiled step for a compensation plan."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from idloop.physics.model import Model
 
 
 def add_compensation(kernel: Kernel, model: Model, plan: Plan, settings: Settings, values: Mapping[str, Any]) -> Kernel:
-    """Controller with a compensator between its law and its limit.
+    """Add a compensator between the law and the limit of a controller.
 
     Parameters
     ----------
     kernel : Kernel
         The controller alone.
     model : Model
-        The machine as a fit has found it.
+        The fitted model of the machine.
     plan : Plan
     settings : Settings
     values : mapping
@@ -39,7 +39,7 @@ def add_compensation(kernel: Kernel, model: Model, plan: Plan, settings: Setting
     Returns
     -------
     Kernel
-        Of this process only: it holds addresses of machine code. The one given when nothing is cancelled.
+        Valid in this process only, since it contains addresses of machine code. Unchanged when nothing is cancelled.
     """
     if not plan.cancelled:
         return kernel
@@ -79,7 +79,7 @@ def add_compensation(kernel: Kernel, model: Model, plan: Plan, settings: Setting
                     rows.append([float(equation.address), float(settle), *shared, mass, moves, dry])
         numbers += [one.values[spec.name] for spec in effect.parameters]
         next_state += effect.states
-    # Dry friction last: that of a loaded contact depends on all that the drive has to give besides.
+    # Dry friction last, since that of a loaded contact depends on all other forces of the drive.
     inverse_rows, force_rows = (
         rows[: len(inverses)],
         sorted(rows[len(inverses) :], key=lambda row: row[step.IS_FRICTION]),

@@ -1,4 +1,4 @@
-"""Limit, widths and times of a compensator: those given, and sound ones for what was left open."""
+"""Limit, widths and times of a compensator, with defaults for those that are not given."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from idloop.physics.effect import COUPLING
 from idloop.physics.model import Model
 from idloop.signals.smooth import PEAK_ACCELERATION, PEAK_VELOCITY
 
-# Share of the controller's limit that compensation may take when nothing else is said.
+# Default limit of the compensation, as a share of the controller's limit.
 SHARE = 0.5
-# Periods in which dry friction would bring the machine to the speed below which it is cancelled in part.
+# Periods in which dry friction accelerates the machine to the speed below which it is cancelled in part.
 PERIODS_TO_WIDTH = 2.0
 # Share of the controller's limit that loads a contact whose friction grows with the load.
 LOADED_SHARE = 0.1
-# Part of a jump's height over which it is smoothed at least; and standard deviations of what the noise of the sensors
-# alone gives as a command, or a machine at rest would be pushed to and fro.
+# Least width of a smoothed step, relative to its height; and in standard deviations of the command from sensor noise
+# alone, so that a machine at rest is not excited.
 JUMP_SMOOTHED, DEVIATIONS = 0.25, 2.0
-# Samples from which these are estimated.
+# Samples for the estimate of the latter.
 NOISY_SAMPLES = 400
-# Periods in which a gap is crossed, at least; and the share of the limit that the push may take.
+# Least periods in which a gap is crossed; and the share of the limit for the force across it.
 PERIODS_TO_CROSS, PUSH_SHARE = 20.0, 0.5
 
 
@@ -37,11 +37,11 @@ class Settings:
     Attributes
     ----------
     limit : float
-        Most that it adds to the command, in its unit; infinite where there is no limit.
+        Largest command that it adds, in its unit; infinite without a limit.
     velocity_width : float
         Speed below which dry friction is cancelled in part, in the unit of the bodies.
     command_width : float
-        Size of a command below which the jump of an inverse is applied in part, in its unit.
+        Size of a command below which the step of an inverse is applied in part, in its unit.
     crossing_time : float
         Time in which a gap is crossed [s]; 0 where there is none, as for the widths.
     """
@@ -53,7 +53,7 @@ class Settings:
 
 
 def choose_settings(compensation: Compensation, plan: Plan, values: Mapping[str, Any]) -> Settings:
-    """Choose what a compensation leaves open.
+    """Fill in the settings that a compensation leaves open.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def _jump_width(plan: Plan, model: Model, values: Mapping[str, Any]) -> float:
 
 
 def command_noise(model: Model, values: Mapping[str, Any]) -> float:
-    """Standard deviation of the command that the noise of the sensors gives by itself, in the command's unit.
+    """Standard deviation of the command from sensor noise alone, in the command's unit.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def command_noise(model: Model, values: Mapping[str, Any]) -> float:
     values : mapping
         Controller, from ``check_controller``.
     """
-    # These compile, which reading a compensator's file needs only where there is a jump.
+    # Imported here because it compiles, which is only needed for an inverse with a step.
     from idloop.control.packing import pack
     from idloop.control.step import controller_step
 
@@ -122,14 +122,14 @@ def command_noise(model: Model, values: Mapping[str, Any]) -> float:
 
 
 def _slow_enough(way: float, inertia: float, viscous: float, force: float) -> float:
-    """Time in which bodies go a way on a quintic with at most this force [s]."""
-    # Both terms at their largest, which they are not at once.
+    """Time to move bodies over a distance on a quintic with at most this force [s]."""
+    # Upper bound: the maxima of both terms are not at the same time.
     bend, speed = inertia * way * PEAK_ACCELERATION, viscous * way * PEAK_VELOCITY
     return (speed + math.sqrt(speed * speed + 4.0 * bend * force)) / (2.0 * force)
 
 
 def lost_way(plan: Plan, model: Model) -> tuple[float, tuple[str, ...]]:
-    """Way that is lost at a reversal, and the bodies that are moved over it."""
+    """Lost motion at a reversal, and the bodies that are moved across it."""
     lost, before = 0.0, model.bodies
     for one in plan.of(TAKE_UP, SHIFT):
         lost += one.values[one.active.effect.lost_motion]
@@ -145,7 +145,7 @@ def friction_sum(plan: Plan, arriving: float) -> float:
     ----------
     plan : Plan
     arriving : float
-        Torque that arrives, for friction that grows with it.
+        Transmitted torque, for friction that depends on it.
     """
     total = 0.0
     for one in plan.of(FORCE):
@@ -157,7 +157,7 @@ def friction_sum(plan: Plan, arriving: float) -> float:
 
 
 def largest_jump(plan: Plan) -> float:
-    """Half of the largest jump that an inverse has at zero, in the unit of the command."""
+    """Half of the largest step of an inverse at zero, in the unit of the command."""
     found = 0.0
     for one in plan.of(INVERSE):
         numbers = [one.values[spec.name] for spec in one.active.effect.parameters]
@@ -169,7 +169,7 @@ def largest_jump(plan: Plan) -> float:
 
 
 def moved(model: Model, bodies: Sequence[str]) -> tuple[float, float]:
-    """Inertia and viscous friction of bodies that move together."""
+    """Total inertia and viscous friction of bodies."""
     return (
         sum(model.values[f"{body}.inertia"] for body in bodies),
         sum(model.values[f"{body}.viscous_friction"] for body in bodies),

@@ -1,4 +1,4 @@
-"""A controller as a node or a script uses it: one object, one call per sample."""
+"""A controller as an object with one call per sample, for nodes and scripts."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class Controller:
     kernel : Kernel
         The same controller as flat arrays.
     plan : Plan, optional
-        What its compensator cancels, and what not.
+        Plan of its compensator.
     settings : Settings, optional
-        Limit, widths and times of the compensator.
+        Settings of its compensator.
 
     Attributes
     ----------
@@ -46,13 +46,13 @@ class Controller:
     parameters : dict
         Every parameter by its dotted name.
     inputs : tuple of str
-        Outputs that it reads, each as joint.field.
+        Outputs that it measures, each as joint.field.
     sample_time : float
-        Period in seconds; `step` is to be called once in each.
+        Sample time in seconds, in which `step` is called once.
     limit : float
-        Largest absolute command, infinite where there is none.
+        Largest absolute command; infinite without a limit.
     kernel : Kernel
-        For compiled closed loops; shares nothing that changes with this object.
+        For compiled closed loops; its state is independent of this object.
     plan, settings : Plan, Settings or None
         Of its compensator.
     """
@@ -72,33 +72,33 @@ class Controller:
         self._y = np.zeros(len(kernel.inputs))
         self._next_time = -math.inf
         self._held = 0.0
-        # Loading the compiled step takes a moment: now, not on the first sample of a running drive.
+        # The compiled step is loaded now and not at the first sample of a running drive.
         self.step(0.0, 0.0, self._y)
         self.reset()
 
     @property
     def saturated(self) -> bool:
-        """True when the last command was cut at the limit."""
+        """Whether the last command was limited."""
         return bool(self._state[step.SATURATED])
 
     @property
     def added(self) -> float:
-        """What the compensator has put on the last command, before the limit."""
+        """Command that the compensator added to the last one, before the limit."""
         return float(self._state[step.ADDED])
 
     @property
     def fault(self) -> str | None:
-        """Why the command is held at zero until `reset`, or None."""
+        """Reason why the command is zero until `reset`, or None."""
         return _FAULTS.get(float(self._state[step.FAULT]))
 
     def reset(self, command: float | None = None) -> None:
-        """Forget the past and any fault.
+        """Reset state and fault.
 
         Parameters
         ----------
         command : float or None
-            Take over from this command without a bump: an integral is set so that the next step
-            gives it. Controllers without an integral start from rest.
+            Bumpless transfer from this command: an integral is set so that the next step returns
+            it. Controllers without an integral start from rest.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class Controller:
         Parameters
         ----------
         reference_position, reference_velocity : float
-            What to follow.
+            Reference.
         measurement : mapping or sequence
             By name (others are ignored, a missing one is a fault), or in the order of `inputs`.
         feedforward : float
@@ -171,16 +171,16 @@ class Controller:
         measurement: Measurement,
         feedforward: float = 0.0,
     ) -> float:
-        """Sample at the controller's own period: between its instants the last command is held.
+        """Sample at the controller's own period; between samples the last command is held.
 
         Parameters
         ----------
         time : float
-            Seconds, never decreasing; the first call sets the grid.
+            Seconds, not decreasing; the first call sets the sampling grid.
         reference_position, reference_velocity, measurement, feedforward
             As for `step`.
         """
-        # Stamps on a grid carry rounding; a thousandth of a period never skips a due sample.
+        # Tolerance for rounded stamps: a thousandth of a period.
         if time >= self._next_time - 1e-3 * self.sample_time:
             self._held = self.step(reference_position, reference_velocity, measurement, feedforward)
             if not math.isfinite(self._next_time):

@@ -1,4 +1,4 @@
-"""The controller that a file names: a whole model file, or its section alone."""
+"""The controller section of a model file, or a file with that section alone."""
 
 from __future__ import annotations
 
@@ -47,6 +47,6 @@ def load_controller(source: str | Path) -> dict[str, Any]:
                 " `controller: {type: p, output: motor.position, kp: 1.0, sample_time: 0.001}`"
             )
     if section is None:
-        raise InputError(f"{source}: it names no controller; add the section `controller`, or name a file that has it")
+        raise InputError(f"{source}: no controller; add the section `controller`, or give a file that has it")
     check_controller(section, f"{source}: controller")
     return dict(section)

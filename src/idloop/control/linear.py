@@ -1,4 +1,4 @@
-"""The linear part of a controller, for identification methods that must know it."""
+"""The linear part of a controller, for identification methods that use it."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from idloop.errors import InputError
 if TYPE_CHECKING:
     import control
 
-# What bounds a command makes the law nonlinear; the linear part has no bounds.
+# Limits make the law nonlinear; the linear part has none.
 _BOUNDS = ("limit", "velocity_limit")
 
 
 def linear_feedback(
     spec: Mapping[str, Any] | None, sample_time: float | None = None, where: str = "controller"
 ) -> dict[str, control.StateSpace]:
-    """Systems from the measured outputs to what the controller subtracts from the command.
+    """Systems from the measured outputs to the feedback that the controller subtracts from the command.
 
     Without limits the compiled step is affine in its state and its measurements, so that one step from each unit
-    vector tells its matrices exactly.
+    vector gives its matrices exactly.
 
     Parameters
     ----------
     spec : mapping or None
         ``controller:`` section of a model file.
     sample_time : float, optional
-        Period [s] for which the law is sampled anew; the controller's own by default.
+        Sample time [s] of the law; that of the controller by default.
     where : str
         Place named at the start of an error line.
 
@@ -42,7 +42,7 @@ def linear_feedback(
     Raises
     ------
     InputError
-        No controller, or one that measures nothing.
+        No controller, or one without feedback.
     """
     import control
 
@@ -53,7 +53,7 @@ def linear_feedback(
         free["sample_time"] = float(sample_time)
     controller = build_controller(free, where)
     if not controller.inputs:
-        raise InputError(f"{where}: type {controller.kind} measures nothing, the loop was open; leave it out")
+        raise InputError(f"{where}: type {controller.kind} has no feedback, so that the loop was open; leave it out")
     from idloop.control import step
 
     kernel = controller.kernel

@@ -1,4 +1,4 @@
-"""From a checked controller section to the flat arrays of the compiled step."""
+"""Flat arrays of the compiled step for a checked controller section."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Kernel:
     state : ndarray of float64
         Third argument, as after a reset; the step changes it in place, so give it a copy.
     inputs : tuple of str
-        Outputs that make up the argument y, in order.
+        Outputs in the argument y, in order.
     """
 
     kind: int
@@ -156,7 +156,7 @@ def _follows_velocity(values: Mapping[str, Any], where: str) -> float:
 
 def _anti_windup(values: Mapping[str, Any], suggestion: float) -> list[float]:
     given = values.get("tracking_time")
-    # Below one period back calculation would overshoot the limit it tracks.
+    # Below one period back calculation would overshoot.
     time = max(suggestion if given is None else given, values["sample_time"])
     return [_WINDUP[values.get("anti_windup", "none")], time]
 

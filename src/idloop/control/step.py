@@ -1,15 +1,15 @@
 """The compiled step of every controller.
 
-Everything that `controller_step` calls stands in this file: numba's cache only notices changes in
-the file of the function that is compiled, so a helper elsewhere could go stale unseen.
+Everything that `controller_step` calls is in this file: numba's cache only notices changes in the file of
+the compiled function, so that machine code of a helper elsewhere could be stale.
 
-Parameters and state are flat arrays. Each starts with a head that all controllers share; the tail
-belongs to the kind. `idloop.control.packing` fills them.
+Parameters and state are flat arrays. Each starts with a head common to all controllers; the tail depends on
+the kind. `idloop.control.packing` fills them.
 
 A command is formed as ``u = clip((law + feedforward - offset) / gain, -limit, limit)``: the
-linearisation block (Linköping thesis, eq. 4.1) stands in front of the plant, the limit behind it.
-A compensator (`idloop.control.compensation`) stands between the two: it adds what the known effects
-take along the reference, and puts the sum through the inverses of what the drive does to a command.
+linearisation block (Linköping thesis, eq. 4.1) is followed by the limit. A compensator
+(`idloop.control.compensation`) acts between the two: it adds the force that the known effects require along the
+reference, and applies the inverses of the effects on the command.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LIMIT = 1
 FEEDBACK_GAIN = 2
 LINEARISATION_GAIN = 3
 LINEARISATION_OFFSET = 4
-COMPENSATION = 5  # where the compensator's parameters begin; 0: there is none
+COMPENSATION = 5  # index of the compensator's parameters; 0: no compensator
 PARAMETER_TAIL = 6
 
 # Head of the state.
@@ -46,29 +46,29 @@ SATURATED = 1
 STARTED = 2
 TRACKING = 3
 TRACKED_COMMAND = 4
-ADDED = 5  # what the compensator has put on the last command
+ADDED = 5  # what the compensator added to the last command
 STATE_TAIL = 6
 
-# Parameters of a compensator, from where `COMPENSATION` says; then a row for each inverse and each force, then the
+# Parameters of a compensator from the index `COMPENSATION` on; then a row for each inverse and each force, then the
 # parameters of their equations.
-MEMORY = 0  # where its state begins
-MOST = 1  # that it adds to a command
+MEMORY = 0  # index of its state
+MOST = 1  # largest command that it adds
 COMMAND_WIDTH = 2
 VELOCITY_WIDTH = 3
 PER_REFERENCE = 4  # motion of the bodies for one unit of the reference
 GIVES_VELOCITY = 5  # the reference is a velocity
 DRIVE_GAIN = 6
 GAP = 7
-GAP_SHIFTS = 8  # the reference goes over the gap with the drive, not the drive alone
+GAP_SHIFTS = 8  # the reference crosses the gap with the drive, not the drive alone
 GAP_INERTIA = 9
 GAP_VISCOUS = 10
 CROSSING_TIME = 11
 INVERSES = 12
 FORCES = 13
 COMPENSATOR_HEAD = 14
-# Columns of a row. Addresses of machine code are whole numbers that a float holds exactly.
-UNDO = 0  # or the address of a force or friction
-FORWARD = 1  # or of the update of a force's memory; 0: none
+# Columns of a row. Addresses of machine code are integers that a float represents exactly.
+UNDO = 0  # address of the inverse, the force or the friction
+FORWARD = 1  # address of the forward equation, or of the update of a force's state; 0: none
 ROW_PARAMETER = 2
 ROW_STATE = 3
 ROW_INERTIA = 4
@@ -86,14 +86,14 @@ SIDE = 5
 CROSSING_FROM = 6
 CROSSING_TO = 7
 CROSSING_CLOCK = 8
-AHEAD = 9  # of the bodies before the gap, its velocity, and the force that it takes
+AHEAD = 9  # lead of the bodies before the gap, its velocity, and the required force
 AHEAD_RATE = 10
 AHEAD_FORCE = 11
 COMPENSATOR_STATE = 12
 
-# How often friction that depends on the load may add to the load: ratios up to a half to within a hundredth.
+# Iterations of a friction that depends on the load and adds to it: 1 % accuracy for ratios up to a half.
 LOADINGS = 8
-# Part of a gap by which the reference has to come back before it counts as turned round.
+# A reversal of the reference is a return by this share of a gap.
 TURNED = 0.01
 
 # Values of the fault flag.
@@ -121,10 +121,7 @@ FOLLOWS_VELOCITY = 2.0
 
 @njit(cache=True)
 def smooth_sign(value: float, width: float) -> float:
-    """Sign that goes from -1 to +1 over ``width`` to either side, without a corner at its ends.
-
-    3/2 x - 1/2 x³ with x = value / width, and exactly -1 or +1 outside: what is cancelled there is cancelled whole.
-    """
+    """Smooth sign: 3/2 x - 1/2 x³ with x = value / width, and exactly -1 or +1 outside of the width."""
     if value >= width:
         return 1.0 if value > 0.0 else 0.0
     if value <= -width:
@@ -135,7 +132,7 @@ def smooth_sign(value: float, width: float) -> float:
 
 @njit(cache=True)
 def _force_along_reference(parameters: FloatArray, state: FloatArray, arriving: float) -> float:
-    """Force of the drive that known effects take along the reference; ``arriving`` is what it gives without."""
+    """Drive force that known effects require along the reference; ``arriving`` is the force without them."""
     c = int(parameters[COMPENSATION])
     s = int(parameters[c + MEMORY])
     force: float = state[s + AHEAD_FORCE]
@@ -150,7 +147,7 @@ def _force_along_reference(parameters: FloatArray, state: FloatArray, arriving: 
             if side != 0.0:
                 direction = 1.0 if side > 0.0 else -1.0
                 level, last = 0.0, -1.0
-                # Friction of a loaded contact loads it further: its own share goes round until it stays.
+                # Friction of a loaded contact adds to the load: fixed-point iteration.
                 for _ in range(LOADINGS):
                     if level == last:
                         break
@@ -170,7 +167,7 @@ def _force_along_reference(parameters: FloatArray, state: FloatArray, arriving: 
 
 @njit(cache=True)
 def _compensated(parameters: FloatArray, state: FloatArray, wanted: float) -> float:
-    """Command with which the drive acts as ``wanted`` would without the effects, within the compensator's limit."""
+    """Command that has the result of ``wanted`` without the effects, within the limit of the compensator."""
     c = int(parameters[COMPENSATION])
     s = int(parameters[c + MEMORY])
     gain = parameters[c + DRIVE_GAIN]
@@ -184,14 +181,14 @@ def _compensated(parameters: FloatArray, state: FloatArray, wanted: float) -> fl
         )  # fmt: skip
         row += ROW
     added: float = min(max(value - wanted, -parameters[c + MOST]), parameters[c + MOST])
-    # What is no number goes through, so that the fault is seen.
+    # A value that is not finite is passed on, so that the fault is detected.
     state[ADDED] = added if math.isfinite(value) else value
     return wanted + state[ADDED]
 
 
 @njit(cache=True)
 def _uncompensated(parameters: FloatArray, state: FloatArray, command: float) -> float:
-    """What has to be wanted for this command, but for the smoothness of the inverses and the limit."""
+    """Inverse of `_compensated`, without the smoothing and the limit."""
     c = int(parameters[COMPENSATION])
     s = int(parameters[c + MEMORY])
     gain = parameters[c + DRIVE_GAIN]
@@ -208,7 +205,7 @@ def _uncompensated(parameters: FloatArray, state: FloatArray, command: float) ->
 
 @njit(cache=True)
 def _follow_reference(parameters: FloatArray, state: FloatArray, position: float, velocity: float) -> None:
-    """Motion of the bodies along the reference, and where they are in the gap."""
+    """Motion of the bodies along the reference, and their place in the gap."""
     c = int(parameters[COMPENSATION])
     s = int(parameters[c + MEMORY])
     sample_time, scale = parameters[SAMPLE_TIME], parameters[c + PER_REFERENCE]
@@ -216,7 +213,7 @@ def _follow_reference(parameters: FloatArray, state: FloatArray, position: float
     if parameters[c + GIVES_VELOCITY] != 0.0:
         state[s + VELOCITY] = scale * velocity
     else:
-        # A reference need not say its velocity. Of two differences the smaller: a step is no motion.
+        # The velocity of the reference may be missing: the smaller of two differences, which ignores steps.
         here = scale * position
         difference = (here - state[s + REFERENCE]) / sample_time if started else 0.0
         before = state[s + DIFFERENCE]
@@ -240,10 +237,7 @@ def _follow_reference(parameters: FloatArray, state: FloatArray, position: float
 
 @njit(cache=True)
 def _cross_gap(parameters: FloatArray, state: FloatArray, here: float, started: bool) -> None:
-    """Lead of the bodies before a gap: from one of its sides to the other after the reference has turned round.
-
-    The way over the gap is a quintic, so that it begins and ends without a jolt.
-    """
+    """Lead of the bodies before a gap, which moves to its other side on a quintic after a reversal."""
     c = int(parameters[COMPENSATION])
     s = int(parameters[c + MEMORY])
     gap, time = parameters[c + GAP], parameters[c + CROSSING_TIME]
@@ -268,7 +262,7 @@ def _cross_gap(parameters: FloatArray, state: FloatArray, here: float, started: 
     state[s + AHEAD] = start + way * x * x * x * (10.0 + x * (6.0 * x - 15.0))
     state[s + AHEAD_RATE] = way * 30.0 * x * x * (1.0 - x) * (1.0 - x) / time
     curve = way * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (time * time)
-    # A controller that reads behind the gap does not see the drive cross it: only a force takes it there.
+    # A controller that measures behind the gap does not move the drive across it: a force has to.
     alone = 1.0 - parameters[c + GAP_SHIFTS]
     force = parameters[c + GAP_INERTIA] * curve + parameters[c + GAP_VISCOUS] * state[s + AHEAD_RATE]
     state[s + AHEAD_FORCE] = alone * force
@@ -276,7 +270,7 @@ def _cross_gap(parameters: FloatArray, state: FloatArray, here: float, started: 
 
 @njit(cache=True)
 def _finish(parameters: FloatArray, state: FloatArray, law: float) -> float:
-    """Linearise and limit; sets the saturation and fault flags."""
+    """Linearise and limit; set the saturation and fault flags."""
     raw = (law - parameters[LINEARISATION_OFFSET]) / parameters[LINEARISATION_GAIN]
     if parameters[COMPENSATION] != 0.0:
         raw = _compensated(parameters, state, raw)
@@ -291,14 +285,14 @@ def _finish(parameters: FloatArray, state: FloatArray, law: float) -> float:
 
 @njit(cache=True)
 def _before_linearisation(parameters: FloatArray, state: FloatArray, command: float) -> float:
-    """The law that gives this command, with what the compensator has just added."""
+    """Law that results in this command, with what the compensator added."""
     law: float = (command - state[ADDED]) * parameters[LINEARISATION_GAIN] + parameters[LINEARISATION_OFFSET]
     return law
 
 
 @njit(cache=True)
 def _tracked_law(parameters: FloatArray, state: FloatArray) -> float:
-    """The law that gives the command to take over from."""
+    """Law that results in the command to take over from."""
     command = state[TRACKED_COMMAND]
     state[ADDED] = 0.0
     if parameters[COMPENSATION] != 0.0:
@@ -317,14 +311,14 @@ def _integrate(
     anti_windup: float,
     tracking_time: float,
 ) -> float:
-    """Next value of an integrator that is kept from winding up while the command is limited."""
+    """Next value of an integrator with anti-windup."""
     if state[SATURATED] == 0.0 or anti_windup == WINDUP_FREE:
         return integral + increment
     excess = _before_linearisation(parameters, state, command) - law
     if anti_windup == BACK_CALCULATION:
         correction: float = parameters[SAMPLE_TIME] / tracking_time * excess
         return integral + increment + correction
-    # Conditional integration: stop only while the integral would drive further into the limit.
+    # Conditional integration: stop while the integral would increase the excess over the limit.
     return integral if increment * excess < 0.0 else integral + increment
 
 
@@ -336,28 +330,10 @@ def _filtered_difference(
     return (time_constant * derivative + y - previous) / (time_constant + sample_time)
 
 
-# Every kind has the same arguments, whether it needs them or not.
-@njit(cache=True)
-def none_step(
-    parameters: FloatArray,
-    state: FloatArray,
-    reference_position: float,
-    reference_velocity: float,
-    y: FloatArray,
-    feedforward: float,
-) -> float:
-    """Feedforward only."""
-    return _finish(parameters, state, feedforward)
-
-
+# r, r_dot and y are the reference, its velocity and the measurements; every law has the same arguments.
 @njit(cache=True)
 def pid_step(
-    parameters: FloatArray,
-    state: FloatArray,
-    reference_position: float,
-    reference_velocity: float,
-    y: FloatArray,
-    feedforward: float,
+    parameters: FloatArray, state: FloatArray, r: float, r_dot: float, y: FloatArray, feedforward: float
 ) -> float:
     """PID with the derivative on the output only (Linköping thesis, eq. 4.2).
 
@@ -368,32 +344,21 @@ def pid_step(
         PARAMETER_TAIL : PARAMETER_TAIL + 8
     ]
     measured = parameters[FEEDBACK_GAIN] * y[0]
-    reference = reference_velocity if follows_velocity != 0.0 else reference_position
+    reference = r_dot if follows_velocity != 0.0 else r
     error = reference - measured
     derivative = 0.0
     if state[STARTED] != 0.0:
         derivative = _filtered_difference(
-            measured,
-            state[STATE_TAIL + 1],
-            state[STATE_TAIL + 2],
-            parameters[SAMPLE_TIME],
-            derivative_filter,
+            measured, state[STATE_TAIL + 1], state[STATE_TAIL + 2], parameters[SAMPLE_TIME], derivative_filter
         )
-    without_integral = kp * error - kd * derivative + velocity_gain * reference_velocity + feedforward
+    without_integral = kp * error - kd * derivative + velocity_gain * r_dot + feedforward
     integral = state[STATE_TAIL]
     if state[TRACKING] != 0.0 and ki != 0.0:
         integral = _tracked_law(parameters, state) - without_integral
     law = without_integral + integral
     command = _finish(parameters, state, law)
     state[STATE_TAIL] = _integrate(
-        parameters,
-        state,
-        integral,
-        ki * parameters[SAMPLE_TIME] * error,
-        law,
-        command,
-        anti_windup,
-        tracking_time,
+        parameters, state, integral, ki * parameters[SAMPLE_TIME] * error, law, command, anti_windup, tracking_time
     )
     state[STATE_TAIL + 1] = measured
     state[STATE_TAIL + 2] = derivative
@@ -402,16 +367,11 @@ def pid_step(
 
 @njit(cache=True)
 def lead_step(
-    parameters: FloatArray,
-    state: FloatArray,
-    reference_position: float,
-    reference_velocity: float,
-    y: FloatArray,
-    feedforward: float,
+    parameters: FloatArray, state: FloatArray, r: float, r_dot: float, y: FloatArray, feedforward: float
 ) -> float:
     """First-order compensator gain (s + zero) / (s + pole) on the error, discretised by Tustin."""
     b0, b1, a1, follows_velocity = parameters[PARAMETER_TAIL : PARAMETER_TAIL + 4]
-    reference = reference_velocity if follows_velocity != 0.0 else reference_position
+    reference = r_dot if follows_velocity != 0.0 else r
     error = reference - parameters[FEEDBACK_GAIN] * y[0]
     output = b0 * error + b1 * state[STATE_TAIL] - a1 * state[STATE_TAIL + 1]
     state[STATE_TAIL] = error
@@ -421,12 +381,7 @@ def lead_step(
 
 @njit(cache=True)
 def cascade_step(
-    parameters: FloatArray,
-    state: FloatArray,
-    reference_position: float,
-    reference_velocity: float,
-    y: FloatArray,
-    feedforward: float,
+    parameters: FloatArray, state: FloatArray, r: float, r_dot: float, y: FloatArray, feedforward: float
 ) -> float:
     """Position P around velocity PI.
 
@@ -451,7 +406,7 @@ def cascade_step(
         velocity = (position - state[STATE_TAIL + 2]) / (2.0 * sample_time)
     if state[STARTED] != 0.0:
         velocity = (time_constant * state[STATE_TAIL + 3] + sample_time * velocity) / (time_constant + sample_time)
-    wanted = kp * (reference_position - position) + velocity_gain * reference_velocity
+    wanted = kp * (r - position) + velocity_gain * r_dot
     error = min(max(wanted, -velocity_limit), velocity_limit) - velocity
     integral = state[STATE_TAIL]
     if state[TRACKING] != 0.0 and ki != 0.0:
@@ -459,14 +414,7 @@ def cascade_step(
     law = kv * error + integral + feedforward
     command = _finish(parameters, state, law)
     state[STATE_TAIL] = _integrate(
-        parameters,
-        state,
-        integral,
-        ki * sample_time * error,
-        law,
-        command,
-        anti_windup,
-        tracking_time,
+        parameters, state, integral, ki * sample_time * error, law, command, anti_windup, tracking_time
     )
     state[STATE_TAIL + 2] = state[STATE_TAIL + 1]
     state[STATE_TAIL + 1] = position
@@ -476,12 +424,7 @@ def cascade_step(
 
 @njit(cache=True)
 def state_feedback_step(
-    parameters: FloatArray,
-    state: FloatArray,
-    reference_position: float,
-    reference_velocity: float,
-    y: FloatArray,
-    feedforward: float,
+    parameters: FloatArray, state: FloatArray, r: float, r_dot: float, y: FloatArray, feedforward: float
 ) -> float:
     """Law = Σ gain_i (reference_i - x_i), x_i measured or a filtered difference of one."""
     time_constant = parameters[PARAMETER_TAIL]
@@ -496,19 +439,15 @@ def state_feedback_step(
             x = 0.0
             if state[STARTED] != 0.0:
                 x = _filtered_difference(
-                    measured,
-                    state[previous],
-                    state[derivative],
-                    parameters[SAMPLE_TIME],
-                    time_constant,
+                    measured, state[previous], state[derivative], parameters[SAMPLE_TIME], time_constant
                 )
             state[previous] = measured
             state[derivative] = x
         reference = 0.0
         if follows == FOLLOWS_POSITION:
-            reference = reference_position
+            reference = r
         elif follows == FOLLOWS_VELOCITY:
-            reference = reference_velocity
+            reference = r_dot
         law += gain * (reference - x)
     return _finish(parameters, state, law)
 
@@ -534,15 +473,15 @@ def controller_step(
     reference_position, reference_velocity : float
         What to follow.
     y : ndarray of float64, shape (inputs,)
-        The controller's inputs and no others, in its order.
+        Measurements of the controller's inputs, in its order.
     feedforward : float
         Added to the law, before linearisation and limit.
 
     Returns
     -------
     float
-        The command. It is 0, and ``state[FAULT]`` says why, from the first value that is not
-        finite until the state is reset: a drive must not act on nonsense.
+        The command. After a value that is not finite it is 0, with the reason in ``state[FAULT]``, until the state is
+        reset.
     """
     if state[FAULT] != NO_FAULT:
         return 0.0
@@ -572,7 +511,7 @@ def controller_step(
     elif kind == STATE_FEEDBACK:
         command = state_feedback_step(parameters, state, reference_position, reference_velocity, y, feedforward)
     else:
-        command = none_step(parameters, state, reference_position, reference_velocity, y, feedforward)
+        command = _finish(parameters, state, feedforward)
     state[STARTED] = 1.0
     state[TRACKING] = 0.0
     return command

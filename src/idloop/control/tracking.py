@@ -1,4 +1,4 @@
-"""How well a machine follows its reference under a controller."""
+"""Tracking of a reference by a machine under a controller."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Tracking:
     Attributes
     ----------
     time : ndarray (n,)
-        From the first sample on [s].
+        Time since the first sample [s].
     output : ndarray (n, p)
         Measurements.
     wanted : ndarray (n, p)
-        What they would be if every body stood where the reference says; NaN for outputs of another kind.
+        Outputs with every body at the reference; NaN for outputs of another kind.
     command : ndarray (n,)
         Command after each measurement.
     names, units : tuple of str
@@ -46,12 +46,12 @@ class Tracking:
 
     @property
     def error(self) -> Array:
-        """Wanted less measured (n, p)."""
+        """Wanted minus measured (n, p)."""
         return self.wanted - self.output
 
     @property
     def followed(self) -> tuple[str, ...]:
-        """Outputs that have something to follow."""
+        """Outputs that have a reference."""
         return tuple(name for name, column in zip(self.names, self.wanted.T, strict=True) if np.isfinite(column[0]))
 
     def error_of(self, name: str, settle: float = 0.0) -> TrackingError:
@@ -61,7 +61,7 @@ class Tracking:
         ----------
         name : str
         settle : float
-            Time at the beginning that does not count [s].
+            Time at the beginning to leave out [s].
         """
         late = self.time >= self.time[0] + settle
         error = self.error[late, self.names.index(name)]
@@ -91,7 +91,7 @@ def wanted_outputs(model: Model, values: Mapping[str, Any], reference: Array) ->
     Returns
     -------
     ndarray (n, p)
-        NaN for outputs of another kind than the one that is controlled.
+        NaN for outputs of another kind than the controlled one.
     """
     wanted = np.full((len(reference), len(model.outputs)), np.nan)
     followed = followed_output(model, values)
@@ -117,11 +117,11 @@ def track(
     machine : Machine
         At its start.
     controller : Controller
-        Steps at each measurement; reset before the first.
+        Evaluated at each measurement, reset before the first.
     reference : ndarray (n, 2)
         Position and velocity, one row for each period of the controller.
     progress : callable, optional
-        Is told the share of the work that is done.
+        Called with the share of the work that is done.
 
     Returns
     -------

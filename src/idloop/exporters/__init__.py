@@ -1,4 +1,4 @@
-"""What was identified, in the formats of a robot's stack: one file per format."""
+"""Export of a model to the formats of other tools: one module per format."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def export(model: Model, form: str) -> Exported:
     Returns
     -------
     Exported
-        The text of the file, and what of the model it cannot carry.
+        Text of the file, and the parts of the model that it cannot represent.
 
     Raises
     ------
     InputError
-        Unknown format, or a model that it has no words for.
+        Unknown format, or a model that it cannot represent.
     """
     if form not in FORMATS:
         raise InputError(f"unknown format '{form}'{did_you_mean_or_known(form, list(FORMATS))}")

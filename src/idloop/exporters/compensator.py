@@ -1,4 +1,4 @@
-"""A compensator as a model file: what the controller node reads, with only the effects that it cancels."""
+"""A compensator as a model file for the controller node, with only the effects that it cancels."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from dataclasses import replace
 from idloop.control.compensation import Compensation, plan_compensation
 from idloop.control.compensation_settings import choose_settings
 from idloop.errors import InputError
-from idloop.exporters.exported import Exported, file_name
-from idloop.exporters.left_out import comment_lines
+from idloop.exporters.exported import Exported, comment_lines, file_name
 from idloop.physics.controller_section import check_controller
 from idloop.physics.model import Model
 
 NOTES = (
     "Controller node: parameters model and compensation, both the path of this file.",
-    "idloop compensate shows what it gains.",
+    "idloop compensate shows the improvement.",
 )
 
 
 def export(model: Model) -> Exported:
-    """Write what the model's own controller cancels.
+    """Write the compensator of the model's own controller.
 
     Parameters
     ----------
@@ -34,20 +33,20 @@ def export(model: Model) -> Exported:
     Raises
     ------
     InputError
-        The model names no controller.
+        The model has no controller.
     """
     if model.controller is None:
-        raise InputError(f"model {model.name} names no controller that could cancel anything: add one to its file")
+        raise InputError(f"model {model.name} has no controller: add one to its file")
     return export_compensation(Compensation(model))
 
 
 def export_compensation(compensation: Compensation) -> Exported:
-    """Write a compensation whose model names the controller.
+    """Write a compensation whose model has a controller.
 
     Raises
     ------
     InputError
-        What is to be cancelled cannot be.
+        An effect cannot be cancelled.
     """
     model = compensation.model
     values = check_controller(model.controller)

@@ -1,4 +1,4 @@
-"""The part of a model that rigid-body formats have words for: inertias, springs, dampers, dry friction, drive."""
+"""The part of a model that rigid-body formats represent: inertias, springs, dampers, dry friction, drive."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.exporters.left_out import acts, values_of
+from idloop.exporters.exported import acts
 from idloop.physics.effect import Effect, parameter_as
 from idloop.physics.engine import Engine
 from idloop.physics.layout import Layout
-from idloop.physics.model import Model
+from idloop.physics.model import Model, values_of
 
 DRY = "coulomb_friction"
 
@@ -42,7 +42,7 @@ class Body:
 
 @dataclass
 class Mechanics:
-    """What rigid-body formats can say of a model.
+    """Rigid-body part of a model.
 
     Attributes
     ----------
@@ -57,9 +57,9 @@ class Mechanics:
     gain : float
         Force on the first body per unit of command.
     whole : set of str
-        Effects that these numbers say completely.
+        Effects that are represented completely.
     partly : dict
-        Effects that they say in part, to what is lost.
+        Loss by name of effects that are represented in part.
     """
 
     bodies: list[Body]
@@ -83,7 +83,7 @@ def body_names(model: Model, layout: Layout) -> list[str]:
 
 
 def mechanics(model: Model, form: str) -> Mechanics:
-    """Read the mechanics off a model.
+    """Rigid-body part of a model.
 
     Parameters
     ----------
@@ -94,11 +94,11 @@ def mechanics(model: Model, form: str) -> Mechanics:
     Raises
     ------
     InputError
-        Positions that are no motion of a joint (an electrical analogue).
+        The positions are not those of a joint (an electrical analogue).
     """
     if model.units.position not in ("rad", "m"):
         raise InputError(
-            f"model {model.name}: its positions are in {model.units.position}, and {form} knows joints in rad or m "
+            f"model {model.name}: its positions are in {model.units.position}, but {form} has joints in rad or m "
             "only: choose --format control or json"
         )
     layout = Engine(model).layout()
@@ -119,23 +119,25 @@ def mechanics(model: Model, form: str) -> Mechanics:
         if active.at not in body_of or not acts(model, active):
             continue
         level = parameter_as(active.effect, lambda effect: effect.dry_level, *model.effect_folders)
-        _add(found, found.bodies[body_of[active.at]], active.effect, active.name, values_of(model, active), level)
+        _add(
+            found, found.bodies[body_of[active.at]], active.effect, active.name, values_of(active, model.values), level
+        )
     return found
 
 
 def _add(found: Mechanics, body: Body, effect: Effect, name: str, values: dict[str, float], level: str) -> None:
-    """Add what an effect at a body, with a level of dry friction or without, means in these numbers."""
+    """Add an effect at a body, with or without a level of dry friction."""
     if level:
         body.dry += values[level]
         if effect.name == DRY:
             found.whole.add(name)
         else:
-            found.partly[name] = f"only its {level} is carried, as Coulomb friction"
+            found.partly[name] = f"only its {level} is exported, as Coulomb friction"
     elif effect.name == "load_torque":
         body.load += values["torque"]
         found.whole.add(name)
     elif effect.linear and effect.force is not None:
-        # The effect itself says what it is: a linear force is a spring, a damper and a constant.
+        # A linear force is a spring, a damper and a constant, which its equation gives.
         numbers = list(values.values())
         at_rest = effect.force(0.0, 0.0, body.inertia, 0.0, [], numbers)
         spring = at_rest - effect.force(1.0, 0.0, body.inertia, 0.0, [], numbers)
@@ -148,12 +150,12 @@ def _add(found: Mechanics, body: Body, effect: Effect, name: str, values: dict[s
 
 
 def scale_notes(model: Model) -> list[str]:
-    """Say so where forces are only known relative to an inertia that nobody measured."""
+    """Note for forces that are only known relative to an inertia that was assumed."""
     if not model.parameter("drive.gain").free or any(model.parameter(f"{body}.inertia").free for body in model.bodies):
         return []
-    return ["Forces are on the scale of the inertia that the model takes as known: check that it is the real one."]
+    return ["Forces are proportional to the inertia that the model assumes: check its value."]
 
 
 def digits(value: float) -> str:
-    """Text of a number with the precision of what was identified, not of its binary form."""
+    """Text of a number with 12 digits."""
     return f"{value:.12g}"

@@ -7,25 +7,25 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from idloop.exporters.exported import Exported, file_name
-from idloop.exporters.left_out import (
+from idloop.exporters.exported import (
+    Exported,
     acts,
     comment_lines,
     controller_left_out,
     effects_left_out,
+    file_name,
     statistics_left_out,
-    values_of,
+    xml_text,
 )
 from idloop.exporters.mechanics import Mechanics, digits, mechanics, scale_notes
-from idloop.exporters.xml_text import xml_text
 from idloop.physics.effect import INPUT
 from idloop.physics.engine import Engine
-from idloop.physics.model import Model
+from idloop.physics.model import Model, values_of
 
 JOINTS = {"rad": "hinge", "m": "slide"}
 LONGEST_STEP = 1e-3  # s
 STEP_ANGLE = 0.1  # the fastest mode turns by at most this in one step [rad]
-# Dry friction that holds: MuJoCo softens it, and a standing body would creep. Times below two steps it makes two steps.
+# Stiff dry friction: with MuJoCo's soft default a standing body creeps. Times below two steps are raised to two steps.
 STICKING = {"solreffriction": "1e-05 1", "solimpfriction": "0.9999 0.9999 0.001"}
 
 
@@ -33,21 +33,13 @@ def export(model: Model) -> Exported:
     """Write the axis as an MJCF model.
 
     Bodies are nested: the first joint is the driven one, each further joint is a coupling and its
-    position the twist. What acts between a later body and the ground (friction, a cable) is a
-    fixed tendon that sums the joints up to that body.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    Exported
+    position the twist. A force between a later body and the ground (friction, a cable) acts on a
+    fixed tendon that is the sum of the joints up to that body.
 
     Raises
     ------
     InputError
-        The model's positions are no motion of a joint.
+        The positions are not those of a joint.
     """
     found = mechanics(model, "mujoco")
     root = ET.Element("mujoco", model=model.name)
@@ -78,7 +70,7 @@ def export(model: Model) -> Exported:
     ]
     notes += scale_notes(model)
     if units.position == "rad":
-        notes.append("Masses are placeholders: a turning axis shows its inertia only, and gravity is off.")
+        notes.append("Masses are placeholders: a rotary axis has an inertia only, and gravity is off.")
     text = xml_text(root, comment_lines(model, "MuJoCo model", notes, left_out))
     return Exported("mujoco", file_name(model.name, ".mjcf.xml"), text, left_out)
 
@@ -96,11 +88,13 @@ def _gaps(model: Model, found: Mechanics) -> dict[int, float]:
     gaps = {}
     for active in model.effects:
         if active.effect.name == "backlash" and active.at in found.coupling_of and acts(model, active):
-            gaps[found.coupling_of[active.at]] = values_of(model, active)["gap"]
+            gaps[found.coupling_of[active.at]] = values_of(active, model.values)["gap"]
             if found.damping[found.coupling_of[active.at]] == 0.0:
                 found.whole.add(active.name)
             else:
-                found.partly[active.name] = "carried as the dead band of a spring, but the damping acts inside the gap"
+                found.partly[active.name] = (
+                    "exported as the dead band of a spring, but the damping also acts inside the gap"
+                )
     return gaps
 
 
@@ -119,7 +113,7 @@ def _bodies(parent: ET.Element, model: Model, found: Mechanics, gaps: dict[int, 
                 numbers["stiffness"] = found.stiffness[index - 1]
         sticking = STICKING if numbers.get("frictionloss") else {}
         ET.SubElement(element, "joint", shape | {k: digits(v) for k, v in numbers.items()} | sticking)
-        # Not as armature: MuJoCo scales the stiffness of dry friction by the inertia of bodies alone.
+        # Not as armature: MuJoCo scales the stiffness of dry friction by the inertia of bodies.
         inertia = digits(body.inertia)
         mass = inertia if linear else "1"
         ET.SubElement(element, "inertial", pos="0 0 0", mass=mass, diaginertia=f"{inertia} {inertia} {inertia}")
@@ -139,7 +133,7 @@ def _tendons(root: ET.Element, found: Mechanics, gaps: dict[int, float]) -> None
         numbers = {"damping": body.viscous, "frictionloss": body.dry}
         spring = {}
         if body.stiffness:
-            # -1 at both ends would ask MuJoCo for the length at the start.
+            # -1 at both ends means the initial length to MuJoCo.
             rest = digits(body.rest)
             ends = f"{rest} {rest}" if rest != "-1" else "-1 -0.999999999"
             spring = {"stiffness": digits(body.stiffness), "springlength": ends}
@@ -167,7 +161,7 @@ def _actuator(parent: ET.Element, model: Model, found: Mechanics, carried: set[s
     for active in model.effects:
         if active.effect.site != INPUT or not acts(model, active):
             continue
-        values = values_of(model, active)
+        values = values_of(active, model.values)
         if active.effect.name == "saturation":
             drive["ctrlrange"] = f"{digits(-values['limit'])} {digits(values['limit'])}"
         elif active.effect.name == "input_offset":

@@ -6,8 +6,7 @@ import json
 import math
 from typing import Any
 
-from idloop.exporters.exported import Exported, file_name
-from idloop.exporters.left_out import parameters_of
+from idloop.exporters.exported import Exported, file_name, parameters_of
 from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter
 
@@ -15,16 +14,7 @@ SCHEMA = "idloop/parameters/1"
 
 
 def export(model: Model) -> Exported:
-    """Write everything that is known of a model; a bound or value that is infinite becomes null.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    Exported
-    """
+    """Write every number of a model; infinite values and bounds become null."""
     own = {f"{active.name}.{name}" for active in model.effects for name in parameters_of(model, active)}
     document = {
         "schema": SCHEMA,

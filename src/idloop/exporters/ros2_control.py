@@ -7,34 +7,32 @@ from typing import Any
 import yaml
 
 from idloop.control import check_controller
-from idloop.exporters.exported import Exported, file_name
-from idloop.exporters.left_out import acts, comment_lines, effects_left_out, quantity, statistics_left_out, values_of
-from idloop.physics.model import Model
+from idloop.exporters.exported import (
+    Exported,
+    acts,
+    comment_lines,
+    effects_left_out,
+    file_name,
+    quantity,
+    statistics_left_out,
+)
+from idloop.physics.model import Model, values_of
 
 PID, FORWARD, TRAJECTORY = "idloop_pid_controller", "idloop_effort_controller", "idloop_trajectory_controller"
 IDENTIFIED = "idloop_identified"
-# Laws that a PID on one joint can follow; the others have no fields there.
+# Laws that a PID on one joint can represent.
 AS_PID = ("p", "pd", "pid", "cascade")
-# Our names of what keeps an integral from winding up, and those of control_toolbox.
+# Our names of anti-windup methods, and those of control_toolbox.
 ANTI_WINDUP = {
     "back_calculation": "back_calculation",
     "conditional": "conditional_integration",
     "none": "none",
 }
-DEFAULT_RATE = 1000  # Hz, where no controller says its period
+DEFAULT_RATE = 1000  # Hz, without a controller
 
 
 def export(model: Model) -> Exported:
-    """Write the parameter file of a controller manager.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    Exported
-    """
+    """Write the parameter file of a controller manager."""
     law = check_controller(model.controller, f"model {model.name}: controller")
     managed: dict[str, Any] = {"update_rate": DEFAULT_RATE}
     if model.controller is not None:
@@ -62,26 +60,28 @@ def export(model: Model) -> Exported:
         closing = f"{PID} or {TRAJECTORY} closes" if TRAJECTORY in sections else f"{PID} closes"
         notes.append(f"Activate one: {closing} the loop, {FORWARD} takes commands; fields of Kilted and later.")
     sections[IDENTIFIED] = _identified(model)
-    notes.append(f"No controller reads {IDENTIFIED}: it is what was identified, for your own nodes and for the reader.")
+    notes.append(f"No controller reads {IDENTIFIED}: these are the identified parameters, for your own nodes.")
     file = {
         "controller_manager": {"ros__parameters": managed},
         **{name: {"ros__parameters": section} for name, section in sections.items()},
     }
     head = "".join(f"# {line}\n" for line in comment_lines(model, "ros2_control parameters", notes, left_out))
-    # PyYAML, as rclpy reads parameter files with it: its floats are floats there, too.
+    # PyYAML, as rclpy reads parameter files with it: floats stay floats.
     text = head + yaml.safe_dump(file, sort_keys=False, allow_unicode=True, width=120)
     return Exported("ros2_control", file_name(model.name, ".ros2_control.yaml"), text, left_out)
 
 
 def _limit(model: Model) -> float | None:
     """Largest command that still has an effect: of the controller, or of the drive."""
-    limits = [values_of(model, a)["limit"] for a in model.effects if a.effect.name == "saturation" and acts(model, a)]
+    limits = [
+        values_of(a, model.values)["limit"] for a in model.effects if a.effect.name == "saturation" and acts(model, a)
+    ]
     own = (model.controller or {}).get("limit")
     return min([*limits, *([] if own is None else [float(own)])], default=None)
 
 
 def _pid(model: Model, law: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Parameters of a PidController for a law, and what of the law they do not say."""
+    """Parameters of a PidController for a law, and the parts of the law that are lost."""
     joint, _, field = law["output"].rpartition(".")
     lost = []
     p, i, d = law["kp"], law.get("ki", 0.0), law.get("kd", 0.0)
@@ -93,16 +93,19 @@ def _pid(model: Model, law: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
         p, i, d = kp * kv + ki, kp * ki, kv
         on_error = forward == 1.0
         if law["velocity_estimate"] != "backward":
-            lost.append(f"controller velocity_estimate {law['velocity_estimate']}: the target has its own derivative")
+            lost.append(f"controller velocity_estimate {law['velocity_estimate']}: ros2_control has its own derivative")
         if law["velocity_limit"] is not None:
             lost.append(f"controller velocity_limit {law['velocity_limit']:.6g}: no field for that of an inner loop")
     if not on_error:
         lost.append(
-            f"controller velocity_feedforward {forward:.6g}: the target takes the derivative of the error, "
-            "so that a moving reference is answered differently"
+            f"controller velocity_feedforward {forward:.6g}: ros2_control differentiates the error, "
+            "so that the response to a moving reference differs"
         )
     filters = {key: law.get(key, 0.0) for key in ("derivative_filter", "velocity_filter") if law.get(key, 0.0) > 0.0}
-    lost += [f"controller {key} {value:.6g} s: the target's derivative is unfiltered" for key, value in filters.items()]
+    lost += [
+        f"controller {key} {value:.6g} s: the derivative of ros2_control is unfiltered"
+        for key, value in filters.items()
+    ]
     if law["linearisation.offset"] != 0.0:
         lost.append(f"controller linearisation.offset {law['linearisation.offset']:.6g}: no field for a constant")
     if law["feedback_gain"] != 1.0:
@@ -133,7 +136,7 @@ def _pid(model: Model, law: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _trajectory(model: Model, law: dict[str, Any], pid: dict[str, Any]) -> dict[str, Any]:
-    """Parameters of a JointTrajectoryController: those of the PID, and the viscous friction ahead."""
+    """Parameters of a JointTrajectoryController: those of the PID, and feedforward of the viscous friction."""
     joint = str(law["output"]).rpartition(".")[0]
     (gains,) = pid["gains"].values()
     ahead = {"ff_velocity_scale": _per_velocity(model)} if model.values["drive.gain"] != 0.0 else {}
@@ -148,13 +151,13 @@ def _trajectory(model: Model, law: dict[str, Any], pid: dict[str, Any]) -> dict[
 
 
 def _identified(model: Model) -> dict[str, Any]:
-    """Every number of the model with its unit, and the 95 % interval of those that a fit gave one."""
+    """Every parameter with its unit, and its 95 % interval where there is one."""
     found: dict[str, Any] = {}
     for parameter in model.parameters:
         entry: dict[str, Any] = {"value": float(parameter.value), "unit": parameter.unit}
         if parameter.interval is not None:
             entry["interval_95"] = [float(end) for end in parameter.interval]
-        # A dot in the name of a ROS parameter is one more level.
+        # Dots separate the levels of ROS parameters.
         place = found
         *above, last = parameter.name.replace("@", ".").split(".")
         for name in above:
@@ -170,12 +173,12 @@ def _per_velocity(model: Model) -> float:
 
 def _viscous(model: Model) -> float:
     """Viscous coefficient of the whole axis, moving as one."""
-    extra = [values_of(model, a)["coefficient"] for a in model.effects if a.effect.name == "viscous_friction"]
+    extra = [values_of(a, model.values)["coefficient"] for a in model.effects if a.effect.name == "viscous_friction"]
     return sum(extra, sum(model.values[f"{body}.viscous_friction"] for body in model.bodies))
 
 
 def _plant_left_out(model: Model, law: dict[str, Any]) -> list[str]:
-    """Lines for the plant: a controller's parameters know little of it."""
+    """Lines for the parts of the plant that a controller has no field for."""
     ahead = law["type"] in AS_PID and model.values["drive.gain"] != 0.0
     lines = [
         f"inertia of {body} {quantity(model.parameter(f'{body}.inertia'))}: no field of a controller"
@@ -183,7 +186,7 @@ def _plant_left_out(model: Model, law: dict[str, Any]) -> list[str]:
     ]
     viscous = f"viscous friction {_viscous(model):.6g} {model.units.fill('{force}·s/{position}')}"
     if not ahead:
-        lines.append(f"{viscous}: it goes ahead of a PID, and the model has no controller that is one")
+        lines.append(f"{viscous}: exported as feedforward of a PID only, and the model has no PID controller")
     lines += [
         f"coupling {name} (stiffness {quantity(model.parameter(f'{name}.stiffness'))}): no field of a controller"
         for name in model.couplings

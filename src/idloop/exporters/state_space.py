@@ -1,4 +1,4 @@
-"""python-control: the linear part of a model as a state-space system, and as JSON that becomes one again."""
+"""python-control: the linear part of a model as a state-space system, and as JSON."""
 
 from __future__ import annotations
 
@@ -7,8 +7,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
-from idloop.exporters.exported import Exported, file_name
-from idloop.exporters.left_out import acts, controller_left_out, effects_left_out, statistics_left_out
+from idloop.exporters.exported import (
+    Exported,
+    acts,
+    controller_left_out,
+    effects_left_out,
+    file_name,
+    statistics_left_out,
+)
 from idloop.exporters.mechanics import body_names
 from idloop.physics.effect import BODY
 from idloop.physics.engine import Engine
@@ -42,20 +48,22 @@ def from_document(document: Mapping[str, Any]) -> control.StateSpace:
     Raises
     ------
     InputError
-        Another kind of document, or matrices that do not fit together.
+        Another kind of document, or matrices of inconsistent shapes.
     """
     import control
 
     if document.get("schema") != SCHEMA:
-        raise InputError(f"state space: schema is {document.get('schema')!r} but must be {SCHEMA!r}: export it anew")
+        raise InputError(f"state space: schema is {document.get('schema')!r} but must be {SCHEMA!r}: export it again")
     try:
         matrices = [document[key] for key in ("A", "B", "C", "D")]
         names = {key: list(document[key]) for key in ("states", "inputs", "outputs")}
         return control.ss(*matrices, name=document["name"], remove_useless_states=False, **names)
     except KeyError as error:
-        raise InputError(f"state space: {error} is missing: export it anew") from error
+        raise InputError(f"state space: {error} is missing: export it again") from error
     except (ValueError, TypeError, control.ControlDimension) as error:
-        raise InputError(f"state space: the matrices do not fit together ({error}): export it anew") from error
+        raise InputError(
+            f"state space: the shapes of the matrices are inconsistent ({error}): export it again"
+        ) from error
 
 
 def to_document(model: Model) -> dict[str, Any]:
@@ -83,23 +91,14 @@ def to_document(model: Model) -> dict[str, Any]:
 
 
 def export(model: Model) -> Exported:
-    """Write the linear part as JSON whose A, B, C, D, inputs, outputs and states ``control.ss`` takes.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    Exported
-    """
+    """Write the linear part as JSON whose A, B, C, D, inputs, outputs and states ``control.ss`` takes."""
     carried = {
         active.name
         for active in model.effects
         if active.effect.splits or (active.effect.linear and active.effect.site == BODY)
     }
     shifted = [
-        f"{active.name}.rest: the states count from where the springs are relaxed"
+        f"{active.name}.rest: the states are relative to the relaxed springs"
         for active in model.effects
         if active.name in carried and acts(model, active) and model.values.get(f"{active.name}.rest", 0.0) != 0.0
     ]

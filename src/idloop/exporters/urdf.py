@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from idloop.exporters.exported import Exported, file_name
-from idloop.exporters.left_out import (
+from idloop.exporters.exported import (
+    Exported,
     acts,
     comment_lines,
     controller_left_out,
     effects_left_out,
+    file_name,
     quantity,
     statistics_left_out,
-    values_of,
+    xml_text,
 )
 from idloop.exporters.mechanics import Mechanics, digits, mechanics, scale_notes
-from idloop.exporters.xml_text import xml_text
-from idloop.physics.model import Model
+from idloop.physics.model import Model, values_of
 
 TYPES = {"rad": "continuous", "m": "prismatic"}
 
@@ -26,18 +26,10 @@ def export(model: Model) -> Exported:
 
     URDF joints are rigid: the chain moves as one body, with the friction of all of its bodies.
 
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    Exported
-
     Raises
     ------
     InputError
-        The model's positions are no motion of a joint.
+        The positions are not those of a joint.
     """
     found = mechanics(model, "urdf")
     joint = ET.Element("joint", name=model.input.joint, type=TYPES[model.units.position])
@@ -64,7 +56,7 @@ def export(model: Model) -> Exported:
     ]
     notes += scale_notes(model)
     if "effort" in limits and "velocity" not in limits:
-        notes.append("URDF wants a velocity beside the effort: keep the one of your robot.")
+        notes.append("URDF requires a velocity limit beside the effort limit: keep the one of your robot.")
     if units.position == "m":
         notes.append("A prismatic joint also needs lower and upper limits: keep those of your robot.")
     text = xml_text(joint, comment_lines(model, "URDF dynamics", notes, left_out))
@@ -72,18 +64,18 @@ def export(model: Model) -> Exported:
 
 
 def _limits(model: Model, found: Mechanics, carried: set[str]) -> dict[str, float]:
-    """Effort from a saturation, and the speed at which the supply is used up."""
+    """Effort limit from a saturation, and the no-load speed."""
     efforts, speeds = [], []
     for active in model.effects:
         if not acts(model, active):
             continue
-        values = values_of(model, active)
+        values = values_of(active, model.values)
         if active.effect.name == "saturation":
             efforts.append(abs(found.gain) * values["limit"])
             carried.add(active.name)
         elif active.effect.name == "speed_limit_voltage":
             efforts.append(abs(found.gain) * values["supply"] / values["resistance"])
-            found.partly[active.name] = "stall effort and no-load speed are carried, the slope between them is not"
+            found.partly[active.name] = "stall effort and no-load speed are exported, the slope between them is not"
             if values["back_emf"] > 0.0:
                 speeds.append(values["supply"] / values["back_emf"])
     limits = {"effort": min(efforts)} if efforts else {}
@@ -99,5 +91,5 @@ def _structure_left_out(model: Model, found: Mechanics) -> list[str]:
     ]
     for coupling in model.couplings:
         stiffness, damping = (quantity(model.parameter(f"{coupling}.{key}")) for key in ("stiffness", "damping"))
-        lines.append(f"coupling {coupling} (stiffness {stiffness}, damping {damping}): taken as rigid")
+        lines.append(f"coupling {coupling} (stiffness {stiffness}, damping {damping}): exported as rigid")
     return lines

@@ -1,13 +1,12 @@
-"""Node graphs without `ros2 launch`: the same YAML launch file, read and run without ROS."""
+"""Node graphs without `ros2 launch`: YAML launch files, read and run without ROS."""
 
 from __future__ import annotations
 
 from idloop.graph.description import Argument, Graph, NodeEntry, load_graph
 from idloop.graph.find import graph_names, graph_path, graph_summary
-from idloop.graph.findings import Findings, read_findings
+from idloop.graph.live_results import Findings, LiveResult, read_findings, read_results
 from idloop.graph.processes import GraphRun, run_graph
 from idloop.graph.replaying import Windows, replay_bag
-from idloop.graph.results import LiveResult, read_results
 
 __all__ = [
     "Argument",

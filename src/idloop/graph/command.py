@@ -25,7 +25,7 @@ def node_command(node: NodeEntry, parameter_file: Path) -> list[str]:
     Raises
     ------
     IdloopError
-        When the executable is nowhere.
+        The executable is not installed.
     """
     command = _executable(node)
     command += [*node.arguments, "--ros-args"]
@@ -54,26 +54,26 @@ def _executable(node: NodeEntry) -> list[str]:
         return [found]
     raise IdloopError(
         f"node {node.package}/{node.executable} is not installed: pip install -e ros_ws/src/{node.package}, "
-        "or source the workspace that holds it"
+        "or source its workspace"
     )
 
 
 def parameter_document(parameters: Mapping[str, Any]) -> str:
-    """Return a parameter file that holds for whatever name the node has."""
+    """Return a parameter file that applies to any node name."""
     lines = ["/**:", "  ros__parameters:"]
     for name, value in parameters.items():
-        # ROS reads an empty list as "not set"; a list with one empty text is our word for empty.
-        # JSON quotes every text: a bare y, on or 1.0 would reach the node as a boolean or a number.
+        # ROS reads an empty list as "not set"; our nodes read a list with one empty text as empty.
+        # JSON quotes every text: without quotes y, on or 1.0 would be a boolean or a number.
         lines.append(f"    {json.dumps(name)}: {json.dumps([''] if value == [] else value, ensure_ascii=False)}")
     return "\n".join(lines) + "\n"
 
 
 def node_environment(domain_id: int | None = None) -> dict[str, str]:
-    """Return the environment of the nodes: like ours, on this machine only unless told otherwise."""
+    """Return the environment of the nodes: that of this process, by default restricted to this machine."""
     environment = dict(os.environ)
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     environment["PYTHONUNBUFFERED"] = "1"
-    # A node ends by itself when this process is gone, however that came about.
+    # A node ends by itself when this process is gone.
     environment["IDLOOP_RUNNER"] = str(os.getpid())
     if domain_id is not None:
         environment["ROS_DOMAIN_ID"] = str(domain_id)

@@ -1,4 +1,4 @@
-"""The part of ROS 2's YAML launch format that our graphs need, read into plain objects."""
+"""Reader of the part of ROS 2's YAML launch format that our graphs use."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class NodeEntry:
     arguments : tuple of str
         Further words of the command line.
     ends_graph : bool
-        The graph is done when this node ends (``on_exit: shutdown``).
+        The graph ends when this node ends (``on_exit: shutdown``).
     """
 
     package: str
@@ -75,7 +75,7 @@ class Graph:
 
 
 class _Reader:
-    """Reads one launch file with the values given for its arguments."""
+    """Reader of one launch file with the values of its arguments."""
 
     def __init__(self, path: Path, given: Mapping[str, str]) -> None:
         self.path = path
@@ -97,7 +97,7 @@ class _Reader:
                 raise self.fail(f"{item!r} is no entry such as node: {{...}}")
             ((kind, content),) = item.items()
             if kind not in readers:
-                raise self.fail(f"entry {kind!r} is not understood here ({', '.join(readers)}); use ros2 launch for it")
+                raise self.fail(f"entry {kind!r} is not supported here ({', '.join(readers)}); use ros2 launch for it")
             if not isinstance(content, dict):
                 raise self.fail(f"{kind}: {content!r} is no mapping")
             readers[kind](content)
@@ -127,7 +127,7 @@ class _Reader:
     def node(self, content: dict[str, Any]) -> None:
         unknown = sorted(str(key) for key in content if key not in _NODE_KEYS)
         if unknown:
-            raise self.fail(f"node: key {unknown[0]!r} is not understood here{did_you_mean(unknown[0], _NODE_KEYS)}")
+            raise self.fail(f"node: key {unknown[0]!r} is not supported here{did_you_mean(unknown[0], _NODE_KEYS)}")
         if not self.wanted(content):
             return
         parameters: dict[str, Any] = {}
@@ -140,7 +140,7 @@ class _Reader:
                 parameters[name] = self.parameter(name, entry)
         on_exit = content.get("on_exit")
         if on_exit not in (None, "shutdown"):
-            raise self.fail(f"node: on_exit {on_exit!r} is not understood; only shutdown is")
+            raise self.fail(f"node: on_exit {on_exit!r} is not supported; only shutdown is")
         words = f"{self.substitute(content.get('args', ''))} {self.substitute(content.get('ros_args', ''))}"
         self.nodes.append(
             NodeEntry(
@@ -184,10 +184,10 @@ class _Reader:
     def parameter(self, name: str, entry: dict[str, Any]) -> Any:
         kind = entry.get("type")
         if kind not in (None, "str"):
-            raise self.fail(f"param {name}: type {kind!r} is not understood here; only str is")
+            raise self.fail(f"param {name}: type {kind!r} is not supported here; only str is")
         value = self.substitute(entry.get("value", "")) if kind == "str" else self.value(entry.get("value"))
         if isinstance(value, dict):
-            raise self.fail(f"param {name}: ROS has no parameters that are mappings; for the text itself add type: str")
+            raise self.fail(f"param {name}: a ROS parameter cannot be a mapping; for the text itself add type: str")
         return value
 
     def value(self, value: Any) -> Any:
@@ -201,7 +201,7 @@ class _Reader:
             read = read_yaml(text, "")
         except InputError:
             return text
-        # A text that looks like nothing stays the text it is: ROS has no such parameters.
+        # ROS has no null parameters: such a text stays a text.
         return text if read is None else read
 
     def substitute(self, text: Any) -> str:
@@ -213,7 +213,7 @@ class _Reader:
             if (match := _SUBSTITUTION.search(result)) is None:
                 return result
             result = result[: match.start()] + self.look_up(match[1], match[2].split()) + result[match.end() :]
-        raise self.fail(f"{str(text)[:40]!r} is a substitution that leads to itself")
+        raise self.fail(f"{str(text)[:40]!r} is a recursive substitution")
 
     def look_up(self, kind: str, words: list[str]) -> str:
         if kind == "dirname" and not words:
@@ -232,7 +232,7 @@ class _Reader:
             raise self.fail(f"$(env {words[0]}) is not set")
         if kind == "find-pkg-share":
             return str(package_share(words[0]))
-        raise self.fail(f"substitution $({kind} ...) is not understood here (var, env, find-pkg-share, dirname)")
+        raise self.fail(f"substitution $({kind} ...) is not supported here (var, env, find-pkg-share, dirname)")
 
 
 def load_graph(name: str, values: Mapping[str, str] | None = None, *, to_run: bool = True) -> Graph:
@@ -245,7 +245,7 @@ def load_graph(name: str, values: Mapping[str, str] | None = None, *, to_run: bo
     values : mapping of str to str, optional
         Values of its arguments.
     to_run : bool
-        Whether every argument without a default must be given; otherwise it is empty.
+        Whether arguments without a default must be given; otherwise they are empty.
 
     Returns
     -------
@@ -254,7 +254,7 @@ def load_graph(name: str, values: Mapping[str, str] | None = None, *, to_run: bo
     Raises
     ------
     InputError
-        No such graph, argument or substitution, or something in the file that only `ros2 launch` understands.
+        No such graph, argument or substitution, or an entry that only `ros2 launch` supports.
     """
     path = graph_path(name)
     reader = _Reader(path, values or {})

@@ -1,4 +1,4 @@
-"""Where the launch files of our bring-up package lie: in an installed ROS workspace or in the checkout."""
+"""Locations of the launch files of our bring-up package: an installed ROS workspace or the checkout."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def package_share(package: str) -> Path:
     Raises
     ------
     InputError
-        When it is neither in the sourced ROS environment nor in this checkout.
+        It is neither in the sourced ROS environment nor in this checkout.
     """
     if not _NAME.fullmatch(package):
-        raise InputError(f"no ROS package {listed([package])}: that is no name of one")
+        raise InputError(f"no ROS package {listed([package])}: not a valid name")
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         share = Path(prefix) / "share" / package
         if share.is_dir():
@@ -32,7 +32,7 @@ def package_share(package: str) -> Path:
     source = Path(__file__).parents[3] / "ros_ws" / "src" / package
     if source.is_dir():
         return source
-    raise InputError(f"no ROS package {package}: source the workspace that holds it, or run from the checkout")
+    raise InputError(f"no ROS package {package}: source its workspace, or run from the checkout")
 
 
 def graph_names() -> list[str]:
@@ -60,7 +60,7 @@ def graph_path(name: str) -> Path:
     Raises
     ------
     InputError
-        When there is none; the line lists those there are.
+        There is no such graph; the message lists the known ones.
     """
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):

@@ -1,4 +1,4 @@
-"""Starts a graph's nodes, passes on what they say, and leaves nothing running."""
+"""Starts the nodes of a graph, passes on their output, and ends all of them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from idloop.errors import IdloopError, InputError
 from idloop.graph.command import node_command, node_environment, parameter_document
 from idloop.graph.description import Graph, NodeEntry
 
-GRACE = 15.0  # seconds for a node to end after SIGINT; a recorder writes what it has
+GRACE = 15.0  # seconds for a node to end after SIGINT; a recorder writes its data
 FORCE = 3.0  # seconds after SIGTERM before SIGKILL
 SENT = signal.SIGINT, signal.SIGTERM, signal.SIGKILL  # to a node, one after the other
 POLL = 0.05
@@ -52,7 +52,7 @@ class GraphRun:
     Raises
     ------
     IdloopError
-        When a node cannot be started; those that were are stopped again.
+        A node cannot be started; the others are stopped.
     """
 
     def __init__(self, graph: Graph, say: Say | None = None, domain_id: int | None = None) -> None:
@@ -81,7 +81,7 @@ class GraphRun:
                 env=environment,
                 text=True,
                 errors="replace",
-                # A group of its own: Ctrl-C reaches the runner alone, which then ends the nodes in order.
+                # A session of its own: Ctrl-C reaches the runner alone, which then ends the nodes in order.
                 start_new_session=True,
             )
         except OSError as error:
@@ -100,16 +100,16 @@ class GraphRun:
 
     @property
     def running(self) -> list[str]:
-        """Labels of the nodes that run."""
+        """Labels of the running nodes."""
         return [child.label for child in self._children if child.process.poll() is None]
 
     def wait(self, stopped: Callable[[], bool] = lambda: False) -> None:
-        """Wait until the node that ends the graph has ended, or `stopped` says so.
+        """Wait until the node that ends the graph has ended, or `stopped` returns True.
 
         Raises
         ------
         IdloopError
-            When a node died before that: which, and its last line.
+            A node ended before that, with its last line of output.
         """
         while not stopped():
             for child in self._children:
@@ -121,14 +121,14 @@ class GraphRun:
                     return
                 if code == BAD_INPUT:
                     raise InputError(f"node {child.label}: {child.last_line or 'wrong parameters'}")
-                if -code in SENT:  # from outside: whatever it said last has nothing to do with it
+                if -code in SENT:  # a signal from outside, unrelated to its last line
                     raise IdloopError(f"node {child.label} was killed by signal {-code} ({signal.Signals(-code).name})")
                 what = f"ended with exit code {code}" if code >= 0 else f"was killed by signal {-code}"
-                raise IdloopError(f"node {child.label} {what}: {child.last_line or 'it said nothing'}")
+                raise IdloopError(f"node {child.label} {what}: {child.last_line or 'no output'}")
             time.sleep(POLL)
 
     def stop(self) -> None:
-        """End every node: SIGINT, then SIGTERM, then SIGKILL to those that do not listen."""
+        """End every node: SIGINT, then SIGTERM, then SIGKILL."""
         for number, patience in zip(SENT, (GRACE, FORCE, FORCE), strict=True):
             alive = [child for child in self._children if child.process.poll() is None]
             for child in alive:
@@ -140,11 +140,11 @@ class GraphRun:
             if code is not None and code < 0 and -code not in SENT:
                 self._say(child.label, f"died of signal {-code}")
             if code:
-                # It did not end by itself: its group may still hold a child of its own.
+                # It did not end by itself: its process group may still contain children.
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.killpg(child.process.pid, signal.SIGKILL)
             child.reader.join(timeout=1.0)
-            # While somebody else holds the pipe open, the reader waits in it and closing would wait for the reader.
+            # While another process holds the pipe open, closing would wait for the reader.
             if child.process.stdout is not None and not child.reader.is_alive():
                 child.process.stdout.close()
         self._folder.cleanup()
@@ -165,19 +165,19 @@ def run_graph(graph: Graph, say: Say | None = None, domain_id: int | None = None
     graph : Graph
         What to run.
     say : callable, optional
-        Receives (label, line) of everything the nodes write.
+        Receives (label, line) of all output of the nodes.
     domain_id : int, optional
         ROS domain of this graph alone.
 
     Returns
     -------
     bool
-        True when the graph came to its own end, False when a signal stopped it (Ctrl-C, a closed terminal, ...).
+        True when the graph ended by itself, False when a signal stopped it (Ctrl-C, a closed terminal, ...).
 
     Raises
     ------
     IdloopError
-        When a node died.
+        A node ended unexpectedly.
     """
     with event_on_ending_signal() as stopped:
         run = GraphRun(graph, say, domain_id)
@@ -189,5 +189,5 @@ def run_graph(graph: Graph, say: Say | None = None, domain_id: int | None = None
 
 
 def _to_stderr(label: str, line: str) -> None:
-    with contextlib.suppress(OSError):  # the terminal may be gone, and the nodes have still to be ended
+    with contextlib.suppress(OSError):  # the terminal may be gone
         sys.stderr.write(f"[{label}] {line}\n")

@@ -1,4 +1,4 @@
-"""A recording played into a live estimator: what the graph `replay` is told, and what it found."""
+"""Replay of a recording into a live estimator, with the graph `replay`."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ from pathlib import Path
 
 from idloop.errors import IdloopError, InputError
 from idloop.graph.description import load_graph
+from idloop.graph.live_results import LiveResult, read_results
 from idloop.graph.processes import Say, run_graph
-from idloop.graph.results import LiveResult, read_results
 from idloop.physics import load_model
 
 
 @dataclass(frozen=True)
 class Windows:
-    """How a live estimator divides its data.
+    """Windows of the data of a live estimator.
 
     Attributes
     ----------
     window, validation, period : float
-        Length of the data that a fit uses, of the data after it that judges the fit, and time
-        between fits [s].
+        Length of the data of a fit, of the validation data after it, and time between fits [s].
     """
 
     window: float = 20.0
@@ -47,15 +46,15 @@ def replay_bag(
     bag : Path
         The recording.
     model : str
-        Preset or model file that the estimator starts from.
+        Preset or model file of the estimator.
     target : Path
-        New bag with what the estimator said.
+        New bag with the results of the estimator.
     effects : sequence of str, optional
         Effects added to the model.
     windows : Windows, optional
-        How the estimator divides the data.
+        Windows of the estimator.
     rate : float
-        Times real time; 0 is as fast as the nodes acknowledge.
+        Relative to real time; 0: as fast as the nodes acknowledge.
     say, domain_id : optional
         As in `run_graph`.
 
@@ -68,18 +67,18 @@ def replay_bag(
     InputError
         The bag is too short for the windows.
     IdloopError
-        Stopped before the end, or no fit came out.
+        Stopped before the end, or without a fit.
     """
     from idloop.records import read_record
 
     windows = windows or Windows()
-    # rounded to what a person would have set
+    # Rounded to four digits, as a user would set it.
     record = read_record(bag, load_model(model))
     period = float(f"{record.sample_time:.4g}")
     needed = windows.window + windows.validation
     if record.duration + period < needed:
         raise InputError(
-            f"{bag}: {record.duration:.4g} s are too short for a fit on {windows.window:g} s judged on "
+            f"{bag}: {record.duration:.4g} s are too short for a fit on {windows.window:g} s and validation on "
             f"{windows.validation:g} s: shorten --window and --validation"
         )
     values = {

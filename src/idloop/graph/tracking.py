@@ -1,4 +1,4 @@
-"""A machine that follows a reference on the live graph, with or without compensation, read back from its bag."""
+"""Tracking experiments on the live graph, with or without compensation, read back from the bag."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
     from idloop.physics import Model
 
 GRAPH = "track"
-# Parameters of the excitation node that all kinds of signals share; others bear the kind's name.
+# Parameters of the excitation node common to all kinds of signals; others have the prefix of their kind.
 _COMMON = frozenset({"amplitude", "offset", "seed", "ramp_in"})
 
 
 @dataclass(frozen=True)
 class TrackingExperiment:
-    """What runs on the graph.
+    """A tracking experiment on the graph.
 
     Attributes
     ----------
     model : Model
-        Whose input, outputs and controller the nodes use; its controller must be named.
+        Model with the input, outputs and controller of the nodes.
     machine : Model or Path
-        The simulated machine, or the MJCF file of one that MuJoCo moves.
+        The simulated machine, or an MJCF file that MuJoCo simulates.
     signal : mapping
         The reference: ``name``, ``duration`` [s] and the signal's own parameters.
     seed : int
         Of the measurement noise.
     noise : bool
-        Whether there is any.
+        Whether to add measurement noise.
     """
 
     model: Model
@@ -64,23 +64,23 @@ def track_on_graph(
     ----------
     experiment : TrackingExperiment
     compensation : Compensation, optional
-        What the controller node cancels; None: nothing.
+        Compensation of the controller node; None: none.
     bag : Path
         Recording to make.
     scratch : Path
-        Folder for the files that the nodes read.
+        Folder for the input files of the nodes.
     say, domain_id : optional
         As in `run_graph`.
 
     Returns
     -------
     Tracking
-        As measured.
+        The measured run.
 
     Raises
     ------
     IdloopError
-        A node died, or the run was stopped before its end.
+        A node failed, or the run was stopped before its end.
     """
     values = launch_values(experiment, compensation, bag, scratch)
     if not run_graph(load_graph(GRAPH, values), say=say, domain_id=domain_id):
@@ -120,7 +120,7 @@ def launch_values(
 
 
 def _save(model: Model, folder: Path) -> Path:
-    """Model file in a folder of its own, with a link to the user's effects beside it: trust goes by their folder."""
+    """Model file in its own folder, with a link to the user's effects, which are trusted by their folder."""
     folder.mkdir(exist_ok=True)
     for effects in model.effect_folders:
         link = folder / "effects"
@@ -132,14 +132,14 @@ def _save(model: Model, folder: Path) -> Path:
 
 
 def _write_config(signal: Mapping[str, Any], compensation: Compensation | None, path: Path) -> Path:
-    """Parameter file of the graph, with this signal and the numbers of the compensation in it."""
+    """Parameter file of the graph with this signal and the settings of the compensation."""
     import yaml
 
     file = load_graph(GRAPH).nodes[0].parameter_files[0]
     config = read_yaml(read_text(file), str(file))
     name = signal["name"]
     excitation = config["excitation"]["ros__parameters"]
-    # What is not given has the signal's own default, not the one that the graph has without us.
+    # Parameters that are not given have the default of the signal, not that of the graph.
     for key in [one for one in excitation if "." in one]:
         del excitation[key]
     excitation["signal"] = name
@@ -157,7 +157,7 @@ def _write_config(signal: Mapping[str, Any], compensation: Compensation | None, 
 
 
 def _plain(value: Any) -> Any:
-    """Value as a parameter file keeps its type: numbers of a list are all real or all whole."""
+    """Value for a parameter file: the numbers of a list are all floats or all integers."""
     if isinstance(value, list | tuple) and any(isinstance(item, float) for item in value):
         return [float(item) for item in value]
     return list(value) if isinstance(value, tuple) else value
@@ -169,16 +169,16 @@ def read_tracking(bag: Path, model: Model) -> Tracking:
     Parameters
     ----------
     bag : Path
-        One run, its reference recorded as well.
+        One run with a recorded reference.
     model : Model
-        Whose controller ran.
+        Model with the controller of the run.
 
     Raises
     ------
     InputError
         The bag cannot be read.
     IdloopError
-        It holds no reference.
+        It has no reference.
     """
     from idloop.control import check_controller
     from idloop.control.tracking import Tracking, wanted_outputs
@@ -187,7 +187,7 @@ def read_tracking(bag: Path, model: Model) -> Tracking:
     record = read_record(bag, model)
     if record.reference is None or record.reference_time is None:
         raise IdloopError(f"{bag}: no reference was recorded")
-    # Stamps are whole nanoseconds: half of one is no difference.
+    # Stamps are integer nanoseconds; half of one is tolerance.
     place = np.searchsorted(record.reference_time, record.time + 5e-10, side="right") - 1
     reference = np.nan_to_num(record.reference[np.maximum(place, 0)])
     sent = np.searchsorted(record.input_time, record.time + 5e-10, side="right") - 1

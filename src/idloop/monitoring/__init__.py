@@ -1,11 +1,11 @@
-"""Watching wear: does an effect of a fitted model grow? Alarms at a stated rate of false ones."""
+"""Wear monitoring: detects the growth of a parameter at a stated rate of false alarms."""
 
 from __future__ import annotations
 
 from idloop.monitoring.baseline import Baseline, learn
 from idloop.monitoring.false_alarms import parse_false_alarms
+from idloop.monitoring.monitor import ALARM, CANNOT_TELL, QUIET, Monitor, Trace, WatchState
 from idloop.monitoring.watch import Watch, choose_watches, parse_watch
-from idloop.monitoring.watching import ALARM, CANNOT_TELL, QUIET, Monitor, Trace, WatchState
 
 __all__ = [
     "ALARM",

@@ -1,4 +1,4 @@
-"""What is normal: a fitted model on records of the healthy machine, and the thresholds that follow from them."""
+"""The healthy reference of a monitor: statistics of a fitted model on healthy records, and alarm thresholds."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from idloop.errors import IdloopError, InputError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.statistics.covariance import long_run_covariance
-from idloop.monitoring.block_scores import Evident, Scores, block_scores, evident, join
+from idloop.monitoring.block_scores import EfficientScore, Scores, block_scores, efficient_score, join
 from idloop.monitoring.false_alarms import USUAL_HOURS
-from idloop.monitoring.reference_observer import Lens, grind
+from idloop.monitoring.reference_observer import ReferenceObserver, design_reference_observer
 from idloop.monitoring.run_length import Evidence, detection_delay, find_threshold, needed_reference
 from idloop.monitoring.watch import Watch, may_vary
 
@@ -28,67 +28,67 @@ Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 BLOCK = 2.0  # [s]
-# Fewer telling blocks than this show neither offset nor variance.
+# Fewest informative blocks from which offset and variance are estimated.
 FEWEST = 20
-# A block that tells less than this share of the reference's mean information tells nothing.
+# A block is informative when it has at least this share of the reference's mean information.
 LEAST_SHARE = 0.02
-# Where less of a change shows than this, what shows is as likely something else.
+# Least sensitivity: below it what the scores show may come from another cause.
 _FAINTEST = 0.1
-# A record is worked off in stretches of this length [s].
+# Records are processed in stretches of this length [s].
 _STRETCH = 120.0
-# Changes of a parameter that may vary: slopes are taken over so much of its value.
+# Step for the slopes of parameters that may vary, as a share of their value.
 _STEP = 0.1
 
 
 @dataclass(frozen=True)
-class Normal:
-    """What the healthy reference shows of one watch.
+class ReferenceStatistics:
+    """Statistics of one watch on the healthy reference.
 
     Attributes
     ----------
     watch : Watch
     offset, offset_stderr : float
-        Change that the scores of the reference itself show, against the model [unit].
-    echo : float
-        Part of a change that the scores show: 1 for an observer that knows the state, less where noise in what it
-        knows makes the slopes larger than they are.
-    spread : float
-        Long-run variance of the scores against what white innovations would give.
+        Change against the model that the reference itself shows [unit].
+    sensitivity : float
+        Share of a change that the scores show: 1 with a known state, less where noise of the estimated state
+        enlarges the slopes.
+    variance_ratio : float
+        Long-run variance of the scores over that with white innovations.
     information : float
-        Mean information of a telling block [1/unit²].
+        Mean information of an informative block [1/unit²].
     evidence : Evidence or None
-        None where the reference tells too little.
+        None where the reference is not informative enough.
     threshold : float
-        Of the CUSUM; infinite where it cannot alarm.
+        Alarm threshold of the CUSUM; infinite where no alarm is possible.
     why : str
-        Why it cannot; empty where it can.
+        Reason why no alarm is possible; empty where one is.
     """
 
     watch: Watch
     offset: float
     offset_stderr: float
-    spread: float
+    variance_ratio: float
     information: float
     evidence: Evidence | None
     threshold: float
     why: str = ""
-    echo: float = 1.0
+    sensitivity: float = 1.0
 
-    def ratio(self, score: Evident) -> Array:
-        """Log-likelihood ratio of the watched growth against none, for each block (b,)."""
-        growth = self.echo * self.watch.growth
+    def ratio(self, score: EfficientScore) -> Array:
+        """Log-likelihood ratio of the watched growth against no growth, for each block (b,)."""
+        growth = self.sensitivity * self.watch.growth
         centred = score.gradient - score.information * self.offset
-        return np.asarray((growth * centred - 0.5 * growth**2 * score.information) / self.spread)
+        return np.asarray((growth * centred - 0.5 * growth**2 * score.information) / self.variance_ratio)
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """Everything that a monitor knows before it begins.
+    """Model, observer and reference statistics of a monitor.
 
     Attributes
     ----------
     model : Model
-        With exactly the parameters free that are watched or may vary.
+        Its free parameters are those that are watched or may vary.
     watches : tuple of Watch
     varying : tuple of str
         Parameters that may change without being wear.
@@ -96,8 +96,8 @@ class Baseline:
         Running time between two false alarms of all watches together [h].
     block : float
         Length of a block [s].
-    lens : Lens
-    normal : tuple of Normal
+    observer : ReferenceObserver
+    normal : tuple of ReferenceStatistics
         One for each watch.
     duration : float
         Of the reference [s].
@@ -108,8 +108,8 @@ class Baseline:
     varying: tuple[str, ...]
     false_alarm_hours: float
     block: float
-    lens: Lens
-    normal: tuple[Normal, ...]
+    observer: ReferenceObserver
+    normal: tuple[ReferenceStatistics, ...]
     duration: float
 
     @cached_property
@@ -118,7 +118,7 @@ class Baseline:
         return RememberingEngine(self.model)
 
     def __getstate__(self) -> dict[str, object]:
-        """Travel without the compiled model."""
+        """Leave out the compiled model, which cannot be pickled."""
         return {name: value for name, value in self.__dict__.items() if name != "engine"}
 
     def scores(self, record: Record) -> Scores:
@@ -132,12 +132,12 @@ class Baseline:
         return join([self._stretch(part) for part in self._stretches(record)])
 
     def _stretches(self, record: Record) -> Iterator[Record]:
-        """A long record in parts that overlap by what the observer takes to settle: memory stays bounded."""
+        """Parts of a long record that overlap by the settling time of the observer, to bound memory."""
         start, end = float(record.time[0]), float(record.time[-1])
         warm = self.settling + self.block
         while True:
             stop = start + max(_STRETCH, 4.0 * warm)
-            # No short rest: it could be too short to be read.
+            # The last part takes in a short rest, which could be too short for a part of its own.
             last = stop + warm >= end
             yield record.cut(start, end if last else stop)
             if last:
@@ -146,34 +146,34 @@ class Baseline:
 
     def _stretch(self, record: Record) -> Scores:
         (data,) = prepare(self.model, [record], every=True)
-        if abs(data.sample_time - self.lens.sample_time) > 0.05 * self.lens.sample_time:
+        if abs(data.sample_time - self.observer.sample_time) > 0.05 * self.observer.sample_time:
             raise InputError(
                 f"record {record.name!r} is sampled every {data.sample_time:.4g} s, the reference every "
-                f"{self.lens.sample_time:.4g} s: an observer serves one rate"
+                f"{self.observer.sample_time:.4g} s: record at the same rate"
             )
         steps = step_sizes(self.model, self.watches)
-        # The grid is that of the absolute clock: a record cut in two has the same blocks.
+        # The grid is that of the absolute clock, so that a record cut in two has the same blocks.
         first, past = divmod(record.start_ns, round(self.block * 1e9))
-        found = block_scores(self.engine, self.lens, self.model.theta, steps, data, self.block, -past * 1e-9)
+        found = block_scores(self.engine, self.observer, self.model.theta, steps, data, self.block, -past * 1e-9)
         return replace(found, index=found.index + first)
 
     @property
     def settling(self) -> float:
-        """Time that the observer takes to forget its start [s]."""
-        longest = max(whitener.order for whitener in self.lens.whiteners)
-        return float((self.lens.memory + longest) * self.lens.sample_time)
+        """Settling time of the observer [s]."""
+        longest = max(whitener.order for whitener in self.observer.whiteners)
+        return float((self.observer.memory + longest) * self.observer.sample_time)
 
     def end_of(self, block: int) -> int:
         """Absolute stamp of the end of a block [ns]."""
         return (block + 1) * round(self.block * 1e9)
 
-    def evident(self, scores: Scores) -> list[Evident]:
-        """What the scores say about each watch, whatever the other parameters do."""
+    def efficient_score(self, scores: Scores) -> list[EfficientScore]:
+        """Efficient score of each watch: independent of changes of the other parameters."""
         steps = step_sizes(self.model, self.watches)
-        return [evident(scores, self.model.free.index(w.parameter), np.abs(steps)) for w in self.watches]
+        return [efficient_score(scores, self.model.free.index(w.parameter), np.abs(steps)) for w in self.watches]
 
-    def promising(self, false_alarm_hours: float) -> Baseline:
-        """The same reference with the thresholds of another rate of false alarms.
+    def with_false_alarm_hours(self, false_alarm_hours: float) -> Baseline:
+        """Return the baseline with the thresholds for another rate of false alarms.
 
         Parameters
         ----------
@@ -199,7 +199,7 @@ class Baseline:
         which : int
             Watch.
         evidence : Evidence, optional
-            Of the data in which it is to be noticed; the reference by default.
+            Of the data that are monitored; the reference by default.
         growth : float
             In units of the watched growth.
         """
@@ -229,14 +229,14 @@ def learn(
     block: float = BLOCK,
     progress: Progress | None = None,
 ) -> Baseline:
-    """Learn from records of the healthy machine what is normal.
+    """Compute the baseline from records of the healthy machine.
 
     Parameters
     ----------
     model : Model
-        Fitted to the machine; its values are those against which growth counts.
+        Fitted to the machine; growth is counted from its values.
     records : sequence of Record
-        The machine as it is when healthy, in the motions in which it will be watched.
+        Of the healthy machine, in the motions in which it will be monitored.
     watches : sequence of Watch
         At least one.
     varying : sequence of str
@@ -261,65 +261,69 @@ def learn(
     """
     if not 0.0 < block < np.inf:
         raise InputError("the length of a block must be positive")
-    tell = progress or (lambda share, text: None)
+    report = progress or (lambda share, text: None)
     others = may_vary(model, watches, varying)
     free = model.with_free([*(watch.parameter for watch in watches), *others])
     data = prepare(free, records, every=True)
-    tell(0.0, "the observer")
-    lens = grind(RememberingEngine(free), data, free.theta)
-    bare = Baseline(free, tuple(watches), others, false_alarm_hours, block, lens, (), sum(r.duration for r in records))
+    report(0.0, "the observer")
+    observer = design_reference_observer(RememberingEngine(free), data, free.theta)
+    bare = Baseline(
+        free, tuple(watches), others, false_alarm_hours, block, observer, (), sum(r.duration for r in records)
+    )
     found = []
     for number, record in enumerate(records):
-        tell(0.5 + 0.5 * number / len(records), "the reference")
-        found.append(bare.evident(bare.scores(record)))
+        report(0.5 + 0.5 * number / len(records), "the reference")
+        found.append(bare.efficient_score(bare.scores(record)))
     if not any(len(one[0].gradient) for one in found):
         raise InputError(
-            f"the reference holds no whole block of {block:g} s after the {bare.settling:.2g} s that the observer "
-            "takes to settle: record for longer"
+            f"the reference has no whole block of {block:g} s after the settling time of the observer, "
+            f"{bare.settling:.2g} s: make a longer recording"
         )
     normal = tuple(
         _normal(watch, [one[i] for one in found], [one[i] for one in _moved(bare, watch, records)], _away(free, watch))
         for i, watch in enumerate(watches)
     )
-    return replace(bare, normal=normal).promising(false_alarm_hours)
+    return replace(bare, normal=normal).with_false_alarm_hours(false_alarm_hours)
 
 
 def _away(model: Model, watch: Watch) -> float:
-    """Change of the model that makes the healthy machine look worn: backwards by the growth, or forwards at a bound."""
+    """Change of the model against which the healthy machine looks worn: minus the growth, or plus it at a bound."""
     known = model.parameter(watch.parameter)
     return -watch.growth if known.min <= known.value - watch.growth <= known.max else watch.growth
 
 
-def _moved(bare: Baseline, watch: Watch, records: Sequence[Record]) -> list[list[Evident]]:
-    """What the healthy records say about each watch when the model is the one that is off."""
+def _moved(bare: Baseline, watch: Watch, records: Sequence[Record]) -> list[list[EfficientScore]]:
+    """Efficient scores of the healthy records with the watched parameter of the model changed."""
     model = bare.model.with_values({watch.parameter: watch.value + _away(bare.model, watch)})
     other = replace(bare, model=model)
-    return [other.evident(other.scores(record)) for record in records]
+    return [other.efficient_score(other.scores(record)) for record in records]
 
 
-def _mean_change(records: list[Evident]) -> float:
-    """Change that all blocks together show, in the scores' own measure [unit]."""
+def _mean_change(records: list[EfficientScore]) -> float:
+    """Change that all blocks together show, before the correction by the sensitivity [unit]."""
     total = sum(float(np.sum(one.information)) for one in records)
     return sum(float(np.sum(one.gradient)) for one in records) / max(total, 1e-300)
 
 
-def _normal(watch: Watch, records: list[Evident], moved: list[Evident], away: float) -> Normal:
-    """Offset, echo and long-run variance of one watch from the reference's blocks, without a threshold.
+def _normal(
+    watch: Watch, records: list[EfficientScore], moved: list[EfficientScore], away: float
+) -> ReferenceStatistics:
+    """Reference statistics of one watch, without a threshold.
 
     Parameters
     ----------
     watch : Watch
-    records, moved : list of Evident
+    records, moved : list of EfficientScore
         Of the reference, with the model and with the model changed.
     away : float
-        By how much it was changed [unit].
+        That change [unit].
     """
     information = np.concatenate([one.information for one in records])
     mean = float(np.mean(information))
-    telling = information > LEAST_SHARE * mean
-    nothing = f"the reference tells nothing about {watch.parameter}: its motion does not show it"
-    if not mean * watch.growth**2 > 1e-9 or np.sum(telling) < 2:
-        return Normal(watch, 0.0, np.inf, 1.0, 0.0, None, np.inf, nothing)
+    informative = information > LEAST_SHARE * mean
+    nothing = f"the reference contains no information about {watch.parameter}: its motion does not excite it"
+    if not mean * watch.growth**2 > 1e-9 or np.sum(informative) < 2:
+        return ReferenceStatistics(watch, 0.0, np.inf, 1.0, 0.0, None, np.inf, nothing)
     total = float(np.sum(information))
     offset = _mean_change(records)
     series = []
@@ -329,25 +333,35 @@ def _normal(watch: Watch, records: list[Evident], moved: list[Evident], away: fl
         if len(z) > 2:
             series.append(z[:, None])
     if sum(len(z) for z in series) < FEWEST:
-        why = f"only {int(np.sum(telling))} blocks of the reference tell about {watch.parameter}: record for longer"
-        return Normal(watch, 0.0, np.inf, 1.0, total / int(np.sum(telling)), None, np.inf, why)
-    spread = _spread(series)
-    # A machine that has grown, seen by this model, is this machine, seen by a model that has shrunk.
-    echo = min((offset - _mean_change(moved)) / away, 1.0)
-    if echo < _FAINTEST:
+        count = int(np.sum(informative))
+        why = f"only {count} blocks of the reference are informative about {watch.parameter}: make a longer recording"
+        return ReferenceStatistics(watch, 0.0, np.inf, 1.0, total / int(np.sum(informative)), None, np.inf, why)
+    variance_ratio = _long_run_variance(series)
+    # A grown parameter of the machine looks like a reduced one of the model.
+    sensitivity = min((offset - _mean_change(moved)) / away, 1.0)
+    if sensitivity < _FAINTEST:
         why = (
-            f"the observer of this model cannot follow {watch.parameter}: of a change only "
-            f"{100 * max(echo, 0.0):.0f} % would show; measure more, or watch for more"
+            f"the observer shows only {100 * max(sensitivity, 0.0):.0f} % of a change of {watch.parameter}: "
+            "measure more outputs, or watch for a larger growth"
         )
-        return Normal(watch, 0.0, np.inf, 1.0, total / int(np.sum(telling)), None, np.inf, why)
-    unit_ratio = (echo * watch.growth) ** 2 / (2.0 * spread)
-    evidence = weigh(information, unit_ratio, LEAST_SHARE * mean)
-    offset_stderr = float(np.sqrt(spread / total))
-    return Normal(watch, offset, offset_stderr, spread, evidence.ratio / unit_ratio, evidence, np.inf, echo=echo)
+        return ReferenceStatistics(watch, 0.0, np.inf, 1.0, total / int(np.sum(informative)), None, np.inf, why)
+    unit_ratio = (sensitivity * watch.growth) ** 2 / (2.0 * variance_ratio)
+    evidence = evidence_of(information, unit_ratio, LEAST_SHARE * mean)
+    offset_stderr = float(np.sqrt(variance_ratio / total))
+    return ReferenceStatistics(
+        watch,
+        offset,
+        offset_stderr,
+        variance_ratio,
+        evidence.ratio / unit_ratio,
+        evidence,
+        np.inf,
+        sensitivity=sensitivity,
+    )
 
 
-def _with_threshold(normal: Normal, hours: float, block: float) -> Normal:
-    """The same with the threshold for one false alarm in so many hours, or why there is none."""
+def _with_threshold(normal: ReferenceStatistics, hours: float, block: float) -> ReferenceStatistics:
+    """Set the threshold for one false alarm in so many hours, or the reason why there is none."""
     if normal.evidence is None:
         return normal
     blocks, watch = 3600.0 * hours / block, normal.watch
@@ -356,15 +370,15 @@ def _with_threshold(normal: Normal, hours: float, block: float) -> Normal:
     except IdloopError:
         longer = needed_reference(blocks, normal.evidence)
         why = (
-            f"the reference is too short to promise one false alarm in {hours:g} h for a growth of "
-            f"{watch.growth:.3g} {watch.unit}: it shows {watch.parameter} to ± "
-            f"{1.96 * normal.offset_stderr / normal.echo:.2g} {watch.unit}; record {longer:.1f} times as "
-            "long, or watch for more"
+            f"the reference is too short for one false alarm in {hours:g} h with a growth of "
+            f"{watch.growth:.3g} {watch.unit}: it determines {watch.parameter} to ± "
+            f"{1.96 * normal.offset_stderr / normal.sensitivity:.2g} {watch.unit}; record {longer:.1f} times as "
+            "long, or watch for a larger growth"
         )
         return replace(normal, threshold=np.inf, why=why)
 
 
-def weigh(information: Array, unit: float, least: float) -> Evidence:
+def evidence_of(information: Array, unit: float, least: float) -> Evidence:
     """Evidence of blocks.
 
     Parameters
@@ -372,20 +386,20 @@ def weigh(information: Array, unit: float, least: float) -> Evidence:
     information : array, shape (b,)
         [1/unit²].
     unit : float
-        Half the squared growth over the spread: turns information into a mean log-likelihood ratio.
+        Half the squared growth over the variance ratio: turns information into a mean log-likelihood ratio.
     least : float
-        Blocks with less information tell nothing [1/unit²].
+        Least information of an informative block [1/unit²].
     """
-    telling = np.where(information > least, information, 0.0)
-    total, squares = float(np.sum(telling)), float(np.sum(telling**2))
+    informative = np.where(information > least, information, 0.0)
+    total, squares = float(np.sum(informative)), float(np.sum(informative**2))
     if total <= 0.0:
         return Evidence(1e-12, 1e-12, 0.0)
-    # Blocks of unequal information are worth this many equal ones.
+    # Number of blocks of equal information that are worth as much.
     alike = total**2 / squares
     return Evidence(unit * total / alike, alike / len(information), alike)
 
 
-def _spread(series: list[Array]) -> float:
+def _long_run_variance(series: list[Array]) -> float:
     """Long-run variance of normalised scores, not below that of the single block."""
     plain = sum(float(np.sum(z**2)) for z in series) / sum(len(z) for z in series)
     return max(float(long_run_covariance(series)[0, 0]), plain, 1e-12)

@@ -1,4 +1,4 @@
-"""Page's CUSUM of one watch: a sum that starts again at 0 and alarms above a threshold, and what it has seen."""
+"""Page's CUSUM of one watch: a sum that restarts at 0 and raises an alarm above a threshold."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from idloop.monitoring.baseline import LEAST_SHARE, Normal
-from idloop.monitoring.block_scores import Evident
+from idloop.monitoring.baseline import LEAST_SHARE, ReferenceStatistics
+from idloop.monitoring.block_scores import EfficientScore
 from idloop.monitoring.run_length import FEWEST_BLOCKS
 
 _WIDTH = 1.959963984540054
-# The newest growth is estimated from as many blocks as make its standard error this share of the watched growth.
+# The newest growth is estimated from so many blocks that its standard error is this share of the watched growth.
 _SHARP = 0.2
 
 
@@ -32,12 +32,11 @@ class Alarm:
     Attributes
     ----------
     block : int
-        At whose end it was raised.
+        At the end of which it was raised.
     onset : int
-        First block after the sum last was 0: the likeliest instant of the change.
+        First block after the sum was last 0: the maximum-likelihood estimate of the change time.
     growth : Growth
-        From the onset to the alarm. It tends to be too large, as the alarm waits for blocks that look like growth; what
-        `Cusum.growth` says of the newest blocks does not.
+        From the onset to the alarm. Biased upwards by the selection of an alarm; `Cusum.growth` is not.
     """
 
     block: int
@@ -52,13 +51,13 @@ class Cusum:
     Attributes
     ----------
     sum : float
-        Of log-likelihood ratios since the onset.
+        Sum of log-likelihood ratios since the onset.
     onset : int or None
-        First block since the sum last was 0; None while it is.
+        First block since the sum was last 0; None while it is 0.
     alarms : list of Alarm
-        In order. After each the sum starts again, so that a growth that stays alarms again.
-    blocks, telling : int
-        Blocks seen, and those that told anything.
+        In order. After each the sum restarts, so that a lasting growth raises another alarm.
+    blocks, informative : int
+        Blocks processed, and the informative ones among them.
     information : float
         Of all blocks [1/unit²].
     squares : float
@@ -69,27 +68,29 @@ class Cusum:
     onset: int | None = None
     alarms: list[Alarm] = field(default_factory=list)
     blocks: int = 0
-    telling: int = 0
+    informative: int = 0
     information: float = 0.0
     squares: float = 0.0
     _since: tuple[float, float] = (0.0, 0.0)
     _newest: deque[tuple[float, float]] = field(default_factory=deque)
     _held: tuple[float, float] = (0.0, 0.0)
 
-    def take(self, normal: Normal, index: np.ndarray[tuple[int], np.dtype[np.int64]], score: Evident) -> list[float]:
-        """Take in blocks in the order of time.
+    def take(
+        self, normal: ReferenceStatistics, index: np.ndarray[tuple[int], np.dtype[np.int64]], score: EfficientScore
+    ) -> list[float]:
+        """Process blocks in the order of time.
 
         Parameters
         ----------
-        normal : Normal
-            What is normal for this watch.
+        normal : ReferenceStatistics
+            Reference statistics of this watch.
         index : array of int, shape (b,)
-        score : Evident
+        score : EfficientScore
 
         Returns
         -------
         list of float, length b
-            The sum after each block, before it starts again at an alarm.
+            Sum after each block, before the restart at an alarm.
         """
         least = LEAST_SHARE * normal.information
         sums = []
@@ -110,8 +111,8 @@ class Cusum:
                 self._restart()
         return sums
 
-    def _add(self, normal: Normal, block: int, ratio: float, gradient: float, information: float) -> None:
-        self.telling += 1
+    def _add(self, normal: ReferenceStatistics, block: int, ratio: float, gradient: float, information: float) -> None:
+        self.informative += 1
         self.information += information
         self.squares += information**2
         self.sum += min(ratio, normal.threshold / FEWEST_BLOCKS)
@@ -122,7 +123,7 @@ class Cusum:
             self._since = self._since[0] + gradient, self._since[1] + information
         self._newest.append((gradient, information))
         self._held = self._held[0] + gradient, self._held[1] + information
-        enough = normal.spread / (_SHARP * normal.echo * normal.watch.growth) ** 2
+        enough = normal.variance_ratio / (_SHARP * normal.sensitivity * normal.watch.growth) ** 2
         while len(self._newest) > 1 and self._held[1] - self._newest[0][1] >= enough:
             old = self._newest.popleft()
             self._held = self._held[0] - old[0], self._held[1] - old[1]
@@ -130,14 +131,14 @@ class Cusum:
     def _restart(self) -> None:
         self.sum, self.onset, self._since = 0.0, None, (0.0, 0.0)
 
-    def growth(self, normal: Normal) -> Growth | None:
-        """Growth that the newest blocks show; None before any of them told anything."""
+    def growth(self, normal: ReferenceStatistics) -> Growth | None:
+        """Growth estimated from the newest blocks; None before the first informative one."""
         return _estimate(normal, *self._held) if self._held[1] > 0.0 else None
 
 
-def _estimate(normal: Normal, gradient: float, information: float) -> Growth:
-    """Estimate of the change and its interval: that of the data and that of the reference together."""
-    value = gradient / max(information, 1e-300) / normal.echo
-    own = np.sqrt(normal.spread / max(information, 1e-300))
-    width = _WIDTH * float(np.hypot(own, normal.offset_stderr)) / normal.echo
+def _estimate(normal: ReferenceStatistics, gradient: float, information: float) -> Growth:
+    """Estimate of the change with its interval, which includes the uncertainty of the reference."""
+    value = gradient / max(information, 1e-300) / normal.sensitivity
+    own = np.sqrt(normal.variance_ratio / max(information, 1e-300))
+    width = _WIDTH * float(np.hypot(own, normal.offset_stderr)) / normal.sensitivity
     return Growth(value, value - width, value + width)

@@ -1,4 +1,4 @@
-"""How seldom an alarm may be false, as people say it: "1000 h", "per 30 days"."""
+"""Time between two false alarms, written as text: "1000 h", "per 30 days"."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from idloop.errors import InputError
 
 HOURS = {"s": 1.0 / 3600.0, "min": 1.0 / 60.0, "h": 1.0, "d": 24.0, "day": 24.0, "days": 24.0, "week": 168.0}
 HOURS |= {"weeks": 168.0, "year": 8766.0, "years": 8766.0}
-# Of running: half a year of day shifts. An alarm more often than that is soon ignored.
+# Running time: half a year of day shifts.
 USUAL_HOURS = 1000.0
 
 _FORM = re.compile(r"(?:(?:1|one)?\s*per\s+)?([0-9.eE+]+)?\s*([a-z]+)", re.IGNORECASE)
 
 
 def parse_false_alarms(text: str) -> float:
-    """Hours of running between two false alarms, on average.
+    """Mean running time between two false alarms.
 
     Parameters
     ----------
@@ -40,6 +40,6 @@ def parse_false_alarms(text: str) -> float:
     unit = found.group(2).lower() if found else ""
     if unit not in HOURS or not 0.0 < count < float("inf"):
         raise InputError(
-            f"false alarms {text!r}: write one per so much time of running, as 'per 1000 h' or 'per 30 days'"
+            f"false alarms {text!r}: write the running time between two of them, such as 'per 1000 h' or 'per 30 days'"
         )
     return count * HOURS[unit]

@@ -1,9 +1,9 @@
-"""The observer through which a machine is watched: its gain, the colour of its innovations, the steps of its slopes."""
+"""The stationary observer of a monitor, with the noise model of its innovations."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, force_scale, output_noise
-from idloop.estimation.optimisation.problem import Problem
-from idloop.estimation.prediction import PredictionCriterion
+from idloop.estimation.likelihood.disturbance import fit_random_walk
+from idloop.estimation.observer.innovations import WALK, InnovationCriterion
+from idloop.estimation.observer.observer import Observer, design
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.statistics.whitening import Whitener, fit_whitener
 
 if TYPE_CHECKING:
@@ -21,31 +23,31 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Samples of the reference from which observer and colour are found.
+# Most samples of the reference from which observer and noise model are designed.
 _ENOUGH = 60_000
-# Longest time that an observer may take to forget its start [s]: each stretch of data loses as much.
+# Longest settling time of the observer [s], which each stretch of data loses.
 _MOST_MEMORY = 20.0
-_ROUNDS = 2  # the first compares raw innovations, the second whitened ones
+_MOST_RAISE = 12.0  # decades by which the disturbance may be raised for that
 
 
 @dataclass(frozen=True)
-class Lens:
-    """A stationary observer of the model with what is normal about its innovations.
+class ReferenceObserver:
+    """A stationary observer and the noise model of its innovations on the healthy machine.
 
     Attributes
     ----------
     gain : array, shape (2 b + 1, p)
         Observer gain.
     memory : int
-        Samples after which the observer has forgotten its start.
+        Samples that the observer takes to settle.
     sample_time : float
-        For which it was designed [s].
+        Sample time of the design [s].
     groups : tuple of tuple of int
-        Outputs that are measured at the same instants.
+        Outputs measured at the same instants.
     whiteners : tuple of Whitener
-        Of each group.
+        One for each group.
     weights : tuple of array, shape (g, g)
-        Bring what is left of each group to unit covariance.
+        Scale the whitened innovations of each group to unit covariance.
     """
 
     gain: Array
@@ -55,7 +57,7 @@ class Lens:
     whiteners: tuple[Whitener, ...]
     weights: tuple[Array, ...]
 
-    def look(self, innovations: Array, group: int, rows: NDArray[np.bool_]) -> Array:
+    def whitened(self, innovations: Array, group: int, rows: NDArray[np.bool_]) -> Array:
         """Innovations of one group, white and of unit variance.
 
         Parameters
@@ -63,29 +65,29 @@ class Lens:
         innovations : array, shape (n, p)
         group : int
         rows : array of bool, shape (n,)
-            Those that count.
+            Rows to use.
 
         Returns
         -------
         array, shape (m − order, g)
-            Of the m rows that count, without the first ones, which have no full past.
+            Of the m rows, without the first ones, whose past is incomplete.
         """
         part = np.ascontiguousarray(innovations[rows][:, list(self.groups[group])])
         return np.asarray(self.whiteners[group].apply(part) @ self.weights[group].T)
 
     def settled(self, data: Data, group: int) -> NDArray[np.bool_]:
-        """Rows at which a group is measured and the observer has forgotten its start, shape (n,)."""
+        """Rows in which a group is measured and the observer has settled, shape (n,)."""
         keep = np.all(np.isfinite(data.output[:, list(self.groups[group])]), axis=1)
         for start in (0, *data.gaps):
             keep[start : start + self.memory] = False
         return np.asarray(keep)
 
 
-def grind(engine: Engine | CompiledEngine, data: Sequence[Data], theta: Array) -> Lens:
-    """Observer and noise model that suit healthy records.
+def design_reference_observer(engine: Engine | CompiledEngine, data: Sequence[Data], theta: Array) -> ReferenceObserver:
+    """Design the observer and its noise model on healthy records.
 
-    The disturbance's intensity is the one that makes the innovations likeliest, as in a fit by the prediction
-    criterion; it is raised where the observer would take too long to forget its start.
+    The disturbance intensity maximises the likelihood, as in a fit by the prediction criterion; it is raised where
+    the observer would settle too slowly.
 
     Parameters
     ----------
@@ -100,23 +102,31 @@ def grind(engine: Engine | CompiledEngine, data: Sequence[Data], theta: Array) -
         No observer can be designed.
     """
     short = _shortened(list(data))
-    rule = PredictionCriterion(engine, short, output_noise(engine.model, short), force_scale(engine, short))
-    for _ in range(_ROUNDS):
-        rule.retune(theta)
-    intensity = rule.intensity
-    while rule.observer.memory * rule.sample_time > _MOST_MEMORY and intensity < 1e12 * rule.intensity:
-        intensity *= 4.0
-        rule.fix(theta, intensity)
-    if not np.isfinite(rule.observer.memory):
-        raise IdloopError("the observer never forgets its start: an unmeasured motion of this model is not stable")
-    problem = Problem(rule, len(theta))
-    point = np.concatenate([theta, rule.nuisance()[0]])
+    noise = output_noise(engine.model, short)
+    rule = InnovationCriterion(engine, short, noise, force_scale(engine, short))
+    first = exponent = fit_random_walk(rule, theta, whiten=True)
+    sample_time, used = float(np.median([d.sample_time for d in short])), rule.measured
+    linear = engine.linearise(theta)
+
+    def stationary(exponent: float) -> Observer:
+        return design(linear.A, linear.C[used], linear.G, sample_time, rule.unit * 10.0**exponent, noise[used])
+
+    observer = stationary(exponent)
+    while observer.memory * sample_time > _MOST_MEMORY and exponent < first + _MOST_RAISE:
+        exponent += np.log10(4.0)
+        observer = stationary(exponent)
+    if not np.isfinite(observer.memory):
+        raise IdloopError("the observer does not settle: an unmeasured motion of this model is not stable")
+    gain = np.zeros((len(observer.gain), len(noise)))
+    gain[:, used] = observer.gain
+    problem = LeastSquaresProblem(rule, len(theta))
+    point = np.append(theta, (exponent, WALK))
     problem.reweigh(point, whiten=True)
     errors = problem.errors(point)
-    return Lens(
-        gain=rule.observer.gain,
-        memory=int(np.ceil(rule.observer.memory)),
-        sample_time=rule.sample_time,
+    return ReferenceObserver(
+        gain=gain,
+        memory=int(np.ceil(observer.memory)),
+        sample_time=sample_time,
         groups=tuple(tuple(group) for group in rule.groups),
         whiteners=tuple(fit_whitener(group, order) for group, order in zip(errors, problem.orders, strict=True)),
         weights=tuple(problem.weights),
@@ -124,9 +134,7 @@ def grind(engine: Engine | CompiledEngine, data: Sequence[Data], theta: Array) -
 
 
 def _shortened(data: list[Data]) -> list[Data]:
-    """The first samples of the records, as many as are enough."""
-    from dataclasses import replace
-
+    """The first samples of each record, in all not much more than `_ENOUGH`."""
     share = _ENOUGH / sum(len(d.time) for d in data)
     if share >= 1.0:
         return data

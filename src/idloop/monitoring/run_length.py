@@ -1,13 +1,13 @@
-"""How long a CUSUM runs until it alarms, falsely or rightly, and the threshold for a wanted rate.
+"""Average run length of a CUSUM until an alarm, false or true, and the threshold for a given false-alarm rate.
 
-Page's test adds up log-likelihood ratios of a growth against none and starts again whenever the sum falls below 0
+Page's test adds up log-likelihood ratios of a growth against none and restarts when the sum falls below 0
 (Page, Biometrika 41, 1954; Basseville and Nikiforov, Detection of Abrupt Changes, 1993, ch. 5). Its average run
 length is that of a Brownian motion with the drift and variance of the ratios, the overshoot over the threshold
 taken into account (Siegmund, Sequential Analysis, 1985, ch. 2).
 
-Offset and variance of the ratios come from a healthy reference of finite length. A threshold that took them for
-exact would promise too much, most of all where the promise is a rare event: the rate is averaged over what they
-may be (Jones, Champ and Rigdon, J. Quality Technology 36, 2004, on the CUSUM with estimated parameters).
+Offset and variance of the ratios are estimated from a healthy reference of finite length. A threshold that ignores
+their uncertainty gives too many false alarms, so the rate is averaged over their distribution (Jones, Champ and
+Rigdon, J. Quality Technology 36, 2004, on the CUSUM with estimated parameters).
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ Array = NDArray[np.float64]
 # Mean excess of a Gaussian walk over a boundary, in standard deviations of a step, at both boundaries of the test.
 _OVERSHOOT = 2.0 * 0.5826
 _LEAST_THRESHOLD = 3.0
-# A block adds no more than the threshold over this: one knock against the machine is no wear.
+# A block adds at most the threshold over this number: a single shock to the machine raises no alarm.
 FEWEST_BLOCKS = 2.5
 _NODES = 41
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a healthy reference says about one watch.
+    """Information of a record about one watch.
 
     Attributes
     ----------
     ratio : float
-        Mean log-likelihood ratio that a telling block takes from a healthy machine's sum, positive: half the squared
-        growth times the block's information.
-    telling : float
-        Share of the blocks that tell anything, in (0, 1].
+        Mean log-likelihood ratio by which an informative block lowers the sum of a healthy machine, positive: half the
+        squared growth times the information of the block.
+    informative : float
+        Share of the blocks that are informative, in (0, 1].
     blocks : float
-        Telling blocks of the reference.
+        Number of informative blocks.
     """
 
     ratio: float
-    telling: float
+    informative: float
     blocks: float
 
     @property
@@ -84,22 +84,22 @@ def run_length(threshold: ArrayLike, drift: ArrayLike, variance: ArrayLike) -> A
 
 
 def false_alarm_rate(threshold: float, evidence: Evidence) -> float:
-    """False alarms per block, averaged over what the reference leaves open."""
+    """False alarms per block, averaged over the uncertainty of the reference."""
     from scipy.stats import chi2
 
     nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
     shares = (np.arange(_NODES) + 0.5) / _NODES
-    # Long-run variance against its estimate: the estimate is chi-square with about so many degrees of freedom.
+    # The estimated long-run variance has a chi-square distribution with about so many degrees of freedom.
     freedom = max(evidence.blocks - 1.0, 1.0)
     wider = freedom / chi2.ppf(shares, freedom)
     offset = nodes[:, None] * evidence.offset_stderr * np.sqrt(wider)
     drift = -evidence.ratio * (1.0 - 2.0 * offset)
     rate = 1.0 / run_length(threshold, drift, 2.0 * evidence.ratio * wider)
-    return float(evidence.telling * (weights / np.sum(weights)) @ np.mean(rate, axis=1))
+    return float(evidence.informative * (weights / np.sum(weights)) @ np.mean(rate, axis=1))
 
 
 def find_threshold(blocks: float, evidence: Evidence) -> float:
-    """Threshold at which one false alarm comes in so many blocks, on average over machines and references.
+    """Threshold with one false alarm in so many blocks, on average over references.
 
     Parameters
     ----------
@@ -110,12 +110,12 @@ def find_threshold(blocks: float, evidence: Evidence) -> float:
     Raises
     ------
     IdloopError
-        The reference is too short: no threshold can promise it.
+        The reference is too short for any threshold.
     """
-    # However plainly a block speaks: below the least threshold a slight error of the model would alarm.
+    # Below the least threshold a slight error of the model would raise an alarm.
     low, high = _LEAST_THRESHOLD, _most(blocks)
     if false_alarm_rate(high, evidence) > 1.0 / blocks:
-        raise IdloopError("the reference is too short to promise so few false alarms")
+        raise IdloopError("the reference is too short for so few false alarms")
     while high - low > 1e-3:
         middle = 0.5 * (low + high)
         if false_alarm_rate(middle, evidence) > 1.0 / blocks:
@@ -126,7 +126,7 @@ def find_threshold(blocks: float, evidence: Evidence) -> float:
 
 
 def needed_reference(blocks: float, evidence: Evidence) -> float:
-    """How many times as long the reference would have to be for the promise to be kept at a sensible threshold.
+    """Factor by which the reference has to be longer for a threshold with a practical detection delay.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def needed_reference(blocks: float, evidence: Evidence) -> float:
     """
     factor = 1.0
     while factor < 1e6:
-        longer = Evidence(evidence.ratio, evidence.telling, evidence.blocks * factor)
+        longer = Evidence(evidence.ratio, evidence.informative, evidence.blocks * factor)
         if false_alarm_rate(_most(blocks), longer) <= 1.0 / blocks:
             return factor
         factor *= 1.25
@@ -149,28 +149,28 @@ def needed_reference(blocks: float, evidence: Evidence) -> float:
 
 
 def _most(blocks: float) -> float:
-    """Twice the threshold that suits a reference without end: beyond it the delay is worse than a longer reference."""
+    """Largest practical threshold: twice that of a reference of infinite length."""
     return 2.0 * float(np.log(max(blocks, 1.0))) + 2.0 * _LEAST_THRESHOLD
 
 
 def detection_delay(threshold: float, evidence: Evidence, growth: float = 1.0) -> float:
-    """Average number of blocks, idle ones included, from a sudden growth to its alarm.
+    """Average number of blocks, uninformative ones included, from a sudden growth to its alarm.
 
     Parameters
     ----------
     threshold : float
     evidence : Evidence
-        Of the data in which it is to be noticed.
+        Of the data that are monitored.
     growth : float
         In units of the watched growth.
 
     Returns
     -------
     float
-        Infinite for a growth of half the watched one or less, which the test takes for none.
+        Infinite for a growth of at most half the watched one, which the test does not detect.
     """
     drift = evidence.ratio * (2.0 * growth - 1.0)
     if drift <= 0.0:
         return float("inf")
     blocks = max(float(run_length(threshold, drift, 2.0 * evidence.ratio)), np.ceil(FEWEST_BLOCKS))
-    return float(blocks) / evidence.telling
+    return float(blocks) / evidence.informative

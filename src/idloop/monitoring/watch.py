@@ -1,4 +1,4 @@
-"""What is watched: a parameter of the model and the growth that should not go unnoticed."""
+"""Watches: a parameter of the model and the growth to detect."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from idloop.spelling import did_you_mean_or_known, listed
 if TYPE_CHECKING:
     from idloop.physics import Model
 
-# Growth that a watch looks for where none is stated, as a share of the parameter's value.
+# Default growth to detect, as a share of the parameter's value.
 USUAL_GROWTH = 0.2
 
 
 @dataclass(frozen=True)
 class Watch:
-    """A parameter and the change that is to be noticed.
+    """A parameter and its growth to detect.
 
     Attributes
     ----------
     parameter : str
         Name in the model, such as ``coulomb_friction@motor.level``.
     value : float
-        Its value in the model [unit].
+        Value in the model [unit].
     growth : float
-        Change that is to be noticed [unit], not 0; negative where wear makes it fall, as a stiffness.
+        Change to detect [unit], not 0; negative where wear reduces the parameter, such as a stiffness.
     unit : str
         Unit of the parameter.
     """
@@ -42,7 +42,7 @@ class Watch:
 
 
 def parse_watch(model: Model, text: str) -> Watch:
-    """Watch of a model from text.
+    """Parse a watch.
 
     Parameters
     ----------
@@ -58,15 +58,15 @@ def parse_watch(model: Model, text: str) -> Watch:
     Raises
     ------
     InputError
-        The model has no such parameter, the growth is no number or 0, or it leads out of the parameter's bounds.
+        The model has no such parameter, the growth is no number or 0, or it violates the bounds of the parameter.
     """
     name, equals, amount = (part.strip() for part in text.partition("="))
     parameter = model.parameter(_full_name(model, name))
     growth = _growth(text, amount if equals else f"{100 * USUAL_GROWTH:g}%", parameter.value)
     if growth == 0.0:
         raise InputError(
-            f"watch {text}: {parameter.name} is {parameter.value:g} {parameter.unit} in the model; say the growth in "
-            f"{parameter.unit}, as in {parameter.name}=0.01"
+            f"watch {text}: {parameter.name} is {parameter.value:g} {parameter.unit} in the model; give the growth in "
+            f"{parameter.unit}, such as {parameter.name}=0.01"
         )
     if not parameter.min <= parameter.value + growth <= parameter.max:
         raise InputError(
@@ -77,7 +77,7 @@ def parse_watch(model: Model, text: str) -> Watch:
 
 
 def choose_watches(model: Model, texts: Sequence[str]) -> tuple[Watch, ...]:
-    """Watches from text; without any, dry friction and the couplings' effects that the model has.
+    """Parse watches; without any, take the dry friction and the effects in couplings that the model has.
 
     Parameters
     ----------
@@ -101,20 +101,20 @@ def choose_watches(model: Model, texts: Sequence[str]) -> tuple[Watch, ...]:
         raise InputError(f"watch {twice[0]}: named twice")
     if not found:
         raise InputError(
-            f"model {model.name} has no friction and no play to watch: add an effect to the model, or name a "
-            f"parameter, one of {listed(model.values)}"
+            f"model {model.name} has no dry friction and no effect in a coupling to watch: add an effect to the "
+            f"model, or name a parameter, one of {listed(model.values)}"
         )
     return tuple(found)
 
 
 def may_vary(model: Model, watches: Sequence[Watch], more: Iterable[str] = ()) -> tuple[str, ...]:
-    """Parameters that may change without being wear: viscous friction, which follows the temperature, and others.
+    """Parameters whose change is not wear: viscous friction, which depends on the temperature, and others.
 
     Parameters
     ----------
     model : Model
     watches : sequence of Watch
-        They are not among the answer.
+        Their parameters are left out.
     more : iterable of str
         Further parameters of the model.
 
@@ -123,7 +123,7 @@ def may_vary(model: Model, watches: Sequence[Watch], more: Iterable[str] = ()) -
     InputError
         The model has no such parameter.
     """
-    losses = {name for body in model.bodies for name in model.doing_as(f"{body}.viscous_friction")}
+    losses = {name for body in model.bodies for name in model.equivalent_parameters(f"{body}.viscous_friction")}
     viscous = [p.name for p in model.parameters if p.name in losses and p.value > 0.0]
     watched = {watch.parameter for watch in watches}
     further = [model.parameter(name).name for name in more]
@@ -131,7 +131,7 @@ def may_vary(model: Model, watches: Sequence[Watch], more: Iterable[str] = ()) -
 
 
 def _full_name(model: Model, name: str) -> str:
-    """Name of a parameter; an effect alone stands for its first one."""
+    """Name of a parameter; the name of an effect means its first parameter."""
     for active in model.effects:
         if active.name == name:
             return f"{name}.{active.effect.parameters[0].name}"
@@ -158,7 +158,7 @@ def _growth(text: str, amount: str, value: float) -> float:
 
 
 def _worn(model: Model) -> list[str]:
-    """First parameters of dry frictions and of what sits in couplings, where the model has them."""
+    """Effects of dry friction and in couplings whose first parameter is not 0."""
     return [
         active.name
         for active in model.effects

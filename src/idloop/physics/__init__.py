@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from idloop.physics.conditions import Condition
-    from idloop.physics.effect import Effect, EffectEquation, ParameterSpec, catalogue
+    from idloop.physics.effect import Effect, EffectEquation, EffectParameter, catalogue
     from idloop.physics.effect_text import parse_effect
     from idloop.physics.engine import Engine
     from idloop.physics.hooks import hook
@@ -21,11 +21,11 @@ __all__ = [
     "Condition",
     "Effect",
     "EffectEquation",
+    "EffectParameter",
     "Engine",
     "Machine",
     "Model",
     "Parameter",
-    "ParameterSpec",
     "Plant",
     "Simulation",
     "catalogue",
@@ -43,7 +43,7 @@ _WHERE = {
     "Engine": "engine",
     "Model": "model",
     "Parameter": "parameter",
-    "ParameterSpec": "effect",
+    "EffectParameter": "effect",
     "Machine": "machine",
     "Plant": "plant",
     "Simulation": "simulation",

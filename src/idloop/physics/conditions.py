@@ -1,4 +1,4 @@
-"""Measured conditions of an experiment, such as a temperature or the supply: no output, but effects depend on them."""
+"""Measured conditions of an experiment, such as a temperature or the supply, that effects depend on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 # Site and condition of an effect that depends on it.
 Wanted = tuple[str, str]
-# Of the median interval of the samples; an interval itself is not to be cut by rounding.
+# Tolerance of the median interval of the samples for rounding.
 _ONE_INTERVAL = 1.0 + 1e-6
 
 
@@ -26,7 +26,7 @@ class Condition:
     Attributes
     ----------
     name : str
-        What effects ask for, such as ``temperature`` or ``supply``, or that of one site: ``motor.temperature``.
+        Such as ``temperature`` or ``supply``, or of one site: ``motor.temperature``.
     unit : str
         Such as ``°C`` or ``V``.
     time, value : ndarray, shape (m,)
@@ -59,7 +59,7 @@ class Condition:
         return np.interp(time, self.time, self.value)
 
     def cut(self, low: float, high: float) -> Condition:
-        """The samples that tell low <= time <= high [s]: with one before and one after."""
+        """Samples in low <= time <= high [s], with one before and one after."""
         first = max(int(np.searchsorted(self.time, low, side="right")) - 1, 0)
         last = int(np.searchsorted(self.time, high, side="left")) + 1
         part = slice(min(first, self.time.size - 1), max(last, first + 1))
@@ -67,7 +67,7 @@ class Condition:
 
 
 def condition_name(wanted: Wanted, names: Collection[str]) -> str:
-    """Name of the condition that serves an effect: that of its site where it was recorded, the general one else."""
+    """Name of the condition for an effect: that of its site where it was recorded, otherwise the general one."""
     at, name = wanted
     return f"{at}.{name}" if f"{at}.{name}" in names else name
 
@@ -86,7 +86,7 @@ class Conditions:
         self._by_name = {one.name: one for one in several}
         if len(self._by_name) < len(several):
             raise InputError(f"conditions {listed(one.name for one in several)}: name each once")
-        # What is linear between samples is so between those of all.
+        # Piecewise linear functions stay so on the union of their samples.
         self.time = np.unique(np.concatenate([one.time for one in several])) if several else np.zeros(0)
         self._tables: dict[tuple[Wanted, ...], Array] = {}
 
@@ -113,17 +113,17 @@ class Conditions:
         return self._by_name[name]
 
     def interval(self, wanted: Sequence[Wanted]) -> float:
-        """Time over which what is wanted may be taken as it is amid it: between two samples [s]."""
+        """Time over which the wanted conditions may be taken as constant: between two samples [s]."""
         times = [self[condition_name(one, self._by_name)].time for one in wanted]
         return min((float(np.median(np.diff(t))) * _ONE_INTERVAL for t in times if t.size > 1), default=np.inf)
 
     def table(self, wanted: Sequence[Wanted]) -> Array:
-        """Values at the times of `time`, a column for each that is wanted.
+        """Values at `time`, one column for each wanted condition.
 
         Raises
         ------
         InputError
-            A condition is not there.
+            A condition is missing.
         """
         key = tuple(wanted)
         if key not in self._tables:
@@ -132,7 +132,7 @@ class Conditions:
         return self._tables[key]
 
     def sampled(self, time: Array, stamps: Array | None = None) -> Conditions:
-        """The conditions at some instants (k,) [s], stamped anew where other stamps are given."""
+        """The conditions at some instants (k,) [s], with other stamps where given."""
         when = time if stamps is None else stamps
         return Conditions(replace(one, time=when, value=one.at(time)) for one in self._by_name.values())
 

@@ -296,7 +296,7 @@ def _check_state_feedback(values: Mapping[str, Any], where: str) -> None:
     for name in states:
         joint_and_field(name, "states", where)
         if states.count(name) > 1:
-            raise InputError(f"{where}: {name} stands twice in states; list each state once")
+            raise InputError(f"{where}: states contains {name} twice; list each state once")
     for name in values["differentiate"]:
         joint, field = joint_and_field(name, "differentiate", where)
         if name not in states or field != "velocity" or f"{joint}.position" not in states:

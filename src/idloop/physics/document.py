@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 
-from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, ParameterSpec, catalogue
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, EffectParameter, catalogue
 
 HEAD = """\
 # The catalogue of effects
@@ -56,7 +56,7 @@ quantisation. With a delay, the q of a ripple is as old as its y.
 }
 
 
-def _parameter(spec: ParameterSpec) -> str:
+def _parameter(spec: EffectParameter) -> str:
     if spec.chosen:
         return f"`{spec.name}` [{spec.unit}], chosen, {spec.start:g} when not given"
     whole = ", whole number" if spec.integer else ""

@@ -1,9 +1,9 @@
-"""What a physical effect is: equations at a site, parameters, and words for the user.
+"""Physical effects: equations at a site, parameters, and facts for the diagnosis.
 
-An effect is one file that assigns ``EFFECT = Effect(...)``. The built-in ones lie in
-``idloop/physics/effects``; a user's own lie in a folder named ``effects`` beside the model
-file, which its user trusts once (`idloop trust`), or in the folders of the environment
-variable ``IDLOOP_EFFECTS``, and take part in everything like the built-in ones.
+An effect is one file that assigns ``EFFECT = Effect(...)``. The built-in ones are in
+``idloop/physics/effects``; the user's own are in a folder ``effects`` beside the model file, which
+the user trusts once (`idloop trust`), or in the folders of the environment variable
+``IDLOOP_EFFECTS``. Both are treated alike.
 
 Arguments ``(a, b, c, elapsed, state, parameters)`` of the equations, by place:
 
@@ -12,21 +12,21 @@ place          a                           b                          c
 =============  ==========================  =========================  ======================
 ``command``    command so far              velocity of body 0         command as sent
 ``force``      position                    velocity                   inertia
-``friction``   direction (+1 or -1)        speed (0: breakaway)       torque that arrives
+``friction``   direction (+1 or -1)        speed (0: breakaway)       transmitted torque
 ``coupling``   torque so far               twist                      stiffness
 ``reading``    reading so far              position                   velocity
-``undo``       command that must come out  velocity of body 0         its side, -1 to +1
+``undo``       wanted command              velocity of body 0         smooth sign of it
 =============  ==========================  =========================  ======================
 
-``undo`` is the inverse of ``command``, for a compensator. Its third argument is the sign of the first one, but goes
-smoothly from -1 to +1 near zero: an inverse that jumps takes its jump from it. A ``force`` or ``friction`` needs no
-such inverse: a compensator asks the drive for what the equation takes along the reference.
+``undo`` is the inverse of ``command``, for a compensator. Its third argument is the sign of the first one, but smooth
+near zero, from which an inverse with a step takes its step. A ``force`` or ``friction`` needs no inverse: a
+compensator adds the force of the equation along the reference.
 
-An effect that depends on a measured condition, such as a temperature, finds how far it is from its reference in its
-first state; that is 0 where it was not measured.
+The first state of an effect that depends on a measured condition, such as a temperature, is the deviation of the
+condition from its reference; 0 where it was not measured.
 
 An effect with memory also has ``settle``: called with the same arguments after each step, it
-writes the state that the next step starts from.
+updates the state for the next step.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
 
 
 @dataclass(frozen=True)
-class ParameterSpec:
+class EffectParameter:
     """A parameter of an effect.
 
     Attributes
@@ -60,21 +60,21 @@ class ParameterSpec:
     name : str
         Name in model files.
     unit : str
-        Unit; ``{input}``, ``{force}``, ``{position}``, ``{output}`` stand for the model's own.
+        Unit; ``{input}``, ``{force}``, ``{position}``, ``{output}`` are replaced by those of the model.
     start : float
-        Value when the user gives none; what a fit starts from.
+        Default value, and start value of a fit.
     neutral : float
-        Value at which the effect does nothing.
+        Value at which the effect has no influence.
     min, max : float
         Physical bounds.
     integer : bool
-        A whole number, chosen and not estimated.
+        An integer, chosen and not estimated.
     optional : str
         Name of the parameter whose value is taken when this one is not given.
     held : bool
-        Kept at its start value when the effect is only looked for.
+        Kept at its start value in a screening.
     chosen : bool
-        Says where another parameter counts from, such as a reference temperature: never estimated.
+        A reference of another parameter, such as a reference temperature: never estimated.
     """
 
     name: str
@@ -90,23 +90,21 @@ class ParameterSpec:
 
     @property
     def estimated(self) -> bool:
-        """Whether a fit may move it."""
+        """Whether a fit estimates it."""
         return not (self.integer or self.chosen)
 
 
 @dataclass(frozen=True)
 class EffectEquation:
-    """How an effect is written, in LaTeX.
+    """Equation of an effect in LaTeX.
 
-    ``@q``, ``@v`` and ``@F`` stand for position, velocity and force in the letters of the axis (theta, omega, T or
-    x, v, F), ``@u`` for the command and ``@y`` for the reading that come in, ``@s`` for the site, and ``@i`` for the
-    body where there are several.
+    ``@q``, ``@v`` and ``@F`` are position, velocity and force in the symbols of the axis (theta, omega, T or x, v, F),
+    ``@u`` and ``@y`` the incoming command and reading, ``@s`` the site, and ``@i`` the body where there are several.
 
     Attributes
     ----------
     term : str
-        Its symbol in the balance of forces, the command or the reading, with its sign; empty where the equation
-        says all.
+        Symbol in the force balance, the command or the reading, with its sign; empty where the equation is complete.
     text : str
         The equation.
     symbols : mapping of str to str
@@ -137,107 +135,106 @@ class Effect:
     site : {"input", "body", "coupling", "output"}
         Where the effect acts.
     text : str
-        One sentence of physics for the user.
-    parameters : tuple of ParameterSpec
+        One sentence about the physics.
+    parameters : tuple of EffectParameter
         In the order in which the equations index them.
     command, force, friction, coupling, reading : Hook, optional
         The equations, see the module's table.
     settle : Hook, optional
-        Update of the effect's memory.
+        Update of the effect's state.
     edge : Hook, optional
-        Of a coupling, the twist at plus and minus which its equation jumps, from the same arguments: the simulator
-        finds the instant and keeps the side in the effect's first state.
+        Of a coupling, the twist of either sign at which its equation is discontinuous, from the same arguments: the
+        simulator finds the instant and keeps the side in the effect's first state.
     states : int
-        How many numbers the effect remembers; the first is the deviation of a condition that it depends on.
+        Number of states; the first is the deviation of a condition that it depends on.
     condition : str
-        Measured condition that the effect depends on, such as ``temperature`` or ``supply``: it is looked for only
-        where that was recorded.
+        Measured condition that the effect depends on, such as ``temperature`` or ``supply``: a candidate only where it
+        was recorded.
     reference : str
-        Parameter that is the condition at which the effect does nothing.
+        Parameter with the condition at which the effect has no influence.
     order : int
         Place in the chain of effects at one site, small first.
     final : bool
-        An output effect that acts after the measurement noise (quantisation); an estimate counts what it does as noise.
+        An output effect that acts after the measurement noise (quantisation); noise to an estimate.
     outputs : tuple of str
-        The outputs it fits: ``position``, ``velocity``.
+        Fields of the outputs that it acts on: ``position``, ``velocity``.
     looks_like : tuple of str
-        Effects that data often cannot tell from this one.
+        Effects that are often confounded with this one.
     linear : bool
-        Linear in the motion: part of the linear model that observers are designed on.
+        Linear in the motion: part of the linear model for the observer design.
     proportional : bool
-        Of a force or friction without memory: proportional to its first parameter, the others kept.
+        Of a force or friction without memory: proportional to its first parameter.
     rate, spatial_rate : callable
         ``(values, inertia, stiffness)`` to the fastest rate that the effect adds, in rad/s and
-        in rad per unit of position: they choose the integration step.
+        in rad per unit of position, for the integration step.
     delay : str
-        Parameter that is a pure delay of the input or output, handled by the simulator.
+        Parameter that is a pure delay of the input or output, implemented by the simulator.
     splits : bool
-        The effect splits its body in two; handled when the model is laid out.
+        The effect splits its body in two, in the layout of the model.
     trials : callable, optional
-        From `Scales` to alternatives of values to try when the effect is looked for; from the
-        parameters' units when left out.
+        From `Scales` to alternatives of start values for a screening; from the units of the
+        parameters when left out.
     further : callable, optional
-        From `Scales` and the values of the plain form, which leaves optional and held parameters alone, to alternatives
-        of these to try when the fuller form is looked for beside it.
+        From `Scales` and the values of the plain form, without optional and held parameters, to alternatives of these
+        in a screening of the full form.
     contains : mapping
-        Effects that are this one with some parameters at their neutral values:
+        Nested effects, this one with some parameters at their neutral values:
         ``{effect: {its parameter: parameter of this one}}``.
     separable : bool
-        Still an effect when the part of it that is another effect is switched off.
+        Still an effect without its nested effect.
     degenerates_to : tuple of str
-        Effects that this one imitates at the edge of its parameters.
+        Effects that are limiting cases of this one.
     same_as : tuple of str
-        Effects of the same site that together are the same equation, so that no motion tells them apart. A constant at
-        the input may name one of a body, the driven one (where what acts behind it passes constants), and a delay of
-        a sensor one of the input (where there is one sensor).
+        Effects of the same site that together are equivalent to this one for any motion. A constant at the input may
+        name one of the driven body (where the effects after it pass constants), and a delay of a sensor one of the
+        input (with one sensor).
     by_hand : mapping
-        What to do where motion cannot tell: ``{effect of the same equation: check}``.
+        Manual check that separates equivalent effects: ``{effect: check}``.
     passes_constants : bool
-        Of an effect at the input: a constant added to what comes in is a constant added to what goes out.
+        Of an effect at the input: a constant added to its input adds a constant to its output.
     odd : bool
-        Of an effect at the input: the same in both directions and without memory, so that it is a plain gain while the
-        command has one size.
+        Of an effect at the input: odd and without memory, so that it is a gain for a command of one amplitude.
     everyday : bool
-        Any servo axis may have it: data that cannot show it say too little of the axis to call a model adequate.
+        Common to all servo axes: data in which it is not identifiable cannot show that a model is adequate.
     suggest_order : int
-        Place among the effects that the next experiment is to show, small first.
+        Priority among the effects that the next experiment is designed for, small first.
     whole_turn : bool
-        Looks like an offset or a spring as long as the motion covers less than a turn.
+        Confounded with an offset or a spring while the motion covers less than a turn.
     hidden_by_start : bool
-        An unknown start looks the same, so that no experiment is chosen to show it.
+        Confounded with the unknown initial state, so that no experiment is designed for it.
     resolution : str
-        Parameter that is the step of the readings: the data's own lattice shows it, without a refit.
+        Parameter that is the resolution of the readings, found from their quantisation without a refit.
     site_parameter : str
-        Parameter of the body or the coupling itself that does the same as this effect's first one, such as
-        ``viscous_friction``; where it is free the effect is not looked for.
+        Parameter of the body or the coupling that is equivalent to this effect's first one, such as
+        ``viscous_friction``; where it is free the effect is no candidate.
     dry_level : str
-        Parameter that is the dry friction at speed.
+        Parameter that is the level of dry friction in motion.
     command_limit : str
-        Parameter that is the largest command that acts on an axis at rest.
+        Parameter that is the largest command with an effect on an axis at rest.
     slow : bool
-        A force that a disturbance with a long memory may stand for, so that only a refit shows it.
+        A force that a slow disturbance may explain, so that only a refit shows it.
     anywhere : bool
-        A slow force that looks the same on whatever body of the axis it acts.
+        A slow force whose body does not matter.
     needs_angle : bool
-        Makes sense only where positions are angles.
+        Defined for angles only.
     several : bool
-        May act several times at one site, as waves of several harmonics do.
+        May act several times at one site, such as several harmonics.
     equation : EffectEquation, optional
-        How it is written; as a function of what it depends on when left out.
+        Equation for documents; a generic function when left out.
     valid : callable
-        Whether values together make sense, beyond each parameter's own bounds.
+        Condition between the parameters, beyond the bounds of each.
     undo : Hook, optional
         Inverse of ``command``, for a compensator.
     lost_motion : str
-        Parameter that is the way lost at a reversal, which a compensator takes up.
+        Parameter that is the lost motion at a reversal, for a compensator.
     not_cancelled : str
-        Why a compensator leaves the effect alone, in words; empty where it does not.
+        Reason why a compensator cannot cancel the effect; empty where it can.
     """
 
     name: str
     site: str
     text: str
-    parameters: tuple[ParameterSpec, ...]
+    parameters: tuple[EffectParameter, ...]
     command: Hook | None = None
     force: Hook | None = None
     friction: Hook | None = None
@@ -286,7 +283,7 @@ class Effect:
     not_cancelled: str = ""
 
     def __post_init__(self) -> None:
-        """Each parameter that a fact names must be there."""
+        """Check the parameters that are named by facts."""
         shared = [mine for parameters in self.contains.values() for mine in parameters.values()]
         facts = (self.delay, self.lost_motion, self.resolution, self.dry_level, self.command_limit, self.reference)
         for name in (*facts, *shared):
@@ -297,30 +294,30 @@ class Effect:
 
     @property
     def condition_unit(self) -> str:
-        """Unit of the measured condition that it depends on, that of its reference; empty where there is none."""
+        """Unit of the measured condition that it depends on; empty without one."""
         return self.spec(self.reference).unit if self.reference else ""
 
     @property
     def lags(self) -> bool:
-        """What comes out depends on what went in before: a delay, a filter, a play."""
+        """Whether the output depends on past inputs: a delay, a filter, a play."""
         return self.settle is not None or bool(self.delay)
 
     @property
     def from_a_level(self) -> str:
-        """Parameter below which nothing happens, infinite without the effect; empty without one."""
+        """Threshold parameter, which is infinite without the effect; empty without one."""
         if self.splits or not self.parameters:
             return ""
         return "" if math.isfinite(self.parameters[0].neutral) else self.parameters[0].name
 
     @property
     def strength(self) -> str:
-        """Parameter that the effect grows with, from nothing at its neutral value; empty without one."""
+        """Parameter that scales the effect from its neutral value on; empty without one."""
         if self.splits or not self.parameters:
             return ""
         first = self.parameters[0]
         return first.name if not first.integer and math.isfinite(first.neutral) else ""
 
-    def spec(self, name: str) -> ParameterSpec:
+    def spec(self, name: str) -> EffectParameter:
         """Return a parameter's specification.
 
         Raises
@@ -336,18 +333,18 @@ class Effect:
 
 
 def _load_file(files: EffectFiles, name: str) -> ModuleType:
-    """Run one effect file as it was read, under a name of its own."""
+    """Run one effect file as it was read, under a unique module name."""
     path = files.folder / name
     digest = hashlib.sha256(f"{path} {files.checksum}".encode("utf-8", "surrogateescape")).hexdigest()[:12]
     title = f"idloop_effect_{path.stem}_{digest}"
     if title in sys.modules:
         return sys.modules[title]
-    # What is compiled is cached beside the copy, where nobody else can leave anything.
+    # Machine code is cached beside the copy, in a folder that only the user can write.
     spec = importlib.util.spec_from_file_location(title, kept_copy(files, name))
     if spec is None or spec.loader is None:
         raise InputError(f"{path}: cannot be read as an effect file")
     module = importlib.util.module_from_spec(spec)
-    # Data of its own lie beside the original.
+    # Data files of the effect are beside the original.
     module.__file__ = str(path)
     sys.modules[title] = module
     try:
@@ -386,13 +383,13 @@ def built_in() -> dict[str, tuple[Effect, ...]]:
 
 
 def catalogue(*folders: Path) -> dict[str, tuple[Effect, ...]]:
-    """All effects that are known, by name: built in, from ``IDLOOP_EFFECTS``, and from folders.
+    """All known effects by name: built in, from ``IDLOOP_EFFECTS``, and from folders.
 
     Parameters
     ----------
     *folders : Path
-        Further folders of effect files, such as the one beside a model file. Their files run once they are trusted,
-        see `idloop.physics.trust`; those of a folder that ``IDLOOP_EFFECTS`` names do, for it is the user who sets it.
+        Further folders of effect files, such as the one beside a model file. Their files run when they are trusted,
+        see `idloop.physics.trust`; folders in ``IDLOOP_EFFECTS`` are set by the user and need no trust.
 
     Raises
     ------
@@ -417,11 +414,11 @@ def catalogue(*folders: Path) -> dict[str, tuple[Effect, ...]]:
 
 
 def _check_names(effect: Effect, known: Mapping[str, tuple[Effect, ...]], folder: Path) -> None:
-    """Refuse an effect that is said to be, or to contain, one that there is not."""
+    """Refuse an effect that names an unknown one as equivalent or nested."""
     for name in (*effect.contains, *effect.same_as):
         if name not in known:
             cure = did_you_mean_or_known(name, list(known))
-            raise InputError(f"{folder}: effect {effect.name} is said to be or contain '{name}', which is none{cure}")
+            raise InputError(f"{folder}: effect {effect.name} refers to the unknown effect '{name}'{cure}")
 
 
 def find_effect(name: str, site: str, *folders: Path) -> Effect:
@@ -430,7 +427,7 @@ def find_effect(name: str, site: str, *folders: Path) -> Effect:
     Raises
     ------
     InputError
-        There is no such effect, or it does not act at such a site.
+        Unknown effect, or one that does not act at such a site.
     """
     known = catalogue(*folders)
     if name not in known:
@@ -443,7 +440,7 @@ def find_effect(name: str, site: str, *folders: Path) -> Effect:
 
 
 def parameter_as(effect: Effect, fact: Callable[[Effect], str], *folders: Path) -> str:
-    """Parameter that a fact is about, such as the level of dry friction, of an effect or of one that it contains.
+    """Parameter that a fact names, such as the level of dry friction, of an effect or of one nested in it.
 
     Parameters
     ----------
@@ -456,7 +453,7 @@ def parameter_as(effect: Effect, fact: Callable[[Effect], str], *folders: Path) 
     Returns
     -------
     str
-        Empty where the fact is not one of this effect.
+        Empty where the effect does not have the fact.
     """
     own = fact(effect)
     if own or not effect.contains:

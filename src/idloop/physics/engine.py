@@ -1,12 +1,14 @@
-"""A model made ready for many evaluations: simulation, prediction, force balance, linear part."""
+"""Evaluation of a model: simulation, prediction, force balance, linear part."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.errors import InputError
 from idloop.physics import kernel
 from idloop.physics.conditions import Conditions
 from idloop.physics.effect import BODY
@@ -38,6 +40,30 @@ class Linear:
     G: Array
 
 
+class ForceBalance(NamedTuple):
+    """Forces along a measured motion.
+
+    Attributes
+    ----------
+    residual : ndarray (n, b)
+        Equation error of every body: inertia times acceleration minus all modelled forces.
+    required : ndarray (n,)
+        Force of the drive that the motion requires.
+    """
+
+    residual: Array
+    required: Array
+
+    @property
+    def applied(self) -> Array:
+        """Force of the drive as commanded (n,)."""
+        return np.asarray(self.required - self.residual[:, 0])
+
+
+def _flat(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=float)
+
+
 class Engine:
     """Evaluate a model for values ``theta`` of its free parameters.
 
@@ -50,8 +76,8 @@ class Engine:
     -----
     All times are in seconds on one clock, and need not be evenly spaced. A command is held from
     its time on; before the first one it is 0. A measurement comes before a command of the same
-    time. Values of ``theta`` that do not go together, such as a static friction below the kinetic
-    one, have no motion: the results are not numbers.
+    time. Values of ``theta`` that contradict each other, such as a static friction below the kinetic
+    one, give results of NaN.
     """
 
     def __init__(self, model: Model) -> None:
@@ -63,10 +89,6 @@ class Engine:
         """Arrays for one set of values."""
         return lay_out(self.model, self.values(theta))
 
-    def _under(self, theta: Array | None, conditions: Conditions | None) -> Layout:
-        """Arrays for one set of values and the conditions of one record."""
-        return self.layout(theta).under(conditions)
-
     def values(self, theta: Array | None) -> dict[str, float]:
         """Value of every parameter."""
         values = dict(self._values)
@@ -74,8 +96,8 @@ class Engine:
             values.update(zip(self.free, (float(v) for v in theta), strict=True))
         return values
 
-    def go_together(self, theta: Array | None) -> bool:
-        """Whether a search has come to values that make every effect what it is; others give no motion."""
+    def is_valid(self, theta: Array | None) -> bool:
+        """Whether the values satisfy the conditions between the parameters of every effect."""
         if theta is None:
             return True
         values = self.values(theta)
@@ -125,24 +147,24 @@ class Engine:
         noise : ndarray (n, p), optional
             Added to the readings before quantisation.
         conditions : Conditions, optional
-            Measured conditions, on the same clock; without them what depends on one acts as at its reference.
+            Measured conditions, on the same clock; without them they are at their references.
 
         Returns
         -------
         ndarray (n, p)
         """
-        layout = self._under(theta, conditions)
+        layout = self.layout(theta).under(conditions)
         state = self._start(layout, initial_state, input_time, time)
         shape = (len(time), len(self.model.outputs))
         output = np.empty(shape)
-        if not self.go_together(theta):
+        if not self.is_valid(theta):
             return np.full(shape, np.nan)
-        disturbed = np.zeros(shape) if noise is None else np.ascontiguousarray(noise, dtype=float)
+        disturbed = np.zeros(shape) if noise is None else _flat(noise)
         kernel.simulate(
             layout.axis,
-            np.ascontiguousarray(input_time, dtype=float),
-            np.ascontiguousarray(command, dtype=float),
-            np.ascontiguousarray(time, dtype=float),
+            _flat(input_time),
+            _flat(command),
+            _flat(time),
             state,
             layout.new_history(),
             disturbed,
@@ -160,38 +182,39 @@ class Engine:
         initial_state: Array,
         conditions: Conditions | None = None,
     ) -> Array | None:
-        """Slopes of a free run's outputs by the free parameters, and by the first position and speed.
+        """Derivatives of the outputs of a free run by the free parameters, and by the initial position and velocity.
 
         Parameters
         ----------
         theta : ndarray (k,)
         change : ndarray (k,)
-            Small changes of the parameters, to either side.
+            Small steps of the parameters, of either sign.
         input_time, command, time, initial_state, conditions
             As of `simulate`.
 
         Returns
         -------
         ndarray (k + 2, n, p), or None
-            NaN for a parameter without slopes. None where only differences of runs tell; see `idloop.physics.tangent`.
+            NaN for a parameter without a derivative. None where only finite differences apply, see
+            `idloop.physics.tangent`.
         """
         from idloop.physics import tangent
 
-        layout = self._under(theta, conditions)
-        if not self.go_together(theta):
+        layout = self.layout(theta).under(conditions)
+        if not self.is_valid(theta):
             return None
         beside: list[tuple[Layout, float] | None] = []
         for i, size in enumerate(change):
             moved = theta.copy()
             moved[i] += size
-            beside.append((self._under(moved, conditions), float(size)) if self.go_together(moved) else None)
+            beside.append((self.layout(moved).under(conditions), float(size)) if self.is_valid(moved) else None)
         state = self._start(layout, initial_state, input_time, time)
         return tangent.slopes(
             layout,
             beside,
-            np.ascontiguousarray(input_time, dtype=float),
-            np.ascontiguousarray(command, dtype=float),
-            np.ascontiguousarray(time, dtype=float),
+            _flat(input_time),
+            _flat(command),
+            _flat(time),
             state,
         )
 
@@ -216,13 +239,13 @@ class Engine:
             Measurements; NaN where there is none.
         gain : ndarray (m (2 b + 1), p)
             Observer gain on positions, velocities and the disturbance force; b bodies after
-            compliance has split some. Of m gains one below the other, each serves one of the
-            first measurements and the last all that follow.
+            compliance has split some. Of m stacked gains, each is used for one of the first
+            measurements and the last for all that follow.
         decay : float
-            Part of the disturbance force that is expected to be left one measurement later.
+            Share of the disturbance force that remains after one sample.
         place : ndarray of int, optional
-            Which gain serves each of the first measurements, the last entry all that follow;
-            one gain after the other when left out.
+            Index of the gain for each of the first measurements, the last entry for all that
+            follow; one gain after the other when left out.
         conditions : Conditions, optional
             As of `simulate`.
 
@@ -231,20 +254,20 @@ class Engine:
         ndarray (n, p)
             Measured minus predicted.
         """
-        layout = self._under(theta, conditions)
+        layout = self.layout(theta).under(conditions)
         if place is None:
             place = np.arange(len(gain) // (2 * layout.bodies + 1))
         state = self._start(layout, initial_state, input_time, time)
         innovation = np.empty((len(time), len(self.model.outputs)))
-        if not self.go_together(theta):
+        if not self.is_valid(theta):
             return np.full_like(innovation, np.nan)
         kernel.predict(
             layout.axis,
-            np.ascontiguousarray(input_time, dtype=float),
-            np.ascontiguousarray(command, dtype=float),
-            np.ascontiguousarray(time, dtype=float),
-            np.ascontiguousarray(measured, dtype=float),
-            np.ascontiguousarray(gain, dtype=float),
+            _flat(input_time),
+            _flat(command),
+            _flat(time),
+            _flat(measured),
+            _flat(gain),
             place,
             decay,
             state,
@@ -253,52 +276,65 @@ class Engine:
         )
         return innovation
 
-    def equation_error(
+    def predict_ahead(
         self,
         theta: Array | None,
-        position: Array,
-        velocity: Array,
-        acceleration: Array,
         input_time: Array,
         command: Array,
         time: Array,
-        rest_speed: float = 0.0,
-        *,
-        undelayed: bool = False,
+        measured: Array,
+        gain: Array,
+        steps: int,
+        initial_state: Array | None = None,
+        place: NDArray[np.int64] | None = None,
         conditions: Conditions | None = None,
     ) -> Array:
-        """Force that the model leaves unexplained of a measured motion.
+        """Prediction of each sample from the measurements up to ``steps`` samples before it.
 
         Parameters
         ----------
-        position, velocity, acceleration : ndarray (n, b)
-            Motion of every body.
-        rest_speed : float
-            Speed below which a body counts as standing: dry friction then takes what it needs.
-        undelayed : bool
-            The command comes as late as it acts.
-        conditions : Conditions, optional
+        theta, input_time, command, time, initial_state, conditions
             As of `simulate`.
+        measured : ndarray (n, p)
+            Measurements; NaN where there is none.
+        gain, place
+            Observer gains, as of `predict`.
+        steps : int
+            Prediction horizon in samples.
 
         Returns
         -------
-        ndarray (n, b)
-            Inertia times acceleration minus all modelled forces.
-        """
-        return self._balance(
-            theta,
-            position,
-            velocity,
-            acceleration,
-            input_time,
-            command,
-            time,
-            rest_speed,
-            undelayed=undelayed,
-            conditions=conditions,
-        )[0]
+        ndarray (n, p)
+            NaN for the first ``steps`` samples.
 
-    def drive_force(
+        Raises
+        ------
+        InputError
+            ``steps`` is not at least 1 and below the number of samples.
+        """
+        if not 1 <= steps < len(time):
+            raise InputError(f"cannot predict {steps} steps ahead in {len(time)} samples; choose 1 .. {len(time) - 1}")
+        layout = self.layout(theta).under(conditions)
+        if place is None:
+            place = np.arange(len(gain) // (2 * layout.bodies + 1))
+        state = self._start(layout, initial_state, input_time, time)
+        prediction = np.full(measured.shape, np.nan)
+        kernel.predict_ahead(
+            layout.axis,
+            _flat(input_time),
+            _flat(command),
+            _flat(time),
+            _flat(measured),
+            _flat(gain),
+            place,
+            steps,
+            state,
+            layout.new_history(),
+            prediction,
+        )
+        return prediction
+
+    def balance(
         self,
         theta: Array | None,
         position: Array,
@@ -308,63 +344,36 @@ class Engine:
         command: Array,
         time: Array,
         rest_speed: float = 0.0,
-        *,
-        undelayed: bool = False,
         conditions: Conditions | None = None,
-    ) -> tuple[Array, Array]:
-        """Force of the drive as commanded, and as the model needs it for the measured motion."""
-        residual, required = self._balance(
-            theta,
-            position,
-            velocity,
-            acceleration,
-            input_time,
-            command,
-            time,
-            rest_speed,
-            undelayed=undelayed,
-            conditions=conditions,
-        )
-        return required - residual[:, 0], required
+    ) -> ForceBalance:
+        """Force balance along a measured motion.
 
-    def _balance(
-        self,
-        theta: Array | None,
-        position: Array,
-        velocity: Array,
-        acceleration: Array,
-        input_time: Array,
-        command: Array,
-        time: Array,
-        rest_speed: float,
-        *,
-        undelayed: bool,
-        conditions: Conditions | None,
-    ) -> tuple[Array, Array]:
-        layout = self._under(theta, conditions)
-        axis = layout.axis
-        if undelayed and axis.constants[kernel.DELAY] != 0.0:
-            constants = axis.constants.copy()
-            constants[kernel.DELAY] = 0.0
-            axis = axis._replace(constants=constants)
+        Parameters
+        ----------
+        theta, input_time, command, time, conditions
+            As of `simulate`.
+        position, velocity, acceleration : ndarray (n, b)
+            Motion of every body.
+        rest_speed : float
+            Speed below which a body counts as standing: dry friction then balances the other forces.
+        """
+        layout = self.layout(theta).under(conditions)
         residual = np.empty((len(time), layout.bodies))
         required = np.empty(len(time))
-        if not self.go_together(theta):
-            return np.full_like(residual, np.nan), np.full_like(required, np.nan)
+        if not self.is_valid(theta):
+            return ForceBalance(np.full_like(residual, np.nan), np.full_like(required, np.nan))
         kernel.balance(
-            axis,
-            np.ascontiguousarray(time, dtype=float),
-            np.ascontiguousarray(position, dtype=float).reshape(len(time), -1),
-            np.ascontiguousarray(velocity, dtype=float).reshape(len(time), -1),
-            np.ascontiguousarray(acceleration, dtype=float).reshape(len(time), -1),
-            np.ascontiguousarray(input_time, dtype=float),
-            np.ascontiguousarray(command, dtype=float),
+            layout.axis,
+            _flat(time),
+            *(_flat(part).reshape(len(time), -1) for part in (position, velocity, acceleration)),
+            _flat(input_time),
+            _flat(command),
             float(rest_speed),
             layout.new_state(),
             residual,
             required,
         )
-        return residual, required
+        return ForceBalance(residual, required)
 
     def linearise(self, theta: Array | None = None) -> Linear:
         """Linear part: inertia, viscous friction, springs and the effects that are linear."""
@@ -391,13 +400,13 @@ class Engine:
 
     @staticmethod
     def _start(layout: Layout, initial_state: Array | None, input_time: Array, time: Array) -> Array:
-        """Fresh state at the first of the times."""
+        """Initial state at the first of the times."""
         state = layout.new_state()
         if initial_state is not None:
             motion = slice(kernel.DISTURBANCE, kernel.FIRST + 3 * layout.bodies)
             state[motion] = initial_state[motion]
         state[kernel.TIME] = time[0]
-        # commands long past have been followed by the one in force at the start
+        # The last command that acts before the start.
         first = np.searchsorted(input_time, time[0] - layout.axis.constants[kernel.DELAY], side="left") - 1
         state[kernel.COMMAND] = float(max(first, -1))
         return state

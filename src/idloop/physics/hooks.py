@@ -1,8 +1,7 @@
-"""How an effect's equation becomes a function that the compiled simulator can call.
+"""Equations of effects as functions that the compiled simulator can call.
 
-Every equation of every effect has one signature, so the simulator is compiled once and
-calls the active ones through their addresses: an effect is switched on by data, never by
-recompiling, and an effect that is off costs nothing.
+All equations have one signature, so that the simulator is compiled once and calls the active ones
+by their addresses: an effect is activated by data, without compilation, and an inactive one costs nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import Any
 
 
 class Hook:
-    """An equation, compiled when its address is first asked for and cached beside its file."""
+    """An equation, compiled at the first use of its address and cached beside its file."""
 
     def __init__(self, function: Callable[..., float]) -> None:
         self.function = function
@@ -22,21 +21,21 @@ class Hook:
 
     @property
     def address(self) -> int:
-        """Where the machine code starts, for the simulator."""
+        """Address of the machine code, for the simulator."""
         if self._compiled is None:
-            # imported here, so that reading a model file does not start the compiler
+            # Imported here, so that reading a model file does not load the compiler.
             from numba import cfunc, types
 
             number = types.float64
             array = types.CPointer(number)
             signature = number(number, number, number, number, array, array)
-            # As in the simulator: what divides by nothing is not finite, and the search sees that.
+            # As in the simulator: a division by zero gives a value that is not finite.
             self._compiled = cfunc(signature, cache=True, error_model="numpy")(self.function)
         return int(self._compiled.address)
 
     @cached_property
     def arguments(self) -> tuple[bool, ...]:
-        """Of each argument, by its place, whether the equation depends on it."""
+        """Whether the equation depends on each argument."""
         code, used = self.function.__code__, set[str]()
         for step in dis.get_instructions(code):
             used.update(step.argval if isinstance(step.argval, tuple) else (step.argval,))
@@ -50,7 +49,7 @@ class Hook:
 def hook(function: Callable[..., float]) -> Hook:
     """Turn ``f(a, b, c, elapsed, state, parameters) -> float`` into an equation of an effect.
 
-    What ``a, b, c`` are depends on the place of the equation, see `idloop.physics.effect`.
+    The meaning of ``a, b, c`` depends on the place of the equation, see `idloop.physics.effect`.
     ``elapsed`` is the time since ``state`` was settled [s]; ``state`` and ``parameters`` are
     indexed like arrays.
     """

@@ -49,11 +49,11 @@ LEAST_SAMPLES = 64
 # Part of the forces by which their second difference over an exact step may stand out: beyond lies a corner.
 CORNER = 0.005
 # Steps of the chain's own that make up an exact step over which a body's speed is as good as a parabola.
-FEW = 10.0
+PARABOLA_STEPS = 10.0
 # Part of the change of a body's speed by which it must stay away from zero in such a step.
-DOUBT = 0.1
+SPEED_MARGIN = 0.1
 # Part of a gap's edge to which it is known that its sides touch.
-SAME_TWIST = 1e-11
+CONTACT_TOLERANCE = 1e-11
 # A twist that is held inside a gap stays within this part of it.
 INSIDE = 1.0 - 1e-9
 
@@ -219,7 +219,7 @@ def held_twist(axis: Axis, row: int, twist: float, state: Any) -> float:
 
 
 @inner
-def choose_sides(axis: Axis, state: Any) -> bool:
+def note_sides(axis: Axis, state: Any) -> bool:
     """Note on which side of its edges each gap begins the step; whether there is any gap."""
     hooks = axis.coupling_hooks
     gaps = False
@@ -241,7 +241,7 @@ def change_side(axis: Axis, row: int, state: Any) -> None:
 
 
 @inner
-def side_left(axis: Axis, row: int, position: Any, state: Any) -> float:
+def side_margin(axis: Axis, row: int, position: Any, state: Any) -> float:
     """How far a gap's twist is from leaving the side on which the step began; negative when it has."""
     joint, edge = axis.coupling_hooks[row, SITE], edge_of(axis, row, state)
     if edge <= 0.0:
@@ -414,7 +414,7 @@ def runge_kutta(axis: Axis, command: float, step: float, state: Any, work: Any) 
 
 
 @inner
-def choose_modes(axis: Axis, command: float, state: Any, work: Any) -> None:
+def choose_directions(axis: Axis, command: float, state: Any, work: Any) -> None:
     """Direction of each body's dry friction now; a body at rest breaks away only above its level."""
     n = axis.inertia.shape[0]
     position, velocity = state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n]
@@ -438,7 +438,7 @@ def choose_modes(axis: Axis, command: float, state: Any, work: Any) -> None:
 
 
 @inner
-def dips(start: float, falls: float, end: float, rises: float, step: float) -> float:
+def zero_crossing_within(start: float, falls: float, end: float, rises: float, step: float) -> float:
     """Time at which a speed that falls at first and rises at last is below zero within a step; 0 where it is not."""
     if not falls < 0.0 < rises:
         return 0.0
@@ -450,108 +450,103 @@ def dips(start: float, falls: float, end: float, rises: float, step: float) -> f
 
 
 @inner
-def held_back(axis: Axis, body: int, state: Any, work: Any) -> float:
+def static_margin(axis: Axis, body: int, state: Any, work: Any) -> float:
     """Force left to hold a body at rest under the forces in ``work``."""
     net = work[4, body]
     return friction_level(axis, body, 1.0 if net > 0.0 else -1.0, 0.0, work[5, body], state) - abs(net)
 
 
 @inner
-def overdue(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+def event_bound(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
     """Time by which, in a trial step, a body has stopped or has broken away; 0 where it goes on as it began."""
     mode = work[2, body]
     if mode == 0.0:
         if axis.inertia.shape[0] == 1:
             smooth_forces(axis, command, work[0], work[1], step, state, work[4], work[5])
-        return step if held_back(axis, body, state, work) < 0.0 else 0.0
+        return step if static_margin(axis, body, state, work) < 0.0 else 0.0
     end = work[1, body] * mode
     if end < 0.0:
         return step
     start = state[FIRST + axis.inertia.shape[0] + body] * mode
-    return dips(start, work[3, body] * mode, end, work[8, body] * mode, step)
+    return zero_crossing_within(start, work[3, body] * mode, end, work[8, body] * mode, step)
 
 
 @seldom
-def try_again(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
+def repeat_step(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
     """Another trial step."""
     runge_kutta(axis, command, step, state, work)
 
 
 @seldom
-def left_until_event(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+def event_function(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
     """Speed left to a moving body, or force left to hold one at rest, after a trial step; below 0 it is too late."""
-    try_again(axis, command, step, state, work)
+    repeat_step(axis, command, step, state, work)
     if work[2, body] != 0.0:
         return work[1, body] * work[2, body]
     smooth_forces(axis, command, work[0], work[1], step, state, work[4], work[5])
-    return held_back(axis, body, state, work)
+    return static_margin(axis, body, state, work)
+
+
+@inner
+def secant(low: float, low_value: float, high: float, high_value: float) -> float:
+    """Where the chord of a bracket crosses zero; the middle where rounding takes that outside."""
+    crossing = (low * high_value - high * low_value) / (high_value - low_value)
+    return crossing if low < crossing < high else 0.5 * (low + high)
+
+
+@inner
+def narrowed(
+    low: float, low_value: float, high: float, high_value: float, middle: float, value: float, side: int
+) -> Any:
+    """Bracket after one more value, by the Illinois method: an end that stays twice counts half."""
+    if value > 0.0:
+        return middle, value, high, high_value * 0.5 if side == 1 else high_value, 1
+    return low, low_value * 0.5 if side == -1 else low_value, middle, value, -1
 
 
 @seldom
 def event_time(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
     """Time at which a body stops or breaks away within a step (Illinois method); 0 where it does neither."""
-    low, low_value = 0.0, left_until_event(axis, command, body, 0.0, state, work)
-    high, high_value = step, left_until_event(axis, command, body, step, state, work)
+    low, low_value = 0.0, event_function(axis, command, body, 0.0, state, work)
+    high, high_value = step, event_function(axis, command, body, step, state, work)
     if high_value > 0.0:
         return 0.0
     if low_value <= 0.0:  # broke away and came back within the step
         low = 1e-6 * step
-        low_value = left_until_event(axis, command, body, low, state, work)
+        low_value = event_function(axis, command, body, low, state, work)
         if low_value <= 0.0:
             return low
     side = 0
     for _ in range(40):
-        middle = (low * high_value - high * low_value) / (high_value - low_value)
-        if not low < middle < high:
-            middle = 0.5 * (low + high)
-        value = left_until_event(axis, command, body, middle, state, work)
-        if value > 0.0:
-            low, low_value = middle, value
-            if side == 1:
-                high_value *= 0.5
-            side = 1
-        else:
-            high, high_value = middle, value
-            if side == -1:
-                low_value *= 0.5
-            side = -1
+        middle = secant(low, low_value, high, high_value)
+        value = event_function(axis, command, body, middle, state, work)
+        low, low_value, high, high_value, side = narrowed(low, low_value, high, high_value, middle, value, side)
         if value == 0.0 or high - low <= 1e-10 * step or abs(value) < 1e-14:
             break
     return high
 
 
 @inner
-def touching(axis: Axis, command: float, row: int, step: float, state: Any, work: Any) -> float:
+def contact_time(axis: Axis, command: float, row: int, step: float, state: Any, work: Any) -> float:
     """Time at which the two sides of a gap touch or part within a step; its motion goes to ``work``."""
     n = axis.inertia.shape[0]
-    near = SAME_TWIST * edge_of(axis, row, state)
-    low, low_value = 0.0, side_left(axis, row, state[FIRST : FIRST + n], state)
-    high, high_value = step, side_left(axis, row, work[0], state)
+    near = CONTACT_TOLERANCE * edge_of(axis, row, state)
+    low, low_value = 0.0, side_margin(axis, row, state[FIRST : FIRST + n], state)
+    high, high_value = step, side_margin(axis, row, work[0], state)
     middle, side = step, 0
     if low_value <= 0.0:  # just come here: the shortest step that is one
         middle = 1e-6 * step
         runge_kutta(axis, command, middle, state, work)
-        low, low_value = middle, side_left(axis, row, work[0], state)
+        low, low_value = middle, side_margin(axis, row, work[0], state)
         if low_value <= 0.0:
             return middle
     for _ in range(40):
-        middle = (low * high_value - high * low_value) / (high_value - low_value)
-        if not low < middle < high:
-            middle = 0.5 * (low + high)
+        middle = secant(low, low_value, high, high_value)
         runge_kutta(axis, command, middle, state, work)
-        value = side_left(axis, row, work[0], state)
+        value = side_margin(axis, row, work[0], state)
         if abs(value) <= near or high - low <= 1e-10 * step:
             break
-        if value > 0.0:
-            low, low_value = middle, value
-            if side == 1:
-                high_value *= 0.5
-            side = 1
-        else:
-            high, high_value = middle, value
-            if side == -1:
-                low_value *= 0.5
-            side = -1
+        low, low_value, high, high_value, side = narrowed(low, low_value, high, high_value, middle, value, side)
     return middle
 
 
@@ -672,7 +667,7 @@ def add_rows(matrix: Any, first: int, weights: Any, to: Any) -> None:
 
 
 @inner
-def is_bare(axis: Axis) -> bool:
+def has_no_effects(axis: Axis) -> bool:
     """Whether no effect acts on the motion: the chain's own flow and held forces are all there is."""
     hooks = axis.input_hooks.shape[0] + axis.body_hooks.shape[0] + axis.coupling_hooks.shape[0]
     return hooks + axis.friction_hooks.shape[0] == 0
@@ -693,7 +688,7 @@ def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, f
     for i in range(2 * n):
         end[i] = whole[i]
     add_rows(matrix, 8 * n, f0, end)
-    if not is_bare(axis):
+    if not has_no_effects(axis):
         add_rows(matrix, 2 * n, start, half)
         for i in range(2 * n):
             first[i] = half[i]
@@ -751,10 +746,10 @@ def vibration(axis: Axis, state: Any, force: Any) -> float:
 
 
 @inner
-def goes_on(axis: Axis, step: float, state: Any, work: Any, flow: Flow) -> bool:
+def keeps_direction(axis: Axis, step: float, state: Any, work: Any, flow: Flow) -> bool:
     """Whether in the exact step just tried each body with dry friction surely keeps its direction."""
     n = axis.inertia.shape[0]
-    slow = axis.constants[RATE] * step <= FEW
+    slow = axis.constants[RATE] * step <= PARABOLA_STEPS
     energy = mass = change = start = end = 0.0
     if not slow:
         energy = vibration(axis, state, flow.force[0])
@@ -772,7 +767,7 @@ def goes_on(axis: Axis, step: float, state: Any, work: Any, flow: Flow) -> bool:
             least, bend = min(a, b, c), a - 2.0 * b + c
             if abs(a - c) < 2.0 * bend:
                 least = b - 0.125 * (a - c) ** 2 / bend
-            if least < DOUBT * (abs(a - b) + abs(b - c)):
+            if least < SPEED_MARGIN * (abs(a - b) + abs(b - c)):
                 return False
         else:  # the speed of all together less what the whole vibration could give this one
             swing = np.sqrt(2.0 * energy * (1.0 / inertia - 1.0 / mass)) + 0.5 * step * change / inertia
@@ -806,13 +801,13 @@ def advance_exactly(
     step, covered = duration / pieces, 0.0
     while covered < (1.0 - SAME_STEP) * duration:
         if dry:
-            choose_modes(axis, command, state, work)
+            choose_directions(axis, command, state, work)
             for i in range(n):
                 if axis.has_friction[i] and work[2, i] == 0.0:
                     return covered
         if not exact_step(axis, command, step, state, work, flow, flow.matrices[slot, level]):
             return covered
-        if dry and not goes_on(axis, step, state, work, flow):
+        if dry and not keeps_direction(axis, step, state, work, flow):
             level += 1
             pieces *= 2
             if level == LEVELS or not 2.0 * pieces <= axis.constants[RATE] * duration:
@@ -825,7 +820,7 @@ def advance_exactly(
 
 
 @inner
-def advance_single(axis: Axis, command: float, duration: float, state: Any) -> bool:
+def advance_single_body(axis: Axis, command: float, duration: float, state: Any) -> bool:
     """One step of a body without others in which nothing begins or ends; False, and nothing done, where it might."""
     velocity = state[FIRST + 1]
     if not max(axis.constants[RATE], axis.spatial_rate[0] * abs(velocity)) * duration <= 1.0:
@@ -839,7 +834,7 @@ def advance_single(axis: Axis, command: float, duration: float, state: Any) -> b
         axis, command, state[FIRST], velocity, 0.0, state, mode, 1.0 / axis.inertia[0]
     )  # fmt: skip
     position, end, last = single_step(axis, command, duration, state, mode, start)
-    if end * mode < 0.0 or dips(velocity * mode, start * mode, end * mode, last * mode, duration) > 0.0:
+    if end * mode < 0.0 or zero_crossing_within(velocity * mode, start * mode, end * mode, last * mode, duration) > 0.0:
         return False
     velocity = end
     state[FIRST], state[FIRST + 1], state[FIRST + 2] = position, velocity, start
@@ -853,10 +848,10 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
     """Integrate over a stretch of constant command."""
     n = axis.inertia.shape[0]
     followed = history.shape[0] > 0 or axis.output_hooks.shape[0] > 0
-    if n == 1 and not followed and advance_single(axis, command, duration, state):
+    if n == 1 and not followed and advance_single_body(axis, command, duration, state):
         return
     end = state[TIME] + duration
-    gaps = choose_sides(axis, state)
+    gaps = note_sides(axis, state)
     remaining = duration - advance_exactly(axis, command, duration, state, work, flow, gaps)
     events = touches = 0
     dry = False
@@ -873,7 +868,7 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
         pieces = max(np.ceil(remaining * min(rate, axis.constants[MOST])), 1.0)
         step = remaining / pieces
         if dry:
-            choose_modes(axis, command, state, work)
+            choose_directions(axis, command, state, work)
         if n == 1:
             work[3, 0] = single_acceleration(
                 axis, command, state[FIRST], state[FIRST + 1], 0.0, state, work[2, 0], 1.0 / axis.inertia[0]
@@ -892,20 +887,20 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
         if dry:
             for i in range(n):  # a body that stops or breaks away cuts the step short; another may do so before it
                 if axis.has_friction[i] and events < EVENTS_PER_STEP + pieces:
-                    late = overdue(axis, command, i, step, state, work)
+                    late = event_bound(axis, command, i, step, state, work)
                     if late > 0.0:
                         events += 1
                         late = event_time(axis, command, i, late, state, work)
                         if late > 0.0:
                             stopped, step = i, late
-                        try_again(axis, command, step, state, work)
+                        repeat_step(axis, command, step, state, work)
         touched = -1
         if gaps:
             for row in range(axis.coupling_hooks.shape[0]):
-                if axis.coupling_hooks[row, EDGE] != 0 and side_left(axis, row, work[0], state) < 0.0:
+                if axis.coupling_hooks[row, EDGE] != 0 and side_margin(axis, row, work[0], state) < 0.0:
                     touches += 1
                     if touches < EVENTS_PER_STEP + pieces:
-                        step = touching(axis, command, row, step, state, work)
+                        step = contact_time(axis, command, row, step, state, work)
                         stopped = -1
                     touched = row
         accept(axis, command, step, stopped, state, work)
@@ -1165,8 +1160,8 @@ def predict(
 
 @entry
 def predict_ahead(
-    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, steps: int, state: Any,
-    history: Any, prediction: Any,
+    axis: Axis, command_time: Any, command: Any, time: Any, measured: Any, gain: Any, place: Any, steps: int,
+    state: Any, history: Any, prediction: Any,
 ) -> None:  # fmt: skip
     """Prediction (m, p) of each sample from the measurements up to ``steps`` samples before it.
 
@@ -1175,13 +1170,14 @@ def predict_ahead(
     work = np.zeros((9, axis.inertia.shape[0]))
     noise = np.zeros(axis.outputs.shape[0])
     innovation = np.zeros((1, axis.outputs.shape[0]))
-    place = np.zeros(1, dtype=np.int64)
+    last = place.shape[0] - 1
     ahead, past = np.empty_like(state), np.empty_like(history)
     flow = chain_flow(axis, command_time, time)
     for k in range(time.shape[0] - steps):
+        now = min(k, last)
         predict(
-            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, place, 1.0, state, history,
-            innovation,
+            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, place[now : now + 1], 1.0, state,
+            history, innovation,
         )  # fmt: skip
         ahead[:] = state
         past[:] = history
@@ -1219,7 +1215,7 @@ def balance(
         for i in range(n):
             state[FIRST + i] = position[k, i]
             state[FIRST + n + i] = velocity[k, i]
-        choose_sides(axis, state)
+        note_sides(axis, state)
         settle_effects(axis, held, step, state)
         state[TIME] = time[k]
         if axis.condition_hooks.shape[0] > 0:

@@ -1,4 +1,4 @@
-"""From a model and values of its parameters to the arrays that the compiled simulator reads."""
+"""Arrays of the compiled simulator for a model and values of its parameters."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from idloop.physics.hooks import Hook
 from idloop.physics.kernel import Axis
 from idloop.physics.model import ActiveEffect, Model, values_of
 
-# The fastest mode turns by at most this angle in one integration step: the error of a
-# Runge-Kutta step of this size is about 1e-5 of the motion per radian.
+# Largest angle of the fastest mode in one integration step [rad]: the error of such a
+# Runge-Kutta step is about 1e-5 of the motion per radian.
 STEP_ANGLE = 0.2
-# Steps per second beyond which a parameter value is taken as absurd rather than integrated.
+# Most integration steps per second, whatever the parameter values.
 MOST_STEPS = 2e5
 
 
@@ -31,11 +31,11 @@ class Layout:
     axis : Axis
         For the compiled simulator.
     bodies : int
-        Bodies after compliance has split some.
+        Number of bodies after compliance has split some.
     body_of : tuple of int
-        Place in the chain of each body of the model.
+        Index in the chain by body of the model.
     joint_of : mapping of str to int
-        Place in the chain of each coupling of the model, and of each one inside a body that compliance has split.
+        Index in the chain by coupling of the model, including those inside split bodies.
     states : int
         Length of the state vector.
     delay : float
@@ -53,12 +53,12 @@ class Layout:
     wanted: tuple[Wanted, ...] = ()
 
     def under(self, conditions: Conditions | None) -> Layout:
-        """The same under measured conditions; without any, what depends on one acts as at its reference.
+        """The layout under measured conditions; without any they are at their references.
 
         Raises
         ------
         InputError
-            Conditions were recorded, but not one that an effect depends on.
+            A condition that an effect depends on was not recorded.
         """
         if conditions is None or not self.wanted:
             return self
@@ -70,13 +70,13 @@ class Layout:
         return replace(self, axis=axis)
 
     def new_state(self) -> NDArray[np.float64]:
-        """State at rest at time 0, before any command."""
+        """State at rest at time 0, before the first command."""
         state = np.zeros(self.states)
         state[kernel.COMMAND] = -1.0
         return state
 
     def new_history(self) -> NDArray[np.float64]:
-        """Memory of the motion for delayed sensors; empty when there are none."""
+        """Buffer of past motion for delayed sensors; empty without any."""
         if self.delay <= 0.0:
             return np.zeros((0, 1))
         rows = int(np.ceil(self.delay * self.history_rate)) + 8
@@ -84,12 +84,12 @@ class Layout:
 
     @property
     def history_rate(self) -> float:
-        """Rows kept per second at most: integration steps, commands and measurements."""
+        """Most rows per second: integration steps, commands and measurements."""
         return float(self.axis.constants[kernel.RATE]) * 2.0 + 20000.0
 
 
 class _Chain:
-    """The bodies and couplings after compliance has split some of them."""
+    """Bodies and couplings after compliance has split some bodies."""
 
     def __init__(self, model: Model, values: Mapping[str, float]) -> None:
         self.inertia: list[float] = []
@@ -125,7 +125,7 @@ class _Chain:
     def matrix(self) -> NDArray[np.float64]:
         """Of the bare chain's motion, d(positions, velocities)/dt, shape (2 n, 2 n)."""
         n = len(self.inertia)
-        # Entry by entry: for so few, arrays of arrays take several times as long, and a fit lays out at every step.
+        # Entry by entry: several times as fast as block arrays of this size, and a fit does it at every step.
         matrix = np.zeros((2 * n, 2 * n))
         inverse = (1.0 / np.asarray(self.inertia)).tolist()
         rows = [[0.0] * (2 * n) for _ in range(n)]
@@ -146,7 +146,7 @@ def _fastest(matrix: NDArray[np.float64]) -> float:
     """Fastest rate of a motion [rad/s]."""
     if not np.all(np.isfinite(matrix)):
         return float("inf")
-    if len(matrix) == 2:  # a body alone: it slows down and that is all
+    if len(matrix) == 2:  # a single body with viscous friction
         return float(abs(matrix[1, 1]))
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
 
@@ -187,7 +187,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     for active in sorted(model.effects, key=lambda active: active.effect.order):
         effect = active.effect
         own = values_of(active, values)
-        # Inside a body that is not split, or by a spring without give, nothing acts.
+        # No effect acts inside a body that is not split, or with an infinite stiffness.
         nowhere = effect.site == COUPLING and active.at not in chain.joint_of
         if effect.splits or nowhere or (effect.final and not final):
             continue
@@ -222,8 +222,8 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
                 has_friction[site] = 1
         numbers += [own[spec.name] for spec in effect.parameters]
         next_state += effect.states
-    # Nothing between command and sensors depends on time: what all of them lag behind alike is as if every command
-    # came so much later, and an observer then corrects by what is the motion's present in its own time.
+    # The system is time invariant, so that a common delay of all sensors is moved to the command: the observer then
+    # corrects the present motion.
     common = float(np.min(output_delay))
     input_delay, output_delay = input_delay + common, output_delay - common
 
@@ -269,7 +269,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
 
 
 def _equations(active: ActiveEffect) -> list[tuple[str, Hook]]:
-    """The equations of an effect with the table that each belongs in."""
+    """Equations of an effect with the table of each."""
     effect = active.effect
     places = [
         (INPUT, effect.command),

@@ -1,4 +1,4 @@
-"""What a plant node needs of a machine, whoever simulates it."""
+"""Interface of a machine for the plant node and closed loops."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Machine(Protocol):
-    """A machine that is stepped: commands in, measurements out. Times in seconds from its start."""
+    """A machine that is stepped: commands in, measurements out; times in seconds from its start."""
 
     model: Model
 
@@ -27,7 +27,7 @@ class Machine(Protocol):
         """Read the model's outputs now (p,)."""
 
     def schedule(self, stamp: float, command: float) -> None:
-        """Let a command take effect at an instant, or now when that is past."""
+        """Apply a command from an instant on, or from now when that is past."""
 
     def advance(self, until: float) -> None:
         """Run to an instant."""

@@ -1,4 +1,4 @@
-"""A joint of an MJCF file as a machine: MuJoCo moves it, our sensors read it."""
+"""A joint of an MJCF file as a machine, simulated by MuJoCo, with the sensors of a model."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from idloop.spelling import did_you_mean
 
 
 class MjcfPlant:
-    """Step a MuJoCo machine as `idloop.physics.Plant` steps a model: commands in, noisy measurements out.
+    """Simulate an MJCF file as `idloop.physics.Plant` does a model: commands in, noisy measurements out.
 
-    The model says what is measured and how well, and in which units; everything that moves is MuJoCo's. An output is
-    the MJCF sensor of its name where there is one, otherwise the position or velocity of its joint.
+    The model defines outputs, units and noise; the motion is MuJoCo's. An output is the MJCF sensor of its name where
+    there is one, otherwise the position or velocity of its joint.
 
     Parameters
     ----------
     file : Path
-        MJCF file; whatever it includes is found beside it.
+        MJCF file; included files are found beside it.
     model : Model
-        Whose outputs are measured, with their scale and noise; its bodies and effects play no part.
+        Model of the outputs, with their scale and noise; its bodies and effects are not used.
     sample_time : float
-        Time between samples [s]; MuJoCo's own step is shortened where it does not divide it.
+        Sample time [s]; MuJoCo's own step is shortened where it does not divide it.
     joints : mapping of str to str
-        MJCF joint for each joint of the model that is called otherwise there.
+        MJCF joint by joint of the model, where the names differ.
     actuator : str
         MJCF actuator that takes the command; empty: the only one.
     seed : int
         Seed of the measurement noise.
     noise : bool
-        Add the measurement noise that the model's outputs state.
+        Add the measurement noise of the model's outputs.
 
     Raises
     ------
     InputError
-        MuJoCo is not installed, the file is none of its models, or it has no such joint or actuator.
+        MuJoCo is not installed, the file is not valid MJCF, or it has no such joint or actuator.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class MjcfPlant:
         except ImportError as error:
             raise InputError("MuJoCo is not installed: pip install mujoco") from error
         self._mujoco: Any = mujoco
-        # What goes wrong is raised here; MuJoCo would write a log file wherever the process happens to stand.
+        # Errors are raised here; MuJoCo would write a log file in the working directory.
         mujoco.set_mju_user_warning(lambda text: None)
         self.model = model
         self._file = file
@@ -91,7 +91,7 @@ class MjcfPlant:
         return float(self._data.time)
 
     def reset(self) -> None:
-        """Return to the file's initial state and time 0; the noise goes on."""
+        """Return to the file's initial state and time 0; the random generator is not reset."""
         self._mujoco.mj_resetData(self._machine, self._data)
         self._mujoco.mj_forward(self._machine, self._data)
         self._steps = 0
@@ -99,13 +99,13 @@ class MjcfPlant:
 
     def measure(self) -> NDArray[np.float64]:
         """Read the sensors now, with noise (p,)."""
-        # Sensors and positions of the last step belong to its beginning until the state has been looked at again.
+        # After a step sensors and positions are those at its beginning until the next forward computation.
         self._mujoco.mj_forward(self._machine, self._data)
         clean = np.array([float(values[index]) for values, index in self._sources])
         return np.asarray(self._scale * clean + self._noise_std * self._random.standard_normal(len(clean)))
 
     def schedule(self, stamp: float, command: float) -> None:
-        """Let a command take effect at ``stamp`` [s], to MuJoCo's next step, or now when that is past.
+        """Apply a command from ``stamp`` [s] on, rounded to MuJoCo's steps, or from now when that is past.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class MjcfPlant:
         length = self.step_time
         end = round(until / length)
         while self._steps < end:
-            # Half a step early is as near as half a step late.
+            # Rounded to the nearest step.
             while self._waiting and self._waiting[0][0] <= (self._steps + 0.5) * length:
                 self._data.ctrl[self._actuator] = self._waiting.pop(0)[1]
             # All steps up to the next command in one call.
@@ -162,7 +162,7 @@ class MjcfPlant:
         return 0
 
     def _source(self, output: OutputSignal, joints: Mapping[str, str]) -> tuple[Any, int]:
-        """Array of MuJoCo's data and the place in it where an output is read."""
+        """Array of MuJoCo's data and the index of an output in it."""
         if output.name in self._names("sensor"):
             return self._data.sensordata, int(self._machine.sensor_adr[self._machine.sensor(output.name).id])
         name = joints.get(output.joint, output.joint)

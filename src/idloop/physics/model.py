@@ -76,7 +76,7 @@ class ConditionSource:
 
 @dataclass(frozen=True)
 class ActiveEffect:
-    """An effect of the catalogue at a site of this model; of an effect that may act there several times, which one."""
+    """An effect of the catalogue at a site of this model, with a number where it may act there several times."""
 
     effect: Effect
     at: str
@@ -100,7 +100,7 @@ def effect_and_site(name: str) -> tuple[str, str]:
 
 
 def values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the parameters of one effect by their own names; an optional one follows the one it defaults to."""
+    """Parameters of one effect by their own names; an optional one has the value of its default parameter."""
     own: dict[str, float] = {}
     for spec in active.effect.parameters:
         name = f"{active.name}.{spec.name}"
@@ -112,7 +112,7 @@ def values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, fl
 class Model:
     """An axis: a chain of bodies with a drive, its effects and its signals.
 
-    Models do not change: every method returns a new one.
+    Immutable: every method returns a new model.
 
     Attributes
     ----------
@@ -121,21 +121,21 @@ class Model:
     input : InputSignal
         The command.
     outputs : tuple of OutputSignal
-        What is measured.
+        Measured signals.
     bodies : tuple of str
         Names along the chain; the drive acts on the first.
     parameters : tuple of Parameter
-        Every number of the model, in a fixed order.
+        Every parameter, in a fixed order.
     effects : tuple of ActiveEffect
-        What acts beyond inertia, viscous friction and springs.
+        Effects beyond inertia, viscous friction and springs.
     controller : dict or None
-        The controller that ran while the data was recorded, as in the file.
+        The controller during the recording, as in the file.
     conditions : tuple of ConditionSource
-        What is measured beside the axis, such as a temperature, on topics of its own.
+        Conditions measured beside the axis, such as a temperature, on their own topics.
     disturbance : float or None
-        Intensity of the disturbance force that a fit found, in force unit per root second.
+        Intensity of the disturbance force from a fit, in force unit per root second.
     folder : Path or None
-        Where the file lies; its folder ``effects`` may hold the user's own effects.
+        Folder of the file; its folder ``effects`` may contain the user's own effects.
     """
 
     name: str
@@ -152,7 +152,7 @@ class Model:
     folder: Path | None = field(default=None, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to another process as text: compiled equations cannot be sent."""
+        """Pickle as text, since compiled equations cannot be pickled."""
         from idloop.physics.model_file import from_text
 
         return from_text, (self.to_yaml(), self.folder, allowed(self.effect_folders))
@@ -208,7 +208,7 @@ class Model:
 
     @property
     def inner_couplings(self) -> dict[str, ActiveEffect]:
-        """Couplings inside bodies that an effect splits in two, and the effect that does so."""
+        """Couplings inside bodies that an effect splits in two, with this effect."""
         return {self.inside(active.at): active for active in self.effects if active.effect.splits}
 
     def parameter(self, name: str) -> Parameter:
@@ -224,8 +224,8 @@ class Model:
                 return parameter
         raise InputError(f"model {self.name} has no parameter '{name}'{did_you_mean_or_known(name, self.values)}")
 
-    def doing_as(self, name: str) -> tuple[str, ...]:
-        """Names of a parameter of a body or a coupling and of the effects there that do the same."""
+    def equivalent_parameters(self, name: str) -> tuple[str, ...]:
+        """Names of a parameter of a body or a coupling and of equivalent parameters of the effects there."""
         same = (a for a in self.effects if f"{a.at}.{a.effect.site_parameter}" == name)
         return (name, *(f"{active.name}.{active.effect.strength}" for active in same))
 
@@ -264,7 +264,7 @@ class Model:
         return self.with_values(dict(zip(self.free, (float(v) for v in theta), strict=True)))
 
     def with_free(self, names: Iterable[str]) -> Model:
-        """Return the model in which exactly these parameters are to be estimated."""
+        """Return the model with exactly these parameters free."""
         chosen = set(names)
         for name in chosen:
             self.parameter(name)
@@ -274,7 +274,7 @@ class Model:
 
     @property
     def effect_folders(self) -> tuple[Path, ...]:
-        """Folders beside the model file that hold effects of the user's own."""
+        """Folders beside the model file with the user's own effects."""
         return (self.folder / "effects",) if self.folder is not None else ()
 
     def site_kind(self, at: str) -> str:
@@ -335,7 +335,7 @@ class Model:
         values : mapping
             Of its parameters.
         number : int, optional
-            Which one it is of an effect that may act several times at a site; the first that is free when left out.
+            Number of an effect that may act several times at a site; the first free one when left out.
 
         Raises
         ------
@@ -358,7 +358,7 @@ class Model:
         return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))
 
     def next_number(self, effect: Effect, at: str) -> int:
-        """Number of one more effect at a site: 1, or the first that is free of one that may act there several times."""
+        """Number of one more effect at a site: 1, or the first free number where it may act several times."""
         taken = {a.number for a in self.effects if (a.effect.name, a.at) == (effect.name, at)}
         return next(n for n in count(1) if n not in taken or not effect.several)
 
@@ -405,14 +405,14 @@ class Model:
         return self.without_effects([name], making_room=making_room)
 
     def without_effects(self, names: Iterable[str], *, making_room: bool = False) -> Model:
-        """Return the model without some of its effects, and without what acts inside bodies that these split.
+        """Return the model without some of its effects, and without those inside bodies that these split.
 
         Parameters
         ----------
         names : iterable of str
-            As in `effect_names`. The others keep theirs.
+            As in `effect_names`. The others keep their names.
         making_room : bool
-            Others take their places: what acts inside the bodies stays.
+            Others replace them: effects inside the bodies stay.
 
         Raises
         ------
@@ -447,7 +447,7 @@ class Model:
         return model.checked()
 
     def checked(self) -> Model:
-        """Return the model, whose effects all have a place to act.
+        """Return the model after checking that each of its effects has a site.
 
         Raises
         ------

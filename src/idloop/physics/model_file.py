@@ -1,4 +1,4 @@
-"""Between a model and its file: presets, reading with every check, writing."""
+"""Model files: presets, reading with all checks, writing."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from idloop.physics.units import FORCES, Units, input_unit, position_unit
 from idloop.spelling import did_you_mean_or_known
 
 PRESETS = Path(__file__).parent / "presets"
-# A body may lose this much of its stated inertia in a fit, but not all of it: nothing moves without.
+# Lower bound of an inertia in a fit, relative to its value in the file.
 LEAST_INERTIA = 1e-6
 
 
@@ -45,7 +45,7 @@ def to_mapping(model: Model) -> dict[str, Any]:
         p = by_name[name]
         if not p.free:
             return p.value
-        # The program's own bounds are no more than what it takes to calculate: they move with the value.
+        # Default bounds depend on the value and are not written.
         bounds = zip(("min", "max"), p.stated, strict=True)
         entry = {"value": p.value} | {key: bound for key, bound in bounds if bound is not None}
         if p.stderr is not None:
@@ -117,9 +117,9 @@ def from_text(text: str, folder: Path | None, allowed: Iterable[Allowed] = ()) -
     ----------
     text : str
     folder : Path or None
-        Where the folder ``effects`` lies.
+        Folder that contains the folder ``effects``.
     allowed : iterable
-        What another process of ours has allowed to run, see `idloop.physics.trust`.
+        Effect files that another process has allowed, see `idloop.physics.trust`.
     """
     allow_again(allowed)
     return build_model(read_model_file(text, "model"), "model", folder)
@@ -142,7 +142,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
     Raises
     ------
     InputError
-        Units, bodies, couplings or effects that do not fit together.
+        Inconsistent units, bodies, couplings or effects.
     """
     bodies = tuple(body.name for body in file.bodies)
     for name in bodies:
@@ -254,13 +254,13 @@ def load_model(source: str | Path, *, allow_effects: bool = False) -> Model:
     ----------
     source : str or Path
     allow_effects : bool
-        Run the Python files in the folder ``effects`` beside the model file, as importing a module would, although
-        nobody has said with `idloop trust` that they may. It holds in this process, for the files as they are now.
+        Run the Python files in the folder ``effects`` beside the model file without `idloop trust`, in this process and
+        for the present content of the files.
 
     Raises
     ------
     InputError
-        One line that names file, key and cure: also where there are such files, and neither is so.
+        One line with file, key and correction; also for effect files that are not trusted.
     """
     path = Path(source)
     if str(source) in preset_names():
@@ -278,6 +278,6 @@ def load_model(source: str | Path, *, allow_effects: bool = False) -> Model:
     file = read_model_file(read_text(path), str(path))
     if allow_effects:
         allow(folder / "effects")
-    # Whether it uses one of them or not: what is asked and what runs does not depend on the model.
+    # Checked whether the model uses one of them or not.
     catalogue(folder / "effects")
     return build_model(file, str(path), folder)

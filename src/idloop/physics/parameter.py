@@ -1,4 +1,4 @@
-"""A parameter of a model: known, or to be estimated within bounds."""
+"""A parameter of a model: known, or estimated within bounds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Parameter:
     unit : str
         Unit.
     stated : (float or None, float or None)
-        Bounds as the model file gives them, which is how they are written again; None where it says nothing.
+        Bounds as in the model file, to write them again; None where it has none.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A machine that is simulated step by step, for the plant node and for closed loops."""
+"""A machine simulated step by step, for the plant node and for closed loops."""
 
 from __future__ import annotations
 
@@ -20,29 +20,25 @@ COMMANDS_KEPT = 4096
 
 
 def compiled(function: Any, *arguments: Any) -> Callable[..., Any]:
-    """Return a compiled function for arguments of these types alone.
-
-    Numba looks at the types of all arguments of every call; for an axis with its 20 arrays that takes longer than a
-    step of the machine.
-    """
+    """Return a compiled function for these argument types: numba's dispatch takes longer than a step of the machine."""
     if not hasattr(function, "compile"):
-        return function  # type: ignore[no-any-return]  # numba is told not to compile
+        return function  # type: ignore[no-any-return]  # numba is disabled
     from numba import typeof
 
     return function.compile(tuple(typeof(one) for one in arguments))  # type: ignore[no-any-return]
 
 
 class Plant:
-    """Step a model as a machine would run: commands in, noisy measurements out.
+    """Simulate a model as a machine: commands in, noisy measurements out.
 
     Parameters
     ----------
     model : Model
-        The machine, hidden effects included.
+        The machine with its hidden effects.
     seed : int
-        Seed of noise and disturbance; equal seeds give equal runs.
+        Seed of noise and disturbance.
     noise : bool
-        Add the measurement noise that the model's outputs state.
+        Add the measurement noise of the model's outputs.
     disturbance_std : float
         Standard deviation of a disturbance force on body 0 (Ornstein-Uhlenbeck process).
     disturbance_time_constant : float
@@ -50,7 +46,7 @@ class Plant:
     start_time : float
         Time at the start [s].
     conditions : iterable of Condition, optional
-        Temperature, supply, ... by time; without them an effect that depends on one acts as at its reference.
+        Temperature, supply, ... by time; without them they are at their references.
     """
 
     def __init__(
@@ -84,7 +80,7 @@ class Plant:
         self._run = compiled(kernel.run, axis, row, row, 0.0, state, history, self._work)
 
     def reset(self) -> None:
-        """Return to rest at position 0 and the start time; the noise goes on."""
+        """Return to rest at position 0 and the start time; the random generator is not reset."""
         self._state = self._layout.new_state()
         self._state[kernel.TIME] = self.start_time
         self._history = self._layout.new_history()
@@ -114,7 +110,7 @@ class Plant:
         return np.array(self._reading)
 
     def schedule(self, stamp: float, command: float) -> None:
-        """Let a command take effect at ``stamp`` [s], or now when that is past.
+        """Apply a command from ``stamp`` [s] on, or from now when that is past.
 
         Raises
         ------
@@ -156,7 +152,7 @@ class Plant:
     def _forget(self) -> None:
         half = len(self._command) // 2
         if self._state[kernel.COMMAND] < half:
-            # A long delay, or a plant that has fallen behind its commands: most of them are still to come.
+            # A long delay: most commands have not acted yet.
             self._command_time = np.concatenate((self._command_time, np.zeros(2 * half)))
             self._command = np.concatenate((self._command, np.zeros(2 * half)))
             return

@@ -15,12 +15,12 @@ from idloop.spelling import did_you_mean_or_known
 SCHEMA = "idloop/model/1"
 STRICT = ConfigDict(extra="forbid", frozen=True)
 Name = Annotated[str, Field(max_length=MOST_NAME)]
-# Outputs, bodies, couplings, effects: a chain of more is no axis, and each matrix grows with its square.
+# Most outputs, bodies, couplings, effects: matrices grow with the square.
 _MOST_PARTS = 100
 
 
 class Value(BaseModel):
-    """A number: bare when known, a mapping when it is to be estimated."""
+    """A number: known when bare, estimated when a mapping."""
 
     model_config = STRICT
     value: float
@@ -63,7 +63,7 @@ Number = Annotated[Value, BeforeValidator(read_value)]
 
 
 class Input(BaseModel):
-    """Where the command comes from, and whether it is held until the next one or was measured as it went."""
+    """Source of the command, and whether it is held until the next one or a measured signal."""
 
     model_config = STRICT
     topic: Name = "joint_command"
@@ -87,7 +87,7 @@ class Output(BaseModel):
 
 
 class MeasuredCondition(BaseModel):
-    """What is measured beside the axis: its name, and the topic and number of a message that tell it."""
+    """A condition measured beside the axis: its name, topic, and field of the message."""
 
     model_config = STRICT
     name: Name
@@ -108,7 +108,7 @@ class Body(BaseModel):
     viscous_friction: Number = Value(value=0.0, free=False)
 
 
-# Parameters of a body, and of a coupling, beside those of the effects that act there.
+# Parameters of a body, and of a coupling, without those of effects.
 BODY_PARAMETERS = tuple(name for name in Body.model_fields if name != "name")
 
 
@@ -168,18 +168,18 @@ class ModelFile(BaseModel):
     @field_validator("couplings", "conditions", "effects", mode="before")
     @classmethod
     def _empty(cls, raw: Any) -> Any:
-        """A key with nothing behind it is an empty list."""
+        """A key without a value is an empty list."""
         return [] if raw is None else raw
 
 
 def reason(error: ValueError) -> str:
-    """What a checked value was refused for."""
+    """Message of a failed validation."""
     message = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
     return message.removeprefix("Value error, ")
 
 
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:
-    """Keys that the file may have where an unknown one was found."""
+    """Known keys at the place of an unknown one."""
     classes: dict[str, type[BaseModel]] = {
         "input": Input,
         "outputs": Output,
@@ -194,10 +194,10 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
 
 
 def _one_line(error: ValidationError, where: str) -> str:
-    """Say the first thing that is wrong: file, key and cure."""
+    """First error in one line: file, key and correction."""
     first, *others = error.errors()
     if first["type"] == "missing":
-        # A key that is written wrong is missing and unknown at once: the wrong one tells more.
+        # A misspelt key is missing and unknown at once: the unknown key is the better message.
         wrong = (e for e in others if e["type"] == "extra_forbidden" and e["loc"][:-1] == first["loc"][:-1])
         first = next(wrong, first)
     location = first["loc"]
@@ -213,7 +213,7 @@ def _one_line(error: ValidationError, where: str) -> str:
     shown = f" (got {given!r})" if isinstance(given, int | float | str) else ""
     if first["type"] == "invalid_key" and isinstance(given, int | float):
         # YAML reads `inertia: 0,02` between braces as a key 2 of its own.
-        message, shown = f"{given} stands where a key belongs; a decimal point is a point: 0.02, not 0,02", ""
+        message, shown = f"{given} in the place of a key; the decimal separator is a point: 0.02, not 0,02", ""
     return f"{where}: {key}: {message}{shown}"
 
 
@@ -244,7 +244,7 @@ def read_model_file(text: str, where: str) -> ModelFile:
     Raises
     ------
     InputError
-        One line that names file, key and cure.
+        One line with file, key and correction.
     """
     raw = read_mapping(text, where)
     if raw.get("schema") != SCHEMA:

@@ -57,7 +57,7 @@ def simulate(
     noise : array_like (n, p), optional
         Measurement noise, added before quantisation.
     conditions : iterable of Condition, optional
-        Temperature, supply, ...; without them an effect that depends on one acts as at its reference.
+        Temperature, supply, ...; without them they are at their references.
 
     Returns
     -------

@@ -1,10 +1,9 @@
-"""Exact slopes of a free run: how the motion of one body changes with parameters and with its first state.
+"""Sensitivity of the free run of one body to parameters and initial state, by the variational equation.
 
-Beside a motion small changes obey a linear equation, dδx/dt = δv, dδv/dt = a_x δx + a_v δv + a_θ, whose
-coefficients are slopes of the acceleration along that motion: one evaluation each, where another run takes four and
-looks for events. Where dry friction turns a body round, the change of its speed is multiplied by the ratio of the
-accelerations after and before (saltation; Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical
-Systems, 2004); a body at rest has none.
+Small changes of a motion obey dδx/dt = δv, dδv/dt = a_x δx + a_v δv + a_θ, whose coefficients are derivatives of the
+acceleration along the motion: one evaluation each, where another run needs four and a search for events. At a reversal
+under dry friction the change of the velocity is multiplied by the ratio of the accelerations after and before
+(saltation; Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004); at rest it is 0.
 """
 
 from __future__ import annotations
@@ -22,27 +21,27 @@ from idloop.physics.layout import Layout
 
 Array = NDArray[np.float64]
 
-# Part of the greatest position and speed by which the motion is moved for the slopes along it.
+# Difference step, relative to the largest position and velocity.
 _SHIFT = 1e-6
 
 
 class Legs(NamedTuple):
-    """Stretches of a motion, in order, each with one command and one direction of dry friction.
+    """Parts of a motion, in order, each with one command and one direction of dry friction.
 
     Attributes
     ----------
     time, duration : array, shape (l,)
-        Of its beginning, and how long it is [s].
+        Start and length [s].
     held : array, shape (l,)
         Command.
     position, velocity : array, shape (l,)
-        Amid the stretch.
+        In the middle.
     mode : array, shape (l,)
-        Direction of the dry friction; 0 at rest, and where there is none.
+        Direction of the dry friction; 0 at rest, and without dry friction.
     turned : array of bool, shape (l,)
-        Whether it begins with the body turning round, or coming to rest.
+        Whether it begins with a reversal or a stop.
     sample : array of int, shape (l,)
-        Which sample it ends at, -1 for none.
+        Index of the sample at its end, -1 for none.
     """
 
     time: Array
@@ -70,14 +69,14 @@ def slopes(
     time: Array,
     state: Array,
 ) -> Array | None:
-    """Slopes of the outputs of a free run by parameters, and by the position and the speed at its start.
+    """Derivatives of the outputs of a free run by parameters, and by the initial position and velocity.
 
     Parameters
     ----------
     layout : Layout
         The model of the run.
     beside : sequence of (Layout, float) or None
-        The model with each parameter changed a little, and by how much; None for one whose slope is not asked for.
+        The model with each parameter changed by a small step, and this step; None to leave the parameter out.
     input_time, command : array, shape (m,)
         Commands, held from their time [s] on.
     time : array, shape (n,)
@@ -88,8 +87,8 @@ def slopes(
     Returns
     -------
     array, shape (parameters + 2, n, p), or None
-        NaN where no slope was asked for, and for a delay. None where the equation above does not tell: several
-        bodies, effects that remember, sensors that do more than scale, steps that are long for the motion.
+        NaN for parameters that are left out, and for a delay. None where the equation above does not apply: several
+        bodies, effects with memory, effects on sensors, steps that are long for the motion.
     """
     axis = layout.axis
     memories = layout.states - kernel.FIRST - 4 - len(layout.wanted)
@@ -124,7 +123,7 @@ def slopes(
 
 
 def _instants(changes: Array, time: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Times of samples and of commands between them, and the sample that each of them is (-1: a command alone)."""
+    """Times of samples and of commands between them, with the index of the sample (-1: a command)."""
     inside = changes[(changes > time[0] + kernel.SAME_TIME) & (changes < time[-1] - kernel.SAME_TIME)]
     next_ = np.searchsorted(time, inside - kernel.SAME_TIME)
     alone = inside[time[next_] - inside > kernel.SAME_TIME]
@@ -151,7 +150,7 @@ def _motion(layout: Layout, input_time: Array, command: Array, time: Array, stat
 
 
 def _legs(axis: Axis, grid: Array, held: Array, motion: Array, sample: NDArray[np.int64], state: Array) -> Legs:
-    """The steps of a motion; those in which dry friction turns the body round in two parts."""
+    """Steps of a motion; those with a reversal under dry friction in two parts."""
     time, duration = grid[:-1], np.diff(grid)
     before, after = motion[:-1, 1], motion[1:, 1]
     amid = 0.5 * (motion[:-1, 0] + motion[1:, 0])
@@ -186,7 +185,7 @@ def _legs(axis: Axis, grid: Array, held: Array, motion: Array, sample: NDArray[n
 
 
 def _accelerations(axis: Axis, legs: Legs, state: Array) -> Array:
-    """Acceleration amid each leg, shape (l,)."""
+    """Acceleration in the middle of each leg, shape (l,)."""
     acceleration = np.empty(len(legs.duration))
     amid = legs.time + 0.5 * legs.duration
     kernel.accelerations_along(axis, amid, legs.held, legs.position, legs.velocity, legs.mode, state, acceleration)
@@ -194,7 +193,7 @@ def _accelerations(axis: Axis, legs: Legs, state: Array) -> Array:
 
 
 def _factors(axis: Axis, legs: Legs, acceleration: Array) -> Array:
-    """What the change of the speed is multiplied by as each leg begins, shape (l,)."""
+    """Saltation factor of the velocity at the start of each leg, shape (l,)."""
     factor = np.ones(len(acceleration))
     if axis.has_friction[0]:
         at = np.flatnonzero(legs.turned)

@@ -1,15 +1,15 @@
-"""What to try when an effect is looked for: sizes seen in the records, and values that match them."""
+"""Start values of effects in a screening, from typical sizes in the records."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-# Values of an effect's parameters at which its trace is computed.
+# Parameter values of an effect in a screening.
 Trial = Mapping[str, float]
-# Alternatives to try; the traces of one alternative's trials are weighed against each other.
+# Alternatives; the trials of one alternative are tested together.
 Trials = Callable[["Scales"], Sequence[Sequence[Trial]]]
-# The same for an effect that the model has in its plain form, from the values of that.
+# The same for the full form of an effect that the model has in its plain form, from the values of that.
 FurtherTrials = Callable[["Scales", Trial], Sequence[Sequence[Trial]]]
 
 
@@ -22,7 +22,7 @@ class Scales:
     command, command_most : float
         Root mean square and largest command [input unit].
     limit : float
-        Command at which the model cuts it already; infinite where it does not.
+        Command limit that the model has already; infinite without one.
     force : float
         Root mean square force of the drive.
     speed, speed_most : float
@@ -38,13 +38,13 @@ class Scales:
     sample_time, duration : float
         Of the records [s].
     dry : float
-        Dry friction level that the model has already at the body; 0 without any.
+        Level of dry friction that the model has already at the body.
     angle : bool
         Whether positions are angles in radians.
     turns : float
         Range of the positions in turns; 0 for a linear axis.
     harmonics : tuple of int
-        Harmonics of a turn that an unexplained force has most of; empty where nobody has looked.
+        Strongest harmonics of a turn in an unexplained force; empty where unknown.
     conditions : mapping of str to float
         Mean of each measured condition at the site, such as ``temperature``.
     """
@@ -73,11 +73,11 @@ class Scales:
     conditions: Mapping[str, float] = field(default_factory=dict)
 
     def about(self, condition: str, otherwise: float) -> float:
-        """Mean of a measured condition, in three digits, as a reference to count it from."""
+        """Mean of a measured condition with three digits, as its reference."""
         return float(f"{self.conditions.get(condition, otherwise):.3g}") or otherwise
 
     def unit(self, template: str) -> float:
-        """Size of a quantity whose unit a parameter's template states, such as ``{force}·s/{position}``."""
+        """Typical size of a quantity from its unit, such as ``{force}·s/{position}``."""
         numerator, *denominators = template.split("/")
         sizes = {
             "{force}": self.force,
@@ -98,12 +98,12 @@ class Scales:
 
 
 def alternatives(name: str, values: Sequence[float], **others: float) -> list[list[Trial]]:
-    """One alternative for each value of a single parameter, beside others that are the same in all."""
+    """One alternative for each value of a parameter, with constant others."""
     return [[{name: value, **others}] for value in values]
 
 
 def waves(amplitude: float, harmonics: Sequence[int] = (), name: str = "amplitude") -> list[list[Trial]]:
-    """Sine and cosine over the turn, of the turn itself or of each of several harmonics of it."""
+    """Sine and cosine over a turn, or over each of several harmonics of it."""
     phases = (0.0, 1.5707963267948966)
     if not harmonics:
         return [[{name: amplitude, "phase": phase} for phase in phases]]
@@ -120,7 +120,7 @@ def time_constants(scales: Scales) -> list[float]:
 
 
 def resonances(scales: Scales) -> list[float]:
-    """Frequencies of a hidden resonance to try [Hz], up to a quarter of the sample rate."""
+    """Candidate frequencies of a resonance [Hz], up to a quarter of the sample rate."""
     highest = 0.25 / scales.sample_time
     found, value = [], max(2.0 / scales.duration, 1e-3 * highest)
     while value <= highest:

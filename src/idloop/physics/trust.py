@@ -1,9 +1,9 @@
-"""Which effect files may run: a folder's, once its user has said so, and only as they were then.
+"""Trust in effect files: which folders of Python files may run.
 
-An effect file is Python: whoever reads a model runs what lies in the folder ``effects`` beside it. So the user says
-once for each folder that its files may run (``idloop trust``); their checksum is kept, and a file that was changed,
-added or removed asks again, as direnv does. What runs is a copy under that checksum: neither a file that is changed
-between the look and the run, nor compiled code that somebody left beside the files, ever does.
+Reading a model runs the Python files in the folder ``effects`` beside it. The user therefore trusts each folder once
+(``idloop trust``); its checksum is stored, and a changed, added or removed file requires trust again, as with direnv.
+A copy under that checksum is run, so that neither a file that is changed after the check nor machine code beside the
+files can run.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from idloop.documents import MOST_YAML, read_text
 from idloop.errors import InputError
 from idloop.spelling import listed
 
-# Effect files of a folder: the catalogue itself has 28.
+# Most effect files of a folder.
 _MOST_FILES = 1_000
 # Folder and checksum.
 Allowed: TypeAlias = tuple[Path, str]
-# What callers of the library have allowed in this process.
+# Folders that callers of the library have allowed in this process.
 _ALLOWED: set[Allowed] = set()
 
 
@@ -39,7 +39,7 @@ class EffectFiles:
     Attributes
     ----------
     folder : Path
-        Without links.
+        Resolved path.
     sources : dict of str to bytes
         Content by name.
     """
@@ -57,19 +57,19 @@ class EffectFiles:
 
     @property
     def effects(self) -> list[str]:
-        """Names of the files that hold effects: those with an underscore are helpers."""
+        """Names of the files with effects; those that begin with an underscore are helpers."""
         return sorted(name for name in self.sources if not name.startswith("_"))
 
 
 @dataclass(frozen=True)
 class TrustedFolder:
-    """A folder that was trusted.
+    """A trusted folder.
 
     Attributes
     ----------
     folder : Path
     state : {"trusted", "changed", "gone"}
-        Whether its files are those that were trusted.
+        Whether its files are still those that were trusted.
     """
 
     folder: Path
@@ -82,7 +82,7 @@ def read_effect_files(folder: Path) -> EffectFiles:
     Raises
     ------
     InputError
-        A file that cannot be read, or more than any folder of effects has.
+        A file that cannot be read, or too many files.
     """
     folder = folder.resolve()
     paths = sorted(path for path in folder.glob("*.py") if path.is_file())
@@ -92,7 +92,7 @@ def read_effect_files(folder: Path) -> EffectFiles:
 
 
 def check_trusted(files: EffectFiles) -> None:
-    """Refuse to run files that nobody has trusted.
+    """Refuse to run files that are not trusted.
 
     Raises
     ------
@@ -112,23 +112,23 @@ def check_trusted(files: EffectFiles) -> None:
 
 
 def trust(files: EffectFiles) -> None:
-    """Remember that these files may run.
+    """Trust these files.
 
     Raises
     ------
     InputError
-        It cannot be remembered.
+        The record cannot be written.
     """
     _write(_record(files.folder), f"{files.checksum}\n".encode() + os.fsencode(files.folder))
 
 
 def revoke(folder: Path) -> None:
-    """Forget that a folder was trusted.
+    """Revoke the trust in a folder.
 
     Raises
     ------
     InputError
-        It was not.
+        It is not trusted.
     """
     path = _record(folder.resolve())
     known = _read(path)
@@ -139,12 +139,12 @@ def revoke(folder: Path) -> None:
 
 
 def trusted_folders() -> list[TrustedFolder]:
-    """Name every folder that was trusted.
+    """List the trusted folders.
 
     Raises
     ------
     InputError
-        What was remembered cannot be read.
+        A record cannot be read.
     """
     found = []
     for path in sorted((_ours() / "trusted").glob("*")):
@@ -156,24 +156,24 @@ def trusted_folders() -> list[TrustedFolder]:
 
 
 def allow(folder: Path) -> None:
-    """Let the files of a folder run in this process, as they are now."""
+    """Trust the present files of a folder in this process."""
     files = read_effect_files(folder)
     _ALLOWED.add((files.folder, files.checksum))
 
 
 def allowed(folders: Iterable[Path]) -> tuple[Allowed, ...]:
-    """What of some folders is allowed in this process, for `allow_again` in another one of ours."""
+    """Folders among these that are allowed in this process, for `allow_again` in a worker process."""
     wanted = [folder.resolve() for folder in folders] if _ALLOWED else []
     return tuple(one for one in _ALLOWED if one[0] in wanted)
 
 
 def allow_again(several: Iterable[Allowed]) -> None:
-    """Allow what another process of ours has allowed."""
+    """Allow the folders that the parent process has allowed."""
     _ALLOWED.update(several)
 
 
 def kept_copy(files: EffectFiles, name: str) -> Path:
-    """A copy of one of the files that only its user can write: machine code is cached beside it.
+    """Private copy of one of the files, beside which machine code is cached.
 
     Raises
     ------
@@ -195,24 +195,24 @@ def _record(folder: Path) -> Path:
 
 
 def _ours() -> Path:
-    """Folder beneath ``$XDG_STATE_HOME`` in which all of this is kept.
+    """Folder beneath ``$XDG_STATE_HOME`` for records and copies.
 
     Raises
     ------
     InputError
-        Others could write into it.
+        Other users can write into it.
     """
     given = Path(os.environ.get("XDG_STATE_HOME", ""))
     ours = (given if given.is_absolute() else Path.home() / ".local" / "state") / "idloop"
-    with contextlib.suppress(OSError):  # then it can neither be read nor written
+    with contextlib.suppress(OSError):  # a missing folder is created later
         found = ours.stat()
         if found.st_uid != os.geteuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-            raise InputError(f"{ours}: others can write into this folder, which says what may run; remove it")
+            raise InputError(f"{ours}: others can write into this folder, which records trusted files; remove it")
     return ours
 
 
 def _read(path: Path) -> tuple[Path, str] | None:
-    """Folder and checksum of a record; None where there is none."""
+    """Folder and checksum of a record; None without one."""
     try:
         checksum, _, folder = path.read_bytes().partition(b"\n")
     except (FileNotFoundError, NotADirectoryError):
@@ -223,7 +223,7 @@ def _read(path: Path) -> tuple[Path, str] | None:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file in one go, readable by its user alone."""
+    """Write a file atomically, readable by its user alone."""
     ours = _ours()
     try:
         ours.parent.mkdir(parents=True, exist_ok=True)

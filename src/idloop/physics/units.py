@@ -1,4 +1,4 @@
-"""Units that a model file may name, and the units that follow from them."""
+"""Units in a model file, and the units derived from them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from idloop.errors import InputError
 from idloop.spelling import did_you_mean_or_known
 
 ALIASES = {"Nm": "N·m", "N.m": "N·m", "N*m": "N·m", "N m": "N·m", "1": "-", "": "-"}
-# The last four are of a drive that is told a place or a speed and has a loop of its own.
+# The last four are of a drive with its own position or velocity loop.
 INPUT_UNITS = ("V", "A", "N·m", "N", "-", "rad", "m", "rad/s", "m/s")
-# Position unit of a kind of axis, and the unit of force that belongs to it.
+# Force unit by position unit.
 FORCES = {"rad": "N·m", "m": "N", "V": "V"}
 NAMES = {"rad": "rotary", "m": "linear", "V": "electrical"}
 

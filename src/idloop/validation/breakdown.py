@@ -1,4 +1,4 @@
-"""Share of the squared error along one variable, bin by bin, and the part that stands out, in words."""
+"""Distribution of the squared error along one variable, bin by bin, and its most notable part."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from idloop.validation.words import levels_text, percent, range_text
 
 Array = NDArray[np.float64]
 
-# A part of a variable stands out when it holds so much more of the error than of the time.
+# A part is notable when its share of the error exceeds its share of the time by this much.
 STANDS_OUT = 0.1
 
 
@@ -25,9 +25,9 @@ class Part:
     Attributes
     ----------
     first, last : int
-        Bins; `last` is below `first` where the part goes through the end of a turn.
+        Bins; `last` is below `first` where the part includes the end of a turn.
     error, usual : float
-        Share of the squared error, and of what the error is set against.
+        Share of the squared error, and reference share: of the time or of the signal power.
     mean, rms : float
         Mean (NaN for frequencies) and root mean square of the error in it.
     text : str
@@ -45,7 +45,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Breakdown:
-    """How the squared error spreads along one variable.
+    """Distribution of the squared error along one variable.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Breakdown:
     label, unit : str
         For an axis, such as "velocity of motor" in "rad/s".
     edges : array, shape (bins + 1,), or None
-        Increasing; None where the bins are kinds, not ranges.
+        Increasing; None where the bins are categories.
     names : tuple of str, length bins
-        Each bin in words.
+        Description of each bin.
     error : array, shape (bins,)
         Share of the squared error; adds up to 1.
     usual : array, shape (bins,)
@@ -66,7 +66,7 @@ class Breakdown:
     circular : bool
         The last bin is a neighbour of the first, as over a turn.
     levels : array, shape (bins,), or None
-        The values themselves where a signal has few.
+        The values of a signal that has only a few.
     """
 
     variable: str
@@ -83,11 +83,7 @@ class Breakdown:
 
     @cached_property
     def worst(self) -> Part:
-        """Neighbouring bins in which the error differs most from its usual share.
-
-        "Most" is by the information (Kullback and Leibler) that the part gives about where the error falls, so
-        that neither one lucky bin nor nearly everything wins.
-        """
+        """Neighbouring bins whose share of the error differs most from the reference share (Kullback-Leibler)."""
         count = len(self.error)
         order = np.concatenate([np.arange(count)] * (2 if self.circular else 1))
         longest = count if self.edges is not None else 1
@@ -97,7 +93,7 @@ class Breakdown:
             usual = np.cumsum(self.usual[order[start : start + longest]])
             gain = _information(error, usual)
             stop = int(np.argmax(gain))
-            # A hair's breadth is rounding: of equals the narrowest counts.
+            # Differences of 1e-12 are rounding; of equals the narrowest part counts.
             if gain[stop] > best + 1e-12 or (gain[stop] > best - 1e-12 and stop < found[1] - found[0]):
                 best, found = float(gain[stop]), (start, start + stop)
         bins = order[found[0] : found[1] + 1]
@@ -105,9 +101,9 @@ class Breakdown:
 
     @property
     def follows(self) -> float:
-        """Share of the error's power that the mean in each bin makes up, beyond that of the mean over all.
+        """Coefficient of determination of the bin means: near 1 the error is a function of this variable.
 
-        Near 1 the error is a curve over this variable; near 0 it is anything else. NaN along frequency.
+        NaN along frequency.
         """
         if self.variable == "frequency":
             return np.nan
@@ -120,7 +116,7 @@ class Breakdown:
 
     @property
     def stands_out(self) -> bool:
-        """Whether `worst` holds clearly more of the error than of the time."""
+        """Whether the share of the error in `worst` clearly exceeds its share of the time."""
         worst = self.worst
         return worst.error - worst.usual >= STANDS_OUT
 
@@ -133,9 +129,9 @@ class Breakdown:
             weight = self.usual[known] / max(float(np.sum(self.usual[known])), 1e-300)
             mean, rms = float(weight @ self.mean[known]), float(np.sqrt(weight @ self.rms[known] ** 2))
         first, last = int(bins[0]), int(bins[-1])
-        return Part(first, last, error, usual, mean, rms, self._say(first, last, error, usual))
+        return Part(first, last, error, usual, mean, rms, self._text(first, last, error, usual))
 
-    def _say(self, first: int, last: int, error: float, usual: float) -> str:
+    def _text(self, first: int, last: int, error: float, usual: float) -> str:
         where = self.names[first] if first == last else self._range(first, last)
         if self.variable == "frequency":
             return f"{percent(error)} of the error is {where}, with {percent(usual)} of the measured signal's power"
@@ -146,7 +142,7 @@ class Breakdown:
             return " and ".join(self.names[first : last + 1])
         if self.levels is not None:
             return levels_text(self.variable, self.levels[first], self.levels[last], self.unit)
-        if last >= len(self.edges) - 1:  # a kind without a range follows the ranges
+        if last >= len(self.edges) - 1:  # the last bin is a category
             return f"{range_text(self.variable, self.edges[first], np.inf, self.unit)} or {self.names[last]}"
         return range_text(self.variable, self.edges[first], self.edges[last + 1], self.unit)
 
@@ -203,13 +199,13 @@ def break_down(
     variable, label, unit : str
         See `Breakdown`.
     values : array, shape (n,)
-        The variable at each sample; an infinite one belongs to the kind `beyond`.
+        The variable at each sample; infinite values belong to the category `beyond`.
     error : array, shape (n,)
         Finite.
     edges : array, shape (bins + 1,)
         Increasing; they enclose all finite values.
     beyond : str
-        Name of a further bin for infinite values, in words; empty when there are none.
+        Description of a further bin for infinite values; empty when there are none.
     circular : bool
         See `Breakdown`.
     levels : array, shape (bins,), optional
@@ -223,9 +219,7 @@ def break_down(
         names = [levels_text(variable, a, a, unit) for a in levels]
     if beyond:
         names.append(beyond)
-    return Breakdown(
-        variable, label, unit, edges, tuple(names), *sums(index, error, len(names)), circular, levels
-    )  # fmt: skip
+    return Breakdown(variable, label, unit, edges, tuple(names), *sums(index, error, len(names)), circular, levels)
 
 
 def sums(index: NDArray[np.int64], error: Array, count: int) -> tuple[Array, Array, Array, Array]:
@@ -245,20 +239,20 @@ def sums(index: NDArray[np.int64], error: Array, count: int) -> tuple[Array, Arr
     error, usual, mean, rms : array, shape (count,)
     """
     number = np.bincount(index, minlength=count).astype(float)
-    # Relative to the largest, whose square may lie beyond the largest number.
+    # Relative to the largest error, whose square may overflow.
     size = float(np.max(np.abs(error), initial=0.0)) or 1.0
     square = np.bincount(index, (error / size) ** 2, count)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.bincount(index, error / size, count) / number * size
         rms = np.sqrt(square / number) * size
     total = float(np.sum(square))
-    # No error at all is spread as the time is.
+    # An error of zero is distributed as the time is.
     share = square / total if total > 0.0 else number / len(error)
     return share, number / len(error), mean, rms
 
 
 def _information(error: Array, usual: Array) -> Array:
-    """Information about where an error falls in parts of given shares; negative where it holds less than usual."""
+    """Kullback-Leibler divergence of two shares; negative where the error share is below the reference share."""
     e, u = np.clip(error, 0.0, 1.0), np.clip(usual, 1e-12, 1.0 - 1e-12)
 
     def term(a: Array, b: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Measured against model: what the runs of a model on one record are worth, in one object."""
+"""Comparison of a model with a record: measures, error analysis and residual tests."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimation.exogenous_inputs import may_be_fed_back, signals_from_outside
+from idloop.estimation.exogenous_inputs import exogenous_signals, feedback_possible
 from idloop.estimation.sensors import body_sensors
 from idloop.validation.measures import fit_percent, measures, nrmse, rmse
-from idloop.validation.regions import error_share, motion_regions, smooth_velocity
+from idloop.validation.operating_state import error_share, motion_regions, smooth_velocity
 from idloop.validation.residual import ResidualTest, residual_tests
 from idloop.validation.runs import Runs
 from idloop.validation.where import Where, where
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Comparison(Runs):
-    """A model beside one record: its runs, measured and judged. Parts that cost time are computed when asked for."""
+    """Runs of a model on one record with their measures; costly parts are computed at first use."""
 
     # -- measures -----------------------------------------------------------------------
 
@@ -70,7 +70,7 @@ class Comparison(Runs):
 
     @cached_property
     def where(self) -> Where:
-        """Where the model fails: share of every error by time, frequency, velocity, position, command, ..."""
+        """Error analysis: share of every error by time, frequency, velocity, position, command, ..."""
         return where(self)
 
     @cached_property
@@ -78,9 +78,9 @@ class Comparison(Runs):
         return {}
 
     def residual_tests(self, lags: int = 25) -> list[ResidualTest]:
-        """Whiteness of the one-step prediction errors, and their correlation with what drives the machine.
+        """Whiteness of the one-step prediction errors, and their independence of the input.
 
-        In a closed loop that is what enters it from outside, where that is recorded.
+        In a closed loop they are tested against the exogenous signals that were recorded.
 
         Parameters
         ----------
@@ -90,20 +90,20 @@ class Comparison(Runs):
         Returns
         -------
         list of ResidualTest
-            Empty when no observer follows this model.
+            Empty when the model has no observer.
         """
         if self._observer is None:
             return []
         if lags not in self._tested:
-            fed_back = may_be_fed_back(self.record)
-            outside = signals_from_outside(self.record, self.time) if fed_back else ()
+            fed_back = feedback_possible(self.record)
+            outside = exogenous_signals(self.record, self.time) if fed_back else ()
             self._tested[lags] = residual_tests(
                 self.innovation, self.data.held_input(), self.names, lags, outside=outside, fed_back=fed_back
             )
         return list(self._tested[lags])
 
     def compute(self) -> None:
-        """Compute now what takes its time later: predictions, where they fail, and the tests of what is left."""
+        """Compute the costly parts now: predictions, error analysis and residual tests."""
         _ = self.ahead, self.where, self.residual_tests()
 
     def to_dict(self) -> dict[str, Any]:
@@ -156,8 +156,6 @@ class Comparison(Runs):
         axes[rows - 1].set_xlabel("time [s]")
         return axes
 
-    # -- inside -------------------------------------------------------------------------
-
     def _named(self, values: Array) -> dict[str, float]:
         return dict(zip(self.names, (float(v) for v in values), strict=True))
 
@@ -176,13 +174,13 @@ def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None 
     Parameters
     ----------
     model : Model
-        Its parameter values count as they are; only the initial state is fitted.
+        With the parameter values to use; only the initial state is fitted.
     record : Record
     steps : int
         Prediction horizon in samples.
     cutoff : float, optional
-        Cut-off of the differentiating filter on the drive side [Hz]. Give the one of the
-        training record (``Comparison.force.cutoff``) to compare records in one band.
+        Cut-off of the differentiating filter on the drive side [Hz]; that of the training record
+        (``Comparison.force.cutoff``) to compare records in one band.
 
     Returns
     -------
@@ -191,14 +189,14 @@ def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None 
     Raises
     ------
     InputError
-        If the record does not suit the model.
+        The record does not match the model.
     IdloopError
-        If neither its free run nor its prediction stays finite.
+        Neither free run nor prediction stays finite.
     """
     if steps < 1:
         raise InputError(f"steps = {steps} is no prediction horizon; choose at least 1")
     comparison = Comparison(model, record, steps, cutoff)
-    # Simulated at once, so that unsuitable data fails here and not in a later plot.
+    # Simulated now, so that unsuitable data fails here and not in a later plot.
     if not np.any(np.isfinite(comparison.simulated)) and not np.any(np.isfinite(comparison.innovation)):
         raise IdloopError(f"neither free run nor prediction of model {model.name!r} stays finite")
     return comparison

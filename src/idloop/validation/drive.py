@@ -1,6 +1,6 @@
-"""Drive side: the force that the model needs for the measured motion, against the applied one.
+"""Drive side: the force that the model requires for the measured motion, compared with the applied force.
 
-In a good closed loop the position hides every model error and the force shows it.
+In a stiff closed loop the position error hides model errors; the force error shows them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.force_error import balance_of, thin
+from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.force_balance.motion import bridged
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# The filtered edges of a hole in the measurements reach this many periods of the band.
+# Filter transients at a gap in the measurements last this many periods of the band.
 _MARGIN = 2.0
 
 
@@ -41,9 +41,9 @@ class ForceError:
     cutoff, band : float
         Cut-off of the differentiating filter and of the comparison [Hz].
     noise_share : float
-        Part of the differentiated acceleration's power that is sensor noise.
+        Share of sensor noise in the power of the differentiated acceleration.
     noise : float
-        Relative error that the sensors' noise alone makes.
+        Relative error from sensor noise alone.
     rest_speed : float
         Speed below which the driven body counts as standing, in its own unit.
     """
@@ -66,7 +66,7 @@ class ForceError:
         if axes is None:
             _, axes = plt.subplots(figsize=(9, 3), layout="constrained")
         axes.plot(self.time, self.applied, linewidth=0.8, label="applied")
-        axes.plot(self.time, self.required, linewidth=0.8, label="needed by the model")
+        axes.plot(self.time, self.required, linewidth=0.8, label="required by the model")
         axes.plot(self.time, self.required - self.applied, linewidth=0.6, color="0.4", label="difference")
         axes.set(xlabel="time [s]", ylabel="drive force")
         axes.set_title(f"relative force error {100 * self.relative:.2f} % up to {self.band:.3g} Hz")
@@ -77,17 +77,17 @@ class ForceError:
 def force_error(model: Model, record: Record, cutoff: float | None = None) -> ForceError:
     """Relative force error by inverse dynamics along the measured motion.
 
-    Motion by zero-phase band-limited differentiation, both forces low-passed alike
-    (Janot, Gautier and Brunot, EMPS benchmark, 2019). Unlike there, dry friction of a body that
-    stands takes whatever it has to up to its static level: only what exceeds that is an error. It
-    stands where its velocity is within three standard deviations of the velocity's own noise.
+    Motion by zero-phase band-limited differentiation, both forces with the same low-pass
+    (Janot, Gautier and Brunot, EMPS benchmark, 2019). Unlike there, dry friction of a standing body
+    balances the other forces up to its static level: only the excess is an error. A body is
+    standing where its velocity is within three standard deviations of the velocity's noise.
 
     Parameters
     ----------
     model : Model
-        Values of its parameters count as they are.
+        With the parameter values to use; nothing is fitted.
     record : Record
-        Must measure position or velocity of every body.
+        With measured position or velocity of every body.
     cutoff : float, optional
         Cut-off of the differentiating filter [Hz]; from the record's excited band when
         left out. Give the same one to compare records.
@@ -99,26 +99,26 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     Raises
     ------
     InputError
-        If some body's motion is not measured steadily, or nothing was applied.
+        The motion of a body is not measured at a steady rate, or no force was applied.
     """
     from idloop.physics import Engine
 
     engine, data = Engine(model), prepare(model, [record])[0]
     with np.errstate(invalid="ignore", divide="ignore"):  # a sensor that never changes has no spectrum
-        balance = balance_of(engine, data, cutoff)
+        balance = record_balance(engine, data, cutoff)
     if balance is None:
         raise InputError(
             f"record {record.name!r}: the force error needs position or velocity of every body at a steady rate"
         )
     m = balance.motion
-    # The held command's mean around each instant is what moved the axis there.
+    # The mean of the held command around each instant is what acted there.
     command = balance.command(0.0)
     rest = float(m.rest_speed[0])  # the drive's force is that on the first body
-    applied, required = engine.drive_force(
+    forces_along = engine.balance(
         None, m.position, m.velocity, m.acceleration, m.time, command, m.time, rest, conditions=data.conditions
     )
-    # The filter leaves a straight line as it is, so the sample numbers tell which instants are kept.
-    forces = thin(np.column_stack([applied, required, np.arange(len(m.time))]), m)
+    # The filter does not change a straight line, so the filtered sample numbers give the kept instants.
+    forces = thin(np.column_stack([forces_along.applied, forces_along.required, np.arange(len(m.time))]), m)
     kept = np.rint(forces[:, 2]).astype(np.int64)
     seen = ~bridged(m.time[kept], model, data, _MARGIN / m.comparison_band)
     if np.sum(seen) < 2:
@@ -129,7 +129,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         idle = not np.any(data.input)
         raise InputError(
             f"record {record.name!r}: "
-            + ("nothing was commanded" if idle else "this model's drive makes no force of the command")
+            + ("the command is zero" if idle else "the drive of this model makes no force of the command")
         )
     return ForceError(
         relative=float(np.linalg.norm(forces[:, 1] - forces[:, 0])) / size,
@@ -146,10 +146,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
 
 
 def _of_noise(model: Model, noise: Array) -> float:
-    """Standard deviation of the required force that the sensors' noise (bodies, 3) makes.
-
-    The drive's force is that of the driven body and of the coupling behind it.
-    """
+    """Standard deviation of the required force from sensor noise (bodies, 3): driven body and first coupling."""
     values, driven = model.values, model.bodies[0]
     parts = [values[f"{driven}.inertia"] * noise[0, 2], values[f"{driven}.viscous_friction"] * noise[0, 1]]
     for name in model.couplings[:1]:

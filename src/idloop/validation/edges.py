@@ -1,4 +1,4 @@
-"""Where one bin ends and the next begins: round numbers that a reader can name."""
+"""Edges of bins at round numbers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# So many bins of a variable still read well, in a figure and in words.
+# Most bins of a variable, for a readable figure and text.
 MOST_BINS = 12
 _NOTHING = 1e-200
 
@@ -27,18 +27,18 @@ def round_edges(values: Array, floor: float = 0.0) -> Array:
     values : array, shape (n,)
         Finite values.
     floor : float
-        Values of this size and below get a bin of their own, as standing does among velocities.
+        Absolute values up to this one have a bin of their own, such as standing among velocities.
 
     Returns
     -------
     array, shape (bins + 1,)
-        Increasing; the first and the last enclose the values, or nearly so.
+        Increasing; the first and the last enclose the values approximately.
     """
     low, high = float(np.min(values)), float(np.max(values))
-    # Rare extremes share the outermost bins and do not widen all others.
+    # Extremes share the outermost bins and do not widen the others.
     usual = np.percentile(values, [0.5, 99.5])
     span = float(usual[1] - usual[0])
-    # Beside values this large nothing smaller can be told apart, and no unit is that large.
+    # A smaller span is rounding of the values.
     if not span > max(1e-9 * max(abs(low), abs(high)), _NOTHING):
         return np.array([low, high if high > low else low + max(1e-9 * abs(low), 1e-12)])
     step = round_step(span, MOST_BINS - 2)
@@ -47,7 +47,7 @@ def round_edges(values: Array, floor: float = 0.0) -> Array:
     if 0.0 < floor < 0.75 * step:
         middle = np.round(floor, int(1 - np.floor(np.log10(floor))))
         inner = np.sort(np.concatenate([inner[np.abs(inner) > middle], [-middle, middle]]))
-    # Outermost bins that would be slivers join their neighbours; what sticks out a little counts as in them.
+    # Narrow outermost bins join their neighbours, which include values slightly outside.
     inner = inner[(inner > low + 0.25 * step) & (inner < high - 0.25 * step)]
     first, last = step * np.floor(low / step + 0.1), step * np.ceil(high / step - 0.1)
     return np.concatenate([np.round([first], digits), inner, np.round([last], digits)])
@@ -56,7 +56,7 @@ def round_edges(values: Array, floor: float = 0.0) -> Array:
 def few_levels(values: Array) -> Array | None:
     """Levels of a signal that has no more than a dozen; None when it has more, or only one."""
     levels = np.unique(values)
-    # What only rounding tells apart is one level.
+    # Differences by rounding are one level.
     apart = np.diff(levels, prepend=-np.inf) > 1e-6 * (levels[-1] - levels[0])
     levels = levels[apart]
     return levels if 1 < len(levels) <= MOST_BINS else None
@@ -74,7 +74,7 @@ def decade_edges(low: float, high: float) -> Array:
         return np.zeros(0)
     powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
     found = np.ravel(powers[:, None] * np.array([1.0, 2.0, 5.0]))
-    # A hair's breadth from the ends is not between them.
+    # Not within rounding of the ends.
     return np.asarray(found[(found > low * (1.0 + 1e-6)) & (found < high * (1.0 - 1e-6))])
 
 
@@ -93,7 +93,7 @@ def since_edges(since: Array) -> Array:
     longest = float(np.max(since))
     if longest <= 0.0:
         return np.array([0.0, 1e-12])
-    # Below this a bin would hold hardly any of the time. The turning samples themselves say nothing about it.
+    # Below this a bin would contain hardly any samples. Samples at the event itself do not count.
     shortest = max(float(np.percentile(since[since > 0.0], 2.0)), 1e-4 * longest)
     inner = decade_edges(0.7 * shortest, 0.9 * longest)[1 - MOST_BINS :]
     return np.concatenate([[0.0], inner, [longest]])

@@ -1,4 +1,4 @@
-"""Which error of an output is worth breaking down: the free run's, unless that has drifted away."""
+"""Choice of the error of an output to break down: that of the free run, unless it drifts."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Slower than this many periods in a record is drift ...
-_SLOW_PERIODS = 3.0
-# ... which rules when it holds more than this share of the error's power about its mean,
-_DRIFT = 0.5
-# this much of the error is not just constant,
+# Drift is slower than this many periods in a record. A free run drifts when this share of the error's power about its
+# mean is so slow,
+_SLOW_PERIODS, _DRIFT = 3.0, 0.5
+# at least this share of its power is not constant,
 _WANDERS = 0.1
-# and the motion itself has not even this share of that there, or the error is this large beside it.
+# and the motion has less than this share of its power there, or the error is this large relative to the motion.
 _MOTION, _LARGE = 0.3, 0.7
 
 
@@ -36,9 +35,9 @@ class Basis:
     name : str
         ``free_run``, ``ahead`` or ``one_step``.
     kind : str
-        The same in words.
+        Description of the error.
     why : str
-        Why it is not the free run; empty when it is.
+        Reason why it is not the free run; empty when it is.
     error : array, shape (n,)
         Measured minus modelled; NaN where one is not known.
     """
@@ -50,14 +49,7 @@ class Basis:
 
 
 def choose_basis(runs: Runs, column: int) -> Basis:
-    """Take the free run of an output if it stays with the measurement, a prediction otherwise.
-
-    Parameters
-    ----------
-    runs : Runs
-    column : int
-        Output.
-    """
+    """Error of the free run of an output (its column), or of a prediction when the free run drifts."""
     measured, simulated = runs.measured[:, column], runs.simulated[:, column]
     free = measured - simulated
     reason = drift(runs.time, measured, free)
@@ -69,16 +61,16 @@ def choose_basis(runs: Runs, column: int) -> Basis:
     if np.any(np.isfinite(ahead)):
         length = short(runs.steps * runs.record.sample_time)
         kind = f"prediction error {runs.steps} steps ({length} s) ahead"
-        return Basis("ahead", kind, f"{reason}: hence a prediction", ahead)
+        return Basis("ahead", kind, f"{reason}; a prediction is analysed instead", ahead)
     innovation = runs.innovation[:, column].copy()
     innovation[:start] = np.nan
     if np.any(np.isfinite(innovation)):
-        return Basis("one_step", "one-step prediction error", f"{reason}: hence a prediction", innovation)
-    return Basis("free_run", "free-run error", f"{reason}, but no observer follows this model", free)
+        return Basis("one_step", "one-step prediction error", f"{reason}; a prediction is analysed instead", innovation)
+    return Basis("free_run", "free-run error", f"{reason}, but this model has no observer", free)
 
 
 def drift(time: Array, measured: Array, error: Array) -> str:
-    """Say how a free run has left the measurement; empty when it has not.
+    """Text of how a free run deviates from the measurement; empty when it does not drift.
 
     Parameters
     ----------
@@ -92,7 +84,7 @@ def drift(time: Array, measured: Array, error: Array) -> str:
         return ""
     size = float(nrmse(measured, measured - error)[0])
     if size > 1.0:
-        return "the free run is further from the measurement than the measurement's mean is"
+        return "the error of the free run exceeds the deviation of the measurement from its mean"
     _, left = on_even_steps(time[known], error[known])
     step, motion = on_even_steps(time[known], measured[known])
     lines = 1 + int(_SLOW_PERIODS)

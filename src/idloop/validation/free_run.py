@@ -1,4 +1,4 @@
-"""Free run of a model on a record, from the initial state that suits the record best."""
+"""Free run of a model on a record, from the least-squares initial state."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def free_run(engine: Engine, data: Data) -> Array:
     Parameters
     ----------
     engine : Engine
-        Model with the values of its file; nothing but the initial state is fitted.
+        Model with the parameter values to use; only the initial state is fitted.
     data : Data
         Record.
 
@@ -42,16 +42,16 @@ def free_run(engine: Engine, data: Data) -> Array:
     IdloopError
         If the model cannot be simulated.
     """
-    return _from_the_best_start(engine, data)[0]
+    return _from_fitted_start(engine, data)[0]
 
 
 def free_runs(engine: Engine, data: Data, other: Engine) -> tuple[Array, Array]:
-    """Simulate a record with two models of the same bodies, both from the start that suits the first one best.
+    """Simulate a record with two models of the same bodies, both from the least-squares initial state of the first.
 
     Parameters
     ----------
     engine, other : Engine
-        They may differ in what acts on the readings: what their runs differ by is then that alone.
+        Models that differ in what acts on the readings; only that then makes the runs differ.
     data : Data
         Record.
 
@@ -65,11 +65,11 @@ def free_runs(engine: Engine, data: Data, other: Engine) -> tuple[Array, Array]:
     IdloopError
         If the first model cannot be simulated.
     """
-    simulated, start = _from_the_best_start(engine, data)
+    simulated, start = _from_fitted_start(engine, data)
     return simulated, SimulationCriterion(other, [data]).simulated(other.model.theta, start, 0)
 
 
-def _from_the_best_start(engine: Engine, data: Data) -> tuple[Array, Array]:
+def _from_fitted_start(engine: Engine, data: Data) -> tuple[Array, Array]:
     theta = engine.model.theta
     rule = SimulationCriterion(engine, [data])
     start, lower, upper, size = rule.nuisance()
@@ -81,15 +81,15 @@ def _from_the_best_start(engine: Engine, data: Data) -> tuple[Array, Array]:
     def residual(nuisance: Array) -> Array:
         groups = rule.errors(theta, nuisance)
         parts = [(e / spread[group]).ravel() for group, (e,) in zip(rule.groups, groups, strict=True)]
-        # Units of a hundredth of the signal: the search ends where the start no longer matters.
+        # In units of a hundredth of the signal, so that the search ends early enough.
         return 100.0 * np.concatenate(parts)
 
     base = residual(start)
     if not np.all(np.isfinite(base)):
         raise IdloopError(f"the free run of model {engine.model.name!r} does not stay finite")
     step = _STEP * scale
-    nearer, slope = _straight_to_the_best(residual, start, base, step)
-    # The slopes hardly change on the way, so that those of the first step serve until they no longer do.
+    nearer, slope = _gauss_newton_step(residual, start, base, step)
+    # The Jacobian hardly changes, so that of the first step is reused.
     found = minimise(
         residual, nearer, lower, upper, scale, step=step, max_iterations=10, tolerance=1e-4, quick=True,
         jacobian=slope, draft=True,
@@ -97,10 +97,10 @@ def _from_the_best_start(engine: Engine, data: Data) -> tuple[Array, Array]:
     return rule.simulated(theta, found.point, 0), found.point
 
 
-def _straight_to_the_best(
+def _gauss_newton_step(
     residual: Callable[[Array], Array], start: Array, base: Array, step: Array
 ) -> tuple[Array, Array | None]:
-    """One undamped Gauss-Newton step, which ends the search on a linear model; the start where it does not help."""
+    """One undamped Gauss-Newton step, the solution for a linear model; the start where it is worse."""
     columns = []
     for index, size in enumerate(step):
         moved = start.copy()
@@ -109,7 +109,7 @@ def _straight_to_the_best(
     slope = np.column_stack(columns)
     if not np.all(np.isfinite(slope)):
         return start, None
-    # In units of the typical change, so that a state which hardly shows is left where it is.
+    # In units of the typical change, so that a poorly observable state is left where it is.
     move = step * np.linalg.lstsq(slope * step, -base, rcond=1e-9)[0]
     there = residual(start + move)
     return (start + move if float(there @ there) < float(base @ base) else start), slope

@@ -1,4 +1,4 @@
-"""How close a model's output is to the measured one: RMSE, NRMSE and FIT per output."""
+"""Measures of fit per output: RMSE, NRMSE and FIT."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from idloop.errors import InputError
 
 Array = NDArray[np.float64]
 
-# Share of an output's deviation that an effect moves it by at least: 0.002 points of FIT.
+# Negligible error relative to the deviation of an output: 0.002 points of FIT.
 NEGLIGIBLE = 2e-5
 
 
@@ -25,7 +25,7 @@ def _columns(measured: ArrayLike, modelled: ArrayLike) -> tuple[Array, Array]:
         )
     if y.ndim == 1:
         y, y_hat = y[:, None], y_hat[:, None]
-    # A sample counts only where both sides know it.
+    # Samples that are NaN on either side are left out.
     known = np.isfinite(y) & np.isfinite(y_hat)
     return np.where(known, y, np.nan), np.where(known, y_hat, np.nan)
 
@@ -70,7 +70,7 @@ def nrmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
     -------
     array, shape (p,)
         ``‖y − ŷ‖ / ‖y − mean y‖``, dimensionless (0.12 is a FIT of 88 %);
-        infinite where a constant output is missed, NaN where nothing was measured.
+        infinite for an error of a constant output, NaN where nothing was measured.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def nrmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
     error = _root_mean_square(y - y_hat)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = error / spread
-    # A constant output matched exactly has no error, whatever its spread.
+    # A constant output that is matched exactly has an error of 0, not 0 / 0.
     return np.asarray(np.where(error == 0.0, 0.0, ratio))
 
 

@@ -1,9 +1,8 @@
-"""Residual tests: whether what the model leaves over is white and free of the input.
+"""Residual tests: whiteness of the residual, and its independence of past inputs.
 
-A controller carries past residuals into the command. White ones have nothing in common with it all the same; coloured
-ones have, of the best model as well. They are tested against what enters the loop from outside, the recorded reference
-or excitation; where none is recorded, their correlation with the command tells nothing, and nothing is said (Ljung,
-2nd ed., section 16.6).
+Feedback carries past residuals into the command, so that a coloured residual is correlated with the command even for a
+correct model. In closed loop residuals are therefore tested against exogenous signals, the recorded reference or
+excitation; where none is recorded, the test is left undecided (Ljung, 2nd ed., section 16.6).
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ INPUT, REFERENCE = "input", "reference"
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """Correlations of one output's residual with itself and with the input, or what stands for it.
+    """Autocorrelation of one output's residual, and its correlation with the input or an exogenous signal.
 
     Attributes
     ----------
@@ -41,9 +40,9 @@ class ResidualTest:
     cross_correlation, cross_correlation_band : array, shape (2 m + 1,)
         Correlation between input and residual and the half width of its 99 % band.
     cross_p : float
-        p-value that no causal lag (≥ 1) carries input left in any output's residual; NaN where feedback hides it.
+        p-value of independence of all outputs' residuals from past inputs (lags ≥ 1); NaN where undecided.
     against : str
-        What stands for the input: ``input``, or ``reference`` for signals from outside a closed loop.
+        Tested signal: ``input``, or ``reference`` for exogenous signals of a closed loop.
     """
 
     name: str
@@ -60,25 +59,25 @@ class ResidualTest:
 
     @property
     def white(self) -> bool:
-        """Whether whiteness stands at the 1 % level."""
+        """Whether whiteness is not rejected at the 1 % level."""
         return self.ljung_box_p > 0.01
 
     @property
     def input_free(self) -> bool:
-        """Whether independence of residual and past input stands at the 1 % level, or nothing speaks against it."""
+        """Whether independence of residual and past input is not rejected at the 1 % level, or undecided."""
         return not self.cross_p <= 0.01
 
     @property
-    def told(self) -> bool:
-        """Whether the data tell what the residual has in common with the input."""
+    def decided(self) -> bool:
+        """Whether the data decide on the independence of residual and input."""
         return bool(np.isfinite(self.cross_p))
 
     @property
     def freedom(self) -> str:
-        """What the residual has in common with the input, to follow "is white and"."""
-        if not self.told:
-            return "may come back in the command: only a recorded reference would tell whether it follows it"
-        return f"{'is free of' if self.input_free else 'still follows'} the {self.against}"
+        """Result of the test against the input as the end of a sentence, after "is white and"."""
+        if not self.decided:
+            return "may be correlated with the command by feedback: record the reference to decide"
+        return f"is {'independent of' if self.input_free else 'correlated with'} the {self.against}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdicts as plain numbers for JSON."""
@@ -88,7 +87,7 @@ class ResidualTest:
             "ljung_box": self.ljung_box,
             "ljung_box_p": self.ljung_box_p,
             "input_free": bool(self.input_free),
-            "input_correlation_p": self.cross_p if self.told else None,
+            "input_correlation_p": self.cross_p if self.decided else None,
             "against": self.against,
         }
 
@@ -170,11 +169,11 @@ def ljung_box(values: ArrayLike, lags: int) -> tuple[float, float]:
 
 
 def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tuple[Array, Array, float]:
-    """Cross-correlation of an input with a residual, judged under both colours.
+    """Cross-correlation of an input with a residual, tested with the spectra of both.
 
     The variance of a cross-correlation of independent series is
-    ``Σ_k r_u(k) r_e(k) / n`` (Bartlett), so that a slow input with a coloured
-    residual is not taken for a finding. The causal lags are pooled by a Wald
+    ``Σ_k r_u(k) r_e(k) / n`` (Bartlett), so that a slow input and a coloured
+    residual do not give false alarms. The causal lags are pooled by a Wald
     test with the same covariance, on its well-determined directions only.
 
     Parameters
@@ -243,18 +242,16 @@ def residual_tests(
     residual : array, shape (n,) or (n, p)
         Innovations or simulation errors; NaN samples are left out.
     signal : array, shape (n,)
-        Input that held at the same instants.
+        Input at the same instants.
     names : tuple of str, optional
         Output names.
     lags : int
         Largest lag in samples.
     outside : sequence of array, shape (n,)
-        What enters a closed loop from outside, at the same instants: reference, excitation. The residual is tested
-        against these instead of the input. The p-value is multiplied by their number and that of the outputs: one
-        rate of false alarms for all.
+        Exogenous signals of a closed loop at the same instants: reference, excitation. The residual is tested against
+        these instead of the input. The p-value is multiplied by their number and that of the outputs (Bonferroni).
     fed_back : bool
-        Whether the input may carry past residuals: then what is not white and has nothing from outside beside it is not
-        tested.
+        Whether the input may carry past residuals: then a coloured residual without exogenous signals is not tested.
 
     Returns
     -------

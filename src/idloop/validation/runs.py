@@ -1,4 +1,4 @@
-"""What a model does on one record: free run, prediction and drive side, before anything is said about it."""
+"""Runs of a model on one record: free run, predictions and drive force, without any measure."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimation.dataset import Data, force_scale, openings, output_noise, prepare
+from idloop.estimation.dataset import Data, force_scale, output_noise, prepare
+from idloop.estimation.likelihood.disturbance import SUBSET_SAMPLES, fit_random_walk
+from idloop.estimation.observer.innovations import WALK, InnovationCriterion
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
-from idloop.estimation.prediction import PredictionCriterion
-from idloop.validation.ahead import steps_ahead
 from idloop.validation.drive import ForceError, force_error
 from idloop.validation.free_run import free_run
 
@@ -23,17 +23,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# An observer that takes more of a record than this to settle is used from the first sample on.
+_SETTLING_SHARE = 0.05
+
 
 @dataclass(frozen=True)
 class Runs:
-    """A model's outputs and drive force on one record. Parts that cost time are computed when first asked for.
+    """Outputs and drive force of a model on one record; costly parts are computed at first use.
 
     Attributes
     ----------
     model : Model
     record : Record
     steps : int
-        Steps ahead of `ahead`.
+        Prediction horizon of `ahead` in samples.
     cutoff : float or None
         Cut-off of the differentiating filter on the drive side [Hz]; from the data when None.
     """
@@ -82,14 +85,15 @@ class Runs:
         """One-step prediction error, shape (n, p); NaN where not measured and without an observer."""
         if self._observer is None:
             return np.full(self.measured.shape, np.nan)
-        theta, nuisance = self.model.theta, self._observer.nuisance()[0]
-        return self._observer.innovation(theta, nuisance, 0)
+        return self._observer.innovation(self.model.theta, self._observer.nuisance()[0], 0)
 
     @property
     def settled(self) -> int:
-        """First sample at which the predictions no longer depend on where the observer started."""
-        rule = self._observer
-        return 0 if rule is None or rule.estimate_start else int(np.ceil(rule.observer.memory))
+        """First sample at which the observer has settled; 0 when that takes more than a small part of the record."""
+        if self._observer is None:
+            return 0
+        steps = self._observer.observer(self._observer.nuisance()[0], 0).steps
+        return steps if steps <= _SETTLING_SHARE * len(self.data.time) else 0
 
     @cached_property
     def ahead(self) -> Array:
@@ -98,16 +102,20 @@ class Runs:
         if rule is None:
             return np.full(self.measured.shape, np.nan)
         start = rule.initial.state(rule.initial.values, 0, theta)
-        return steps_ahead(self._engine, self.data, rule.observer.gain, self.steps, start)
+        d, observer = self.data, rule.observer(rule.nuisance()[0], 0)
+        gains = observer.gains.reshape(-1, d.output.shape[1])
+        return self._engine.predict_ahead(
+            theta, d.input_time, d.input, d.time, d.output, gains, self.steps, start, observer.place, d.conditions
+        )
 
     @property
     def force(self) -> ForceError | None:
-        """Drive side, or None when some body is not measured steadily."""
+        """Drive side; None when a body is not measured at a steady rate."""
         return self._force[0]
 
     @property
     def no_force(self) -> str:
-        """Why there is no drive side; empty where there is one."""
+        """Reason why there is no drive side; empty where there is one."""
         return self._force[1]
 
     @cached_property
@@ -122,24 +130,19 @@ class Runs:
         return RememberingEngine(self.model)
 
     @cached_property
-    def _observer(self) -> PredictionCriterion | None:
-        """The tuned predictor; None where no linear gain follows the model, as with a sensor blind to the sign."""
-        data = [self.data]
-        theta, given = self.model.theta, (output_noise(self.model, data), force_scale(self._engine, data))
-        known = self.model.disturbance
+    def _observer(self) -> InnovationCriterion | None:
+        """The tuned observer; None where no linear observer exists, as with a sensor that measures a magnitude."""
+        theta, known = self.model.theta, self.model.disturbance
+        noise, force = output_noise(self.model, [self.data]), force_scale(self._engine, [self.data])
+        rule = InnovationCriterion(self._engine, [self.data], noise, force)
         if known is not None and known > 0.0:
-            rule = PredictionCriterion(self._engine, data, *given)
-            rule.fix(theta, known**2)
-            return rule
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                short, near = openings(data), None
-                if short is not None:
-                    begin = PredictionCriterion(self._engine, short, *given)
-                    begin.retune(theta)
-                    near = begin.intensity
-                rule = PredictionCriterion(self._engine, data, *given, near)
-                rule.retune(theta)
-        except IdloopError:
-            return None
+            exponent = float(np.log10(known**2 / rule.unit))
+        else:
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    exponent = fit_random_walk(rule.subset(SUBSET_SAMPLES) or rule, theta, whiten=False)
+            except IdloopError:
+                return None
+        rule.retune(theta)
+        rule.keep(np.array([exponent, WALK]))
         return rule

@@ -1,4 +1,4 @@
-"""How well a black-box model does on sampled data: free run, some steps ahead, and what it leaves over."""
+"""Measures of a black-box model on sampled data: free run, prediction some steps ahead, residual tests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.estimation.feedback import loop_of
+from idloop.estimation.feedback import detect_feedback
 from idloop.validation.residual import ResidualTest, residual_tests
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 _LAGS = 25  # of the residual tests; four times as many samples are needed
 _OVERFLOW = 1e100
-_STRETCHES = 20  # of a record whose scatter tells how certain a difference is
+_STRETCHES = 20  # of a record, for the standard error of a difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +32,11 @@ class Score:
     Attributes
     ----------
     steps : int
-        How far ahead the second measure predicts [samples].
+        Prediction horizon of the second measure [samples].
     output_names : tuple of str
     free_run, ahead : ndarray, shape (p,)
         FIT [%] of the free run and of the prediction, over all stretches together; minus infinity where the model
-        runs away.
+        diverges.
     simulated : tuple of ndarray, shape (n, p)
         Free run of each stretch [output units].
     tests : tuple of ResidualTest
@@ -64,14 +64,14 @@ class Score:
 
 
 def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: int = 10) -> Score:
-    """Judge a model on data.
+    """Compute the measures of a model on data.
 
     Parameters
     ----------
     model : LinearModel or NarxModel
     data : sequence of SampledData
     steps : int
-        How far ahead to predict [samples].
+        Prediction horizon [samples].
 
     Raises
     ------
@@ -80,7 +80,7 @@ def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: in
     """
     if not data:
         raise InputError("no data to judge the model on; give at least one record")
-    # A network takes its first outputs from the measurement: they are no achievement.
+    # A network takes its first outputs from the measurement.
     first = int(getattr(model, "first", 0))
     with np.errstate(all="ignore"):
         simulated = tuple(model.simulate(one) for one in data)
@@ -90,9 +90,9 @@ def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: in
     if len(longest) - first >= 4 * _LAGS:
         with np.errstate(all="ignore"):
             errors = model.innovations(longest)[first:]
-        # Predictions that run away leave nothing to test.
+        # Residuals of a diverged prediction are not tested.
         if np.all(np.abs(errors) < _OVERFLOW):
-            fed_back = loop_of(longest).possible
+            fed_back = detect_feedback(longest).possible
             follows = (longest.reference, longest.feedforward) if fed_back else ()
             outside = [one[first:] for one in follows if one is not None and np.ptp(one) > 0.0]
             tests = residual_tests(
@@ -105,10 +105,10 @@ def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: in
 
 
 def fit_difference(data: Sequence[SampledData], one: Score, other: Score) -> tuple[float, float]:
-    """How much better a free run is than another on the same data, and how uncertain that is.
+    """Difference in FIT of the free runs of two models on the same data, with its standard error.
 
-    The standard error is that of the difference itself, over stretches of the record that are long beside the errors'
-    memory: what both models miss alike does not count (Diebold and Mariano, J. Business and Economic Statistics 13,
+    The standard error is that of the paired difference, over stretches of the record that are long beside the
+    correlation time of the errors (Diebold and Mariano, J. Business and Economic Statistics 13,
     1995).
 
     Parameters
@@ -122,7 +122,7 @@ def fit_difference(data: Sequence[SampledData], one: Score, other: Score) -> tup
     difference : float
         Mean FIT of `one` less that of `other` [%].
     stderr : float
-        [%]; infinite where the data do not tell.
+        [%]; infinite where the data are too short.
     """
     difference = float(np.mean(one.free_run) - np.mean(other.free_run))
     if not np.isfinite(difference):
@@ -132,7 +132,7 @@ def fit_difference(data: Sequence[SampledData], one: Score, other: Score) -> tup
     ]
     totals = [np.sum([np.sum(part, axis=0) for part in parts], axis=0) for parts in squares]
     deviations = np.sum([np.sum((each.output - np.mean(each.output, axis=0)) ** 2, axis=0) for each in data], axis=0)
-    # FIT by the sum of squares, at the middle of both.
+    # Derivative of the FIT by the sum of squares, at the mean of both.
     slope = 50.0 / np.sqrt(np.maximum(0.5 * (totals[0] + totals[1]) * deviations, 1e-300))
     gains = np.concatenate([(b - a) @ slope / len(slope) for a, b in zip(*squares, strict=True)])
     if len(gains) < 2 * _STRETCHES:
@@ -149,7 +149,7 @@ def pooled_fit(data: Sequence[SampledData], modelled: Sequence[Array], first: in
     data : sequence of SampledData
     modelled : sequence of ndarray, shape (n, p)
     first : int
-        Samples at the start of each stretch that do not count.
+        Samples at the start of each stretch to leave out.
 
     Returns
     -------

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def on_even_steps(time: Array, values: Array) -> tuple[float, Array]:
-    """Values at even steps; the values as they are where they stand evenly already.
+    """Values at even steps; unchanged where they are even already.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def on_even_steps(time: Array, values: Array) -> tuple[float, Array]:
     """
     steps = np.diff(time)
     step = float(np.median(steps))
-    # Jitter of a stamp moves a share of the power far below what a share is read to.
+    # The effect of stamp jitter on the shares is below their resolution.
     if np.ptp(steps) < 0.1 * step:
         return step, values
     grid = np.arange(time[0], time[-1] + 1e-6 * step, step)
@@ -56,7 +56,7 @@ def by_frequency(time: Array, error: Array, signal: Array) -> Breakdown:
     Returns
     -------
     Breakdown
-        Bands end at 1, 2, 5, 10, ... Hz; the lowest holds the mean.
+        Bands end at 1, 2, 5, 10, ... Hz; the lowest includes the mean.
     """
     step, even = on_even_steps(time, error)
     _, reference = on_even_steps(time, signal)
@@ -64,7 +64,7 @@ def by_frequency(time: Array, error: Array, signal: Array) -> Breakdown:
     size = float(np.max(np.abs(even))) or 1.0
     power = line_powers(even / size)
     usual = line_powers(reference - np.mean(reference))
-    # The outermost bands are no slivers: the lowest holds a few lines, the highest a fifth of the range.
+    # The lowest band holds a few lines at least, the highest a fifth of the range.
     edges = np.concatenate([[0.0], decade_edges(2.5 * frequency[1], 0.8 * frequency[-1]), [frequency[-1]]])
     index = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, len(edges) - 2)
     count = len(edges) - 1

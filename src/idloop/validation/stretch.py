@@ -1,4 +1,4 @@
-"""The stretches of a record in which a model fails worst, and what the axis was doing there."""
+"""The stretches of a record with the largest model error, and the operating state in them."""
 
 from __future__ import annotations
 
@@ -8,22 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.validation.operating_state import Doing
+from idloop.validation.operating_state import OperatingState
 from idloop.validation.words import percent, short
 
 Array = NDArray[np.float64]
 
-# Length of the window that smooths the squared error, as a share of the record ...
-_WINDOW_SHARE = 1.0 / 250.0
-# ... and at least so many samples.
-_WINDOW_SAMPLES = 5
-# A stretch reaches as far as the smoothed squared error stays above this share of its peak,
+# Length of the window that smooths the squared error, as a share of the record, and at least in samples.
+_WINDOW_SHARE, _WINDOW_SAMPLES = 1.0 / 250.0, 5
+# A stretch extends while the smoothed squared error exceeds this share of its peak,
 _DEPTH = 0.25
-# but no further than this share of the record.
+# at most over this share of the record,
 _LONGEST = 0.1
-# Samples further apart than so many usual steps belong to no common stretch.
+# and not across a gap of so many median steps.
 _HOLE = 5.0
-# A stretch stands out when its mean square error is so many times that of the record and it holds so much of it.
+# A stretch is notable with so many times its share of the error, and so much of the error.
 _DENSER, _WORTH = 2.0, 0.01
 
 
@@ -42,7 +40,7 @@ class Stretch:
     rms : float
         Root mean square error in it.
     text : str
-        What the axis was doing.
+        Operating state.
     """
 
     start: float
@@ -56,11 +54,11 @@ class Stretch:
 
     @property
     def stands_out(self) -> bool:
-        """Whether the error is clearly denser here than over the record."""
+        """Whether the mean square error clearly exceeds that of the record."""
         return self.error >= max(_DENSER * self.time, self.time + _WORTH)
 
     def line(self) -> str:
-        """Say it in one line."""
+        """Return one line of text."""
         return (
             f"{self.start:.3f} .. {self.stop:.3f} s (stamp {stamp(self.start_ns)}): {percent(self.error)} of the error"
             f" in {percent(self.time)} of the time; {self.text}"
@@ -86,19 +84,19 @@ def stamp(nanoseconds: int) -> str:
     return f"{seconds}.{rest:09d}"
 
 
-def worst_stretches(error: Array, doing: Doing, start_ns: int, most: int = 5) -> tuple[Stretch, ...]:
-    """Find the stretches with the densest squared error, the largest share first.
+def worst_stretches(error: Array, state: OperatingState, start_ns: int, most: int = 5) -> tuple[Stretch, ...]:
+    """Find the stretches with the largest mean square error, the largest share of the error first.
 
     Parameters
     ----------
     error : array, shape (n,)
-        Finite, at the instants of `doing`.
-    doing : Doing
-        What the axis was doing at the same instants.
+        Finite, at the instants of `state`.
+    state : OperatingState
+        Operating state at the same instants.
     start_ns : int
         Absolute stamp of time 0 [ns].
     most : int
-        At most so many.
+        Largest number of stretches.
 
     Returns
     -------
@@ -117,7 +115,7 @@ def worst_stretches(error: Array, doing: Doing, start_ns: int, most: int = 5) ->
     density = (area[high] - area[low]) / (high - low)
     free = np.ones(n, dtype=bool)
     longest = max(int(_LONGEST * n), window)
-    steps = np.diff(doing.time)
+    steps = np.diff(state.time)
     joined = steps <= _HOLE * np.median(steps)
     found: list[Stretch] = []
     for _ in range(most):
@@ -125,10 +123,10 @@ def worst_stretches(error: Array, doing: Doing, start_ns: int, most: int = 5) ->
         if not free[peak] or density[peak] <= 0.0:
             break
         first, last = _reach(density, free, joined, peak, longest)
-        # What the window smeared out to either side is this stretch's too.
+        # The smoothing window extends a stretch by half its length to either side.
         free[max(first - half, 0) : last + 1 + half] = False
         share = float(np.sum(square[first : last + 1])) / float(area[-1])
-        start, stop = float(doing.time[first]), float(doing.time[last])
+        start, stop = float(state.time[first]), float(state.time[last])
         found.append(
             Stretch(
                 start,
@@ -138,7 +136,7 @@ def worst_stretches(error: Array, doing: Doing, start_ns: int, most: int = 5) ->
                 share,
                 (last + 1 - first) / n,
                 size * float(np.sqrt(np.mean(square[first : last + 1]))),
-                describe(doing, first, last),
+                describe(state, first, last),
             )
         )
     return tuple(sorted(found, key=lambda s: -s.error))
@@ -163,32 +161,32 @@ def _reach(
     return first, last
 
 
-def describe(doing: Doing, first: int, last: int) -> str:
-    """Say in a few words what the axis was doing from one sample to another.
+def describe(state: OperatingState, first: int, last: int) -> str:
+    """Describe the operating state between two samples.
 
     Parameters
     ----------
-    doing : Doing
+    state : OperatingState
     first, last : int
         Samples, the last included.
     """
     part = slice(first, last + 1)
     words = []
-    if doing.direction is not None and doing.velocity is not None and doing.since is not None:
-        words.append(_motion(doing, part))
-    if doing.position is not None:
-        low, high = float(np.min(doing.position[part])), float(np.max(doing.position[part]))
-        words.append(f"position {_span(low, high)} {doing.position_unit}")
-    command = doing.command[part]
-    words.append(f"command {_span(float(np.min(command)), float(np.max(command)))} {doing.command_unit}")
+    if state.direction is not None and state.velocity is not None and state.since is not None:
+        words.append(_motion(state, part))
+    if state.position is not None:
+        low, high = float(np.min(state.position[part])), float(np.max(state.position[part]))
+        words.append(f"position {_span(low, high)} {state.position_unit}")
+    command = state.command[part]
+    words.append(f"command {_span(float(np.min(command)), float(np.max(command)))} {state.command_unit}")
     return ", ".join(words)
 
 
-def _motion(doing: Doing, part: slice) -> str:
+def _motion(state: OperatingState, part: slice) -> str:
     """Direction, speed and whether it changes."""
-    direction, velocity, since = (np.asarray(a)[part] for a in (doing.direction, doing.velocity, doing.since))
+    direction, velocity, since = (np.asarray(a)[part] for a in (state.direction, state.velocity, state.since))
     seen = direction[direction != 0.0]
-    unit = f"{doing.position_unit}/s"
+    unit = f"{state.position_unit}/s"
     low, high = float(np.min(velocity)), float(np.max(velocity))
     if len(seen) < 0.1 * len(direction):
         return "standing"
@@ -203,15 +201,15 @@ def _motion(doing: Doing, part: slice) -> str:
     change = float(speed[-1] - speed[0])
     pace = "speeding up" if change > 0.3 * np.max(speed) else "slowing down" if -change > 0.3 * np.max(speed) else ""
     text = f"moving {way}" + (f" and {pace}" if pace else "") + f", velocity {_span(low, high)} {unit}"
-    length = float(doing.time[part][-1] - doing.time[part][0])
-    # Worth saying only while the reversal is about as close as the stretch is long.
+    length = float(state.time[part][-1] - state.time[part][0])
+    # A reversal is mentioned when it is at most twice the length of the stretch away.
     if np.isfinite(since[0]) and since[0] <= 2.0 * length:
         text += f", {short(float(since[0]))} s after a reversal"
     return text
 
 
 def _span(low: float, high: float) -> str:
-    """One number where two would say the same."""
+    """Text of a range; one number where both ends are about equal."""
     if high - low <= 0.02 * max(abs(low), abs(high)):
         return short(0.5 * (low + high))
     return f"{short(low)} to {short(high)}"

@@ -1,4 +1,4 @@
-"""When an estimate may be trusted: its standard error is small, unseen samples agree, and nothing is missing."""
+"""Trust in an estimate: small standard error, agreement on unseen samples, and no missing effect."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from dataclasses import dataclass
 # Largest standard error, as part of the value.
 LARGEST_STDERR = 0.05
 # Largest rms error of the free run on unseen samples, in units of the sensor's noise: three quarters of its power are
-# then the model's.
+# then model error.
 LARGEST_ERROR = 2.0
 
 
 @dataclass(frozen=True)
 class Standing:
-    """What is known of the model that the estimates belong to.
+    """Validation results of the model that the estimates belong to.
 
     Attributes
     ----------
     missed : mapping of str to float
-        By output, rms error of the free run on unseen samples over the sensor's noise.
+        rms error of the free run on unseen samples over the sensor's noise, by output.
     missing : tuple of str
-        Effects for which there is evidence beyond the threshold.
+        Effects with evidence above the threshold.
     doubtful : tuple of str
-        Effects that the samples have neither shown nor made unlikely.
+        Effects that the samples neither support nor reject.
     weighed : float
-        New samples on which effects have been weighed [s]; 0 where they have not.
+        Duration of new samples on which effects were tested [s]; 0 without a test.
     unknown : bool
-        Whether something is missing that is not in the catalogue.
+        Whether an effect is missing that is not in the catalogue.
     """
 
     missed: Mapping[str, float]
@@ -37,7 +37,7 @@ class Standing:
     unknown: bool = False
 
     def doubts(self, largest_error: float = LARGEST_ERROR) -> tuple[str, ...]:
-        """Why no estimate of this model may be trusted, one line each; empty where nothing speaks against them.
+        """Reasons against all estimates of this model, one line each; empty without any.
 
         Parameters
         ----------
@@ -45,32 +45,32 @@ class Standing:
             In units of the sensor's noise.
         """
         found = [
-            f"on unseen samples {name} is missed by {ratio:.3g} times its noise, more than {largest_error:g}"
+            f"the error of {name} on unseen samples is {ratio:.3g} times its noise, more than {largest_error:g}"
             for name, ratio in self.missed.items()
             if not ratio <= largest_error
         ]
         if not self.missed:
-            found.append("the model has not been compared with unseen samples")
+            found.append("the model was not validated on unseen samples")
         if self.missing:
-            found.append(f"missing from the model: {', '.join(self.missing)}")
+            found.append(f"missing effects: {', '.join(self.missing)}")
         if self.unknown:
-            found.append("something is missing from the model that is not in the catalogue")
+            found.append("an effect is missing that is not in the catalogue")
         if self.doubtful:
-            found.append(f"not decided yet: {', '.join(self.doubtful)}")
+            found.append(f"undecided effects: {', '.join(self.doubtful)}")
         if not self.weighed:
-            found.append("it has not been weighed yet whether an effect is missing")
+            found.append("missing effects were not tested yet")
         return tuple(found)
 
 
 @dataclass(frozen=True)
 class Trust:
-    """Whether one estimate may be trusted, and why.
+    """Whether one estimate is trusted, and why.
 
     Attributes
     ----------
     trusted : bool
     why : str
-        What speaks against it; where nothing does, what holds.
+        The reasons against it; without any, the results in its favour.
     """
 
     trusted: bool
@@ -86,16 +86,16 @@ def trust(
     largest_stderr: float = LARGEST_STDERR,
     largest_error: float = LARGEST_ERROR,
 ) -> Trust:
-    """Say whether an estimate may be trusted.
+    """Decide whether an estimate is trusted.
 
     Parameters
     ----------
     value, stderr : float
         The estimate and its standard error, None where there is none.
     standing : Standing
-        Of the model.
+        Validation results of the model.
     at_bound : bool
-        Whether it lies on one of its bounds.
+        Whether it is at one of its bounds.
     largest_stderr : float
         As part of the value.
     largest_error : float
@@ -103,7 +103,7 @@ def trust(
     """
     doubts, part = [], None
     if at_bound:
-        doubts.append("it lies on its bound")
+        doubts.append("it is at its bound")
     if stderr is None:
         doubts.append("it has no standard error")
     else:
@@ -117,7 +117,7 @@ def trust(
     return Trust(
         True,
         f"standard error {_percent(part)}; errors on unseen samples at most {worst:.3g} times the noise; "
-        f"nothing missing on {standing.weighed:.3g} s of new samples",
+        f"no missing effect on {standing.weighed:.3g} s of new samples",
     )
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from idloop.validation.breakdown import Breakdown, break_down, sums
 from idloop.validation.edges import MOST_BINS, few_levels, level_edges, round_edges, since_edges
-from idloop.validation.operating_state import Doing
+from idloop.validation.operating_state import OperatingState
 from idloop.validation.spectrum import by_frequency
 
 Array = NDArray[np.float64]
@@ -23,54 +23,53 @@ TITLES = {
 }
 VARIABLES = tuple(TITLES)
 
-# Equal stretches of time.
-_STRETCHES = 10
+_STRETCHES = 10  # of equal duration
 
 
-def break_down_all(error: Array, signal: Array, doing: Doing) -> tuple[tuple[Breakdown, ...], dict[str, str]]:
-    """Break one error down along every variable that varies.
+def break_down_all(error: Array, signal: Array, state: OperatingState) -> tuple[tuple[Breakdown, ...], dict[str, str]]:
+    """Break an error down along every variable that varies.
 
     Parameters
     ----------
     error, signal : array, shape (n,)
-        Error and the measured signal it belongs to; finite, at the instants of `doing`.
-    doing : Doing
+        Error and the measured signal it belongs to; finite, at the instants of `state`.
+    state : OperatingState
 
     Returns
     -------
     breakdowns : tuple of Breakdown
         In the order of `VARIABLES`.
     left_out : dict
-        Variable and why it is missing.
+        Reason by variable that is missing.
     """
-    time = doing.time
+    time = state.time
     found = [
         break_down("time", "time", "s", time, error, np.linspace(time[0], time[-1], _STRETCHES + 1)),
         by_frequency(time, error, signal),
     ]
     left_out: dict[str, str] = {}
-    if doing.velocity is None or doing.direction is None or doing.since is None:
+    if state.velocity is None or state.direction is None or state.since is None:
         left_out |= dict.fromkeys(("velocity", "direction", "since_reversal"), "no motion is measured")
     else:
-        edges = round_edges(doing.velocity, doing.floor)
-        unit = f"{doing.position_unit}/s"
-        if np.ptp(doing.velocity) > 0.0:
-            found.append(break_down("velocity", f"velocity of {doing.body}", unit, doing.velocity, error, edges))
+        edges = round_edges(state.velocity, state.floor)
+        unit = f"{state.position_unit}/s"
+        if np.ptp(state.velocity) > 0.0:
+            found.append(break_down("velocity", f"velocity of {state.body}", unit, state.velocity, error, edges))
         else:
             left_out["velocity"] = "the velocity never changes"
-        found.append(_by_direction(error, doing.direction, doing.body))
-        if np.any(np.isfinite(doing.since)):
-            found.append(_by_since(error, doing.since))
+        found.append(_by_direction(error, state.direction, state.body))
+        if np.any(np.isfinite(state.since)):
+            found.append(_by_since(error, state.since))
         else:
             left_out["since_reversal"] = "the axis never reverses"
-    if doing.position is None:
+    if state.position is None:
         left_out["position"] = "no position is measured"
-    elif np.ptp(doing.position) > 0.0:
-        found.append(_by_position(error, doing))
+    elif np.ptp(state.position) > 0.0:
+        found.append(_by_position(error, state))
     else:
         left_out["position"] = "the position never changes"
-    if np.ptp(doing.command) > 1e-9 * np.max(np.abs(doing.command)):
-        found.append(_by_command(error, doing))
+    if np.ptp(state.command) > 1e-9 * np.max(np.abs(state.command)):
+        found.append(_by_command(error, state))
     else:
         left_out["command"] = "the command never changes"
     return tuple(sorted(found, key=lambda b: VARIABLES.index(b.variable))), left_out
@@ -89,16 +88,16 @@ def _by_since(error: Array, since: Array) -> Breakdown:
     return break_down("since_reversal", "time since reversal", "s", since, error, edges, beyond)
 
 
-def _by_position(error: Array, doing: Doing) -> Breakdown:
-    position, label = np.asarray(doing.position), f"position of {doing.body}"
-    if doing.position_unit == "rad" and np.ptp(position) >= 2.0 * np.pi:
+def _by_position(error: Array, state: OperatingState) -> Breakdown:
+    position, label = np.asarray(state.position), f"position of {state.body}"
+    if state.position_unit == "rad" and np.ptp(position) >= 2.0 * np.pi:
         angle = np.degrees(np.mod(position, 2.0 * np.pi))
         edges = np.linspace(0.0, 360.0, MOST_BINS + 1)
         return break_down("position", label, "°", angle, error, edges, circular=True)
-    return break_down("position", label, doing.position_unit, position, error, round_edges(position))
+    return break_down("position", label, state.position_unit, position, error, round_edges(position))
 
 
-def _by_command(error: Array, doing: Doing) -> Breakdown:
-    levels = few_levels(doing.command)
-    edges = round_edges(doing.command) if levels is None else level_edges(levels)
-    return break_down("command", "command", doing.command_unit, doing.command, error, edges, levels=levels)
+def _by_command(error: Array, state: OperatingState) -> Breakdown:
+    levels = few_levels(state.command)
+    edges = round_edges(state.command) if levels is None else level_edges(levels)
+    return break_down("command", "command", state.command_unit, state.command, error, edges, levels=levels)

@@ -1,4 +1,4 @@
-"""Where a model fails: the error of every output and of the drive force, along everything that may explain it."""
+"""Error analysis: the error of every output and of the drive force, along the variables that may explain it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.error_choice import choose_basis
-from idloop.validation.operating_state import Doing, doing_of
+from idloop.validation.operating_state import OperatingState, operating_state
 from idloop.validation.stretch import Stretch, worst_stretches
 from idloop.validation.variables import TITLES, break_down_all
 from idloop.validation.words import beside, percent, short
@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 DRIVE_FORCE = "drive force"
 
-# Fewer samples than this are not worth sorting.
+# Fewest samples for a breakdown.
 _FEWEST = 50
-# Worth saying: a curve over a variable that makes up so much of the error, and so many stretches.
-_FOLLOWS, _SAID = 0.25, 3
+# Printed: functions of one variable with this coefficient of determination, and at most so many stretches.
+_FOLLOWS, _MOST_STRETCHES = 0.25, 3
 
 
 @dataclass(frozen=True)
@@ -39,18 +39,18 @@ class ErrorMap:
     basis : str
         ``free_run``, ``ahead``, ``one_step``, or ``force``.
     kind : str
-        The basis in words.
+        Description of the basis.
     why : str
-        Why it is not the free run, in a sentence; empty otherwise.
+        Reason why it is not the free run; empty otherwise.
     time, error : array, shape (m,)
         Instants [s] and measured minus modelled; on the drive side applied minus needed force.
     mean, rms, relative : float
         Mean and root mean square of the error in its unit; rms over that of the measurement (about its mean for
         outputs).
     breakdowns : tuple of Breakdown
-        Along each variable that this record lets vary.
+        Along each variable that varies in the record.
     left_out : dict
-        Variable and why it is not among them.
+        Reason by variable that has no breakdown.
     stretches : tuple of Stretch
         The worst ones, worst first.
     """
@@ -74,7 +74,7 @@ class ErrorMap:
         return next((b for b in self.breakdowns if b.variable == variable), None)
 
     def lines(self) -> list[str]:
-        """Say where the error falls: what stands out, what it follows, the worst stretches."""
+        """Return a few lines of text: notable parts, functions of one variable, worst stretches."""
         of = "of the applied force" if self.basis == "force" else "of the measured motion"
         relative = f", {short(100.0 * self.relative)} % {of}" if np.isfinite(self.relative) else ""
         mean = beside(self.mean, self.rms)
@@ -85,22 +85,22 @@ class ErrorMap:
         width = max((len(TITLES[b.variable]) for b in loud), default=0)
         for breakdown in loud:
             worst = breakdown.worst
-            # A mean is worth its place where the error has mostly one sign.
+            # The mean is printed where the error has mostly one sign.
             mean = f" (mean {short(worst.mean)} {self.unit})" if abs(worst.mean) > 0.5 * worst.rms else ""
             found.append(f"  {TITLES[breakdown.variable]:<{width}}  {worst.text}{mean}")
         even = [TITLES[b.variable] for b in self.breakdowns if not b.stands_out]
         if even:
-            found.append(f"  nothing stands out along {', '.join(even)}")
+            found.append(f"  evenly distributed along {', '.join(even)}")
         led = sorted((b for b in self.breakdowns if b.follows >= _FOLLOWS), key=lambda b: -b.follows)
         if led:
             shares = ", ".join(f"{TITLES[b.variable]} {percent(b.follows)}" for b in led)
-            found.append(f"  a curve over one variable makes up so much of it: {shares}")
-        found.extend(f"  worst: {stretch.line()}" for stretch in self.loud_stretches[:_SAID])
+            found.append(f"  share explained by a function of one variable: {shares}")
+        found.extend(f"  worst: {stretch.line()}" for stretch in self.loud_stretches[:_MOST_STRETCHES])
         return found
 
     @property
     def loud_stretches(self) -> tuple[Stretch, ...]:
-        """The worst stretches that are clearly worse than the rest of the record."""
+        """The worst stretches whose error clearly exceeds that of the rest of the record."""
         return tuple(stretch for stretch in self.stretches if stretch.stands_out)
 
     def to_dict(self) -> dict[str, Any]:
@@ -121,7 +121,7 @@ class ErrorMap:
 
 @dataclass(frozen=True)
 class Where:
-    """Where a model fails on one record.
+    """Error analysis of a model on one record.
 
     Attributes
     ----------
@@ -152,24 +152,15 @@ class Where:
 
 
 def where(runs: Runs) -> Where:
-    """Break the error of a model down by all variables.
-
-    Parameters
-    ----------
-    runs : Runs
-
-    Returns
-    -------
-    Where
-    """
+    """Break the errors of a model down by all variables."""
     maps = []
     force = _force_map(runs)
     if force is not None:
         maps.append(force)
-    states: dict[str, Doing] = {}
+    states: dict[str, OperatingState] = {}
     for column, output in enumerate(runs.model.outputs):
         if output.body not in states:
-            states[output.body] = doing_of(runs.model, runs.data, output.body)
+            states[output.body] = operating_state(runs.model, runs.data, output.body)
         basis = choose_basis(runs, column)
         known = np.isfinite(basis.error)
         if np.sum(known) < _FEWEST:
@@ -186,14 +177,19 @@ def _force_map(runs: Runs) -> ErrorMap | None:
     if force is None or len(force.time) < _FEWEST:
         return None
     model = runs.model
-    state = doing_of(model, runs.data, model.bodies[0]).at(force.time, force.command)
+    state = operating_state(model, runs.data, model.bodies[0]).at(force.time, force.command)
     size = float(np.sqrt(np.mean(force.applied**2)))
     named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", "")
     return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
 
 
 def _map(
-    named: tuple[str, str, str, str, str], error: Array, signal: Array, state: Doing, size: float, start_ns: int
+    named: tuple[str, str, str, str, str],
+    error: Array,
+    signal: Array,
+    state: OperatingState,
+    size: float,
+    start_ns: int,
 ) -> ErrorMap:
     breakdowns, left_out = break_down_all(error, signal, state)
     rms = float(np.sqrt(np.mean(error**2)))

@@ -1,4 +1,4 @@
-"""Ranges, shares and numbers in words, as the verdicts on an error use them."""
+"""Text of ranges, shares and numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _NOTHING = 1e-3  # three digits of the scale
 
 
 def percent(share: float) -> str:
-    """Say a share: in whole percents, or what there is below one."""
+    """Text of a share in whole percents, with one digit more below one percent."""
     value = 100.0 * share
     if value >= 0.95 or value <= 0.0:
         return f"{value:.0f} %"
@@ -21,12 +21,12 @@ def short(value: float) -> str:
 
 
 def beside(value: float, scale: float) -> str:
-    """Write a number as `short` does, and one that is nothing beside a scale of its own unit as 0."""
+    """As `short`; 0 for a number that is negligible beside a scale in its own unit."""
     return short(value) if abs(value) >= _NOTHING * scale else "0"
 
 
 def range_text(variable: str, low: float, high: float, unit: str) -> str:
-    """Say where a range of a variable lies, to follow "of the time" or "the error is".
+    """Text of a range of a variable, to follow "of the time" or "the error is".
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def range_text(variable: str, low: float, high: float, unit: str) -> str:
 
 
 def levels_text(variable: str, low: float, high: float, unit: str) -> str:
-    """Say which of a few levels of a signal are meant."""
+    """Text of a range of the levels of a signal with only a few."""
     if low == high:
         return f"with a {variable} of {short(low)} {unit}"
     return f"with a {variable} of {short(low)} to {short(high)} {unit}"

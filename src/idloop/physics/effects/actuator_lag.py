@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives, time_constants
 
@@ -35,7 +35,7 @@ EFFECT = Effect(
         r"\tau_a\,\dot{u}_{\ell} = @u - u_{\ell}",
         {"time_constant": r"\tau_a"},
     ),
-    parameters=(ParameterSpec("time_constant", "s", min=0.0, max=10.0),),
+    parameters=(EffectParameter("time_constant", "s", min=0.0, max=10.0),),
     command=command,
     settle=settle,
     states=1,

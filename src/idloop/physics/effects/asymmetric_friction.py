@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 
 
@@ -22,8 +22,8 @@ EFFECT = Effect(
         {"level": "f_c", "ratio": r"\rho"},
     ),
     parameters=(
-        ParameterSpec("level", "{force}", min=0.0),
-        ParameterSpec("ratio", "-", min=-1.0, max=1.0),
+        EffectParameter("level", "{force}", min=0.0),
+        EffectParameter("ratio", "-", min=-1.0, max=1.0),
     ),
     friction=friction,
     proportional=True,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
         r"@F_{\text{a}@i} = b_a\,\left|@v\right|",
         {"coefficient": "b_a"},
     ),
-    parameters=(ParameterSpec("coefficient", "{force}·s/{position}"),),
+    parameters=(EffectParameter("coefficient", "{force}·s/{position}"),),
     force=force,
     proportional=True,
     rate=lambda values, inertia, stiffness: abs(values["coefficient"]) / inertia,

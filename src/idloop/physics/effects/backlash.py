@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import COUPLING, OUTPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import COUPLING, OUTPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import Scales, Trial, alternatives
 
@@ -44,7 +44,7 @@ def settle(value: float, position: float, velocity: float, elapsed: float, state
     return state[0]
 
 
-GAP = ParameterSpec("gap", "{position}", min=0.0)
+GAP = EffectParameter("gap", "{position}", min=0.0)
 
 
 def gaps(scales: Scales) -> list[list[Trial]]:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 
 
@@ -22,8 +22,8 @@ EFFECT = Effect(
         {"stiffness": "k_s", "rest": "r_0"},
     ),
     parameters=(
-        ParameterSpec("stiffness", "{force}/{position}", min=0.0),
-        ParameterSpec("rest", "{position}"),
+        EffectParameter("stiffness", "{force}/{position}", min=0.0),
+        EffectParameter("rest", "{position}"),
     ),
     force=force,
     proportional=True,

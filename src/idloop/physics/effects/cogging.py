@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import waves
 
@@ -24,9 +24,9 @@ EFFECT = Effect(
         {"amplitude": "a_n", "harmonic": "n", "phase": r"\varphi_n"},
     ),
     parameters=(
-        ParameterSpec("amplitude", "{force}", min=0.0),
-        ParameterSpec("harmonic", "-", start=2.0, neutral=2.0, min=2.0, integer=True),
-        ParameterSpec("phase", "rad", min=-7.0, max=7.0),
+        EffectParameter("amplitude", "{force}", min=0.0),
+        EffectParameter("harmonic", "-", start=2.0, neutral=2.0, min=2.0, integer=True),
+        EffectParameter("phase", "rad", min=-7.0, max=7.0),
     ),
     force=force,
     proportional=True,

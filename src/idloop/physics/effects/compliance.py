@@ -1,6 +1,6 @@
 """A body that is really two, joined by a spring."""
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.trial import resonances
 
 EFFECT = Effect(
@@ -14,10 +14,10 @@ EFFECT = Effect(
         {"stiffness": "k_c", "damping": "d_c", "split": r"\lambda", "viscous_split": r"\lambda_B"},
     ),
     parameters=(
-        ParameterSpec("stiffness", "{force}/{position}", start=float("inf"), neutral=float("inf"), min=0.0),
-        ParameterSpec("damping", "{force}·s/{position}", min=0.0),
-        ParameterSpec("split", "-", start=0.5, min=0.001, max=0.999),
-        ParameterSpec("viscous_split", "-", min=0.0, max=1.0, optional="split"),
+        EffectParameter("stiffness", "{force}/{position}", start=float("inf"), neutral=float("inf"), min=0.0),
+        EffectParameter("damping", "{force}·s/{position}", min=0.0),
+        EffectParameter("split", "-", start=0.5, min=0.001, max=0.999),
+        EffectParameter("viscous_split", "-", min=0.0, max=1.0, optional="split"),
     ),
     splits=True,
     suggest_order=90,

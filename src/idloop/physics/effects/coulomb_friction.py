@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
         r"@F_{\text{f}@i} = f_c\,\operatorname{sign} @v",
         {"level": "f_c"},
     ),
-    parameters=(ParameterSpec("level", "{force}", min=0.0),),
+    parameters=(EffectParameter("level", "{force}", min=0.0),),
     friction=friction,
     proportional=True,
     dry_level="level",

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -33,8 +33,8 @@ EFFECT = Effect(
         {"width": "d", "width_negative": "d_-"},
     ),
     parameters=(
-        ParameterSpec("width", "{input}", min=0.0),
-        ParameterSpec("width_negative", "{input}", min=0.0, optional="width"),
+        EffectParameter("width", "{input}", min=0.0),
+        EffectParameter("width_negative", "{input}", min=0.0, optional="width"),
     ),
     command=command,
     undo=undo,

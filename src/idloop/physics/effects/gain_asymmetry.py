@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -28,7 +28,7 @@ EFFECT = Effect(
         r"u_g = @u + \rho_u\left|@u\right|",
         {"ratio": r"\rho_u"},
     ),
-    parameters=(ParameterSpec("ratio", "-", min=-0.95, max=0.95),),
+    parameters=(EffectParameter("ratio", "-", min=-0.95, max=0.95),),
     command=command,
     undo=undo,
     order=30,

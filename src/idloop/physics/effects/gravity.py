@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -24,8 +24,8 @@ EFFECT = Effect(
         {"moment": "M_{g@i}", "lowest": r"\varphi_0"},
     ),
     parameters=(
-        ParameterSpec("moment", "{force}"),
-        ParameterSpec("lowest", "rad", held=True),
+        EffectParameter("moment", "{force}"),
+        EffectParameter("lowest", "rad", held=True),
     ),
     force=force,
     proportional=True,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import COUPLING, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import COUPLING, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
         "",
         {"cubic": "k_3"},
     ),
-    parameters=(ParameterSpec("cubic", "{force}/{position}³"),),
+    parameters=(EffectParameter("cubic", "{force}/{position}³"),),
     coupling=coupling,
     order=40,
     looks_like=("compliance",),

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import waves
 
@@ -24,8 +24,8 @@ EFFECT = Effect(
         {"amplitude": "a_1", "phase": r"\varphi_1"},
     ),
     parameters=(
-        ParameterSpec("amplitude", "{force}", min=0.0),
-        ParameterSpec("phase", "rad", min=-7.0, max=7.0),
+        EffectParameter("amplitude", "{force}", min=0.0),
+        EffectParameter("phase", "rad", min=-7.0, max=7.0),
     ),
     force=force,
     proportional=True,

@@ -1,6 +1,6 @@
 """Dead time between a command and its effect."""
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.trial import alternatives, time_constants
 
 EFFECT = Effect(
@@ -12,7 +12,7 @@ EFFECT = Effect(
         r"u_{\tau}(t) = @u(t - \tau_u)",
         {"delay": r"\tau_u"},
     ),
-    parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
+    parameters=(EffectParameter("delay", "s", min=0.0, max=1.0),),
     delay="delay",
     order=10,
     passes_constants=True,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -28,7 +28,7 @@ EFFECT = Effect(
         "u_o = @u + o_u",
         {"offset": "o_u"},
     ),
-    parameters=(ParameterSpec("offset", "{input}"),),
+    parameters=(EffectParameter("offset", "{input}"),),
     command=command,
     undo=undo,
     order=40,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -23,7 +23,7 @@ EFFECT = Effect(
         r"\text{ what the drive or the coupling before passes on}",
         {"ratio": r"\mu"},
     ),
-    parameters=(ParameterSpec("ratio", "-", min=0.0, max=0.99),),
+    parameters=(EffectParameter("ratio", "-", min=0.0, max=0.99),),
     friction=friction,
     looks_like=("coulomb_friction",),
     trials=lambda s: alternatives("ratio", [0.03, 0.1, 0.3]),

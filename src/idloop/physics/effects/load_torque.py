@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
         "",
         {"torque": "@F_{0@i}"},
     ),
-    parameters=(ParameterSpec("torque", "{force}"),),
+    parameters=(EffectParameter("torque", "{force}"),),
     force=force,
     proportional=True,
     looks_like=("input_offset",),

@@ -7,7 +7,7 @@ IEEE Trans. Automatic Control 40(3), 1995.
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import Scales, Trial
 
@@ -68,11 +68,11 @@ EFFECT = Effect(
         {"level": "f_c", "stiffness": r"\sigma_0", "static": "f_s", "velocity": "v_s", "damping": r"\sigma_1"},
     ),
     parameters=(
-        ParameterSpec("level", "{force}", min=0.0),
-        ParameterSpec("stiffness", "{force}/{position}", start=1e3, min=0.0),
-        ParameterSpec("static", "{force}", min=0.0, optional="level"),
-        ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6, held=True),
-        ParameterSpec("damping", "{force}·s/{position}", min=0.0, held=True),
+        EffectParameter("level", "{force}", min=0.0),
+        EffectParameter("stiffness", "{force}/{position}", start=1e3, min=0.0),
+        EffectParameter("static", "{force}", min=0.0, optional="level"),
+        EffectParameter("velocity", "{position}/s", start=0.1, min=1e-6, held=True),
+        EffectParameter("damping", "{force}·s/{position}", min=0.0, held=True),
     ),
     force=force,
     settle=settle,

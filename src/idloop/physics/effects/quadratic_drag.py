@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
         "",
         {"coefficient": "c"},
     ),
-    parameters=(ParameterSpec("coefficient", "{force}·s²/{position}²", min=0.0),),
+    parameters=(EffectParameter("coefficient", "{force}·s²/{position}²", min=0.0),),
     force=force,
     proportional=True,
     looks_like=("viscous_friction", "stribeck_friction"),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -25,7 +25,7 @@ EFFECT = Effect(
         r"u_s = \min\left(\max\left(@u, -u_{\max}\right), u_{\max}\right)",
         {"limit": r"u_{\max}"},
     ),
-    parameters=(ParameterSpec("limit", "{input}", start=float("inf"), neutral=float("inf"), min=0.0),),
+    parameters=(EffectParameter("limit", "{input}", start=float("inf"), neutral=float("inf"), min=0.0),),
     command=command,
     order=20,
     odd=True,

@@ -1,6 +1,6 @@
 """Dead time between the motion and its measurement."""
 
-from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.trial import alternatives, time_constants
 
 EFFECT = Effect(
@@ -12,7 +12,7 @@ EFFECT = Effect(
         r"y_{\tau}(t) = @y(t - \tau_y)",
         {"delay": r"\tau_y"},
     ),
-    parameters=(ParameterSpec("delay", "s", min=0.0, max=1.0),),
+    parameters=(EffectParameter("delay", "s", min=0.0, max=1.0),),
     delay="delay",
     same_as=("input_delay",),  # nothing between the command and the sensor depends on time
     by_hand={

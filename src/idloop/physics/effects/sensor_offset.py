@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
         "y_o = @y + o_y",
         {"offset": "o_y"},
     ),
-    parameters=(ParameterSpec("offset", "{output}"),),
+    parameters=(EffectParameter("offset", "{output}"),),
     reading=reading,
     order=60,
     hidden_by_start=True,

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 
 
@@ -24,7 +24,7 @@ EFFECT = Effect(
         r"y_q = r\,\left\lfloor @y / r + \tfrac{1}{2} \right\rfloor",
         {"resolution": "r"},
     ),
-    parameters=(ParameterSpec("resolution", "{output}", min=0.0),),
+    parameters=(EffectParameter("resolution", "{output}", min=0.0),),
     reading=reading,
     final=True,
     resolution="resolution",

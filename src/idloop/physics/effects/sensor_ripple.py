@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import waves
 
@@ -24,9 +24,9 @@ EFFECT = Effect(
         {"amplitude": "a_r", "harmonic": "n_r", "phase": r"\varphi_r"},
     ),
     parameters=(
-        ParameterSpec("amplitude", "-", min=0.0, max=1.0),
-        ParameterSpec("harmonic", "-", start=1.0, neutral=1.0, min=1.0, integer=True),
-        ParameterSpec("phase", "rad", min=-7.0, max=7.0),
+        EffectParameter("amplitude", "-", min=0.0, max=1.0),
+        EffectParameter("harmonic", "-", start=1.0, neutral=1.0, min=1.0, integer=True),
+        EffectParameter("phase", "rad", min=-7.0, max=7.0),
     ),
     reading=reading,
     order=50,

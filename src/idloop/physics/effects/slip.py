@@ -3,7 +3,7 @@
 from math import isfinite
 from typing import Any
 
-from idloop.physics.effect import COUPLING, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import COUPLING, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -35,7 +35,7 @@ EFFECT = Effect(
         r"\left|@F_{@s}\right| \le @F_{\max}",
         {"limit": r"@F_{\max}"},
     ),
-    parameters=(ParameterSpec("limit", "{force}", start=float("inf"), neutral=float("inf"), min=0.0),),
+    parameters=(EffectParameter("limit", "{force}", start=float("inf"), neutral=float("inf"), min=0.0),),
     coupling=coupling,
     settle=settle,
     # It begins and ends inside a step, which knows of the slipped angle only afterwards: short steps.

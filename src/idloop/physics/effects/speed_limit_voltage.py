@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import Scales, Trial
 
@@ -37,9 +37,9 @@ EFFECT = Effect(
         {"supply": "U", "back_emf": "k_e", "resistance": "R"},
     ),
     parameters=(
-        ParameterSpec("supply", "V", start=float("inf"), neutral=float("inf"), min=0.0),
-        ParameterSpec("back_emf", "V/({position}/s)", min=0.0),
-        ParameterSpec("resistance", "Ω", start=1.0, min=1e-6, held=True),
+        EffectParameter("supply", "V", start=float("inf"), neutral=float("inf"), min=0.0),
+        EffectParameter("back_emf", "V/({position}/s)", min=0.0),
+        EffectParameter("resistance", "Ω", start=1.0, min=1e-6, held=True),
     ),
     command=command,
     order=70,

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 
 # Beyond so many Stribeck velocities the exponential is below the last digit of a double.
@@ -29,9 +29,9 @@ EFFECT = Effect(
         {"coulomb": "f_c", "static": "f_s", "velocity": "v_s"},
     ),
     parameters=(
-        ParameterSpec("coulomb", "{force}", min=0.0),
-        ParameterSpec("static", "{force}", min=0.0),
-        ParameterSpec("velocity", "{position}/s", start=0.1, min=1e-6),
+        EffectParameter("coulomb", "{force}", min=0.0),
+        EffectParameter("static", "{force}", min=0.0),
+        EffectParameter("velocity", "{position}/s", start=0.1, min=1e-6),
     ),
     friction=friction,
     rate=lambda values, inertia, stiffness: abs(values["static"] - values["coulomb"]) / values["velocity"] / inertia,

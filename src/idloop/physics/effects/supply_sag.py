@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import INPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import INPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -29,8 +29,8 @@ EFFECT = Effect(
         {"share": r"\kappa", "reference": "U_0"},
     ),
     parameters=(
-        ParameterSpec("share", "-", min=0.0, max=2.0),
-        ParameterSpec("reference", "V", start=24.0, neutral=24.0, min=1e-3, chosen=True),
+        EffectParameter("share", "-", min=0.0, max=2.0),
+        EffectParameter("reference", "V", start=24.0, neutral=24.0, min=1e-3, chosen=True),
     ),
     command=command,
     states=1,

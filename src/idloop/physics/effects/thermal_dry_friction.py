@@ -6,7 +6,7 @@ found at.
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -28,8 +28,8 @@ EFFECT = Effect(
         {"slope": r"f_{\theta}", "reference": r"\Theta_0"},
     ),
     parameters=(
-        ParameterSpec("slope", "{force}/K"),
-        ParameterSpec("reference", "°C", start=20.0, neutral=20.0, min=-273.15, chosen=True),
+        EffectParameter("slope", "{force}/K"),
+        EffectParameter("reference", "°C", start=20.0, neutral=20.0, min=-273.15, chosen=True),
     ),
     friction=friction,
     proportional=True,

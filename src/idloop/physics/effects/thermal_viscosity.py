@@ -7,7 +7,7 @@ exponentially; over tens of kelvins its slope says most of that. It holds betwee
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -28,8 +28,8 @@ EFFECT = Effect(
         {"coefficient": r"b_{\theta}", "reference": r"\Theta_0"},
     ),
     parameters=(
-        ParameterSpec("coefficient", "{force}·s/{position}/K"),
-        ParameterSpec("reference", "°C", start=20.0, neutral=20.0, min=-273.15, chosen=True),
+        EffectParameter("coefficient", "{force}·s/{position}/K"),
+        EffectParameter("reference", "°C", start=20.0, neutral=20.0, min=-273.15, chosen=True),
     ),
     force=force,
     proportional=True,

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from idloop.physics.effect import OUTPUT, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import OUTPUT, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives, time_constants
 
@@ -42,7 +42,7 @@ EFFECT = Effect(
         r"\tau_f\,\dot{y}_f = @y - y_f",
         {"time_constant": r"\tau_f"},
     ),
-    parameters=(ParameterSpec("time_constant", "s", min=0.0, max=10.0),),
+    parameters=(EffectParameter("time_constant", "s", min=0.0, max=10.0),),
     reading=reading,
     settle=settle,
     states=3,

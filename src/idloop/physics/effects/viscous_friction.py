@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idloop.physics.effect import BODY, Effect, EffectEquation, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectEquation, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.trial import alternatives
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
         "",
         {"coefficient": "b"},
     ),
-    parameters=(ParameterSpec("coefficient", "{force}·s/{position}", min=0.0),),
+    parameters=(EffectParameter("coefficient", "{force}·s/{position}", min=0.0),),
     force=force,
     proportional=True,
     site_parameter="viscous_friction",

@@ -30,11 +30,6 @@ def plot_wear(baseline: Baseline, records: Sequence[Record], traces: Sequence[Tr
     ----------
     traces : sequence of Trace
         What the monitor made of each record; drawn one after the other.
-
-    Returns
-    -------
-    matplotlib Figure
-        For `idloop.drawing.save`.
     """
     with drawing.styled():
         figure, axes = drawing.new_figure(2 * len(baseline.watches), 1, (1.5, 1.8) * len(baseline.watches))
@@ -44,7 +39,7 @@ def plot_wear(baseline: Baseline, records: Sequence[Record], traces: Sequence[Tr
             top, below = axes[2 * row, 0], axes[2 * row + 1, 0]
             _draw_sum(top, time, traces, row, normal.threshold)
             top.set_title(watch.parameter, loc="left", fontweight="bold", pad=20)  # clear of the legend
-            _draw_growth(below, time, traces, row, watch.growth, normal.offset_stderr / normal.echo)
+            _draw_growth(below, time, traces, row, watch.growth, normal.offset_stderr / normal.sensitivity)
             top.set_ylabel(drawing.label("evidence", None))
             below.set_ylabel(drawing.label("growth", watch.unit))
             for edge in edges:

@@ -78,7 +78,7 @@ def details(rows: Rows) -> Iterator[Block]:
     for label, comparison in rows:
         for test in (one.test for one in residual_findings([comparison])):
             white = "white" if test.white else "not white"
-            free = f" (p {test.cross_p:.2g})" if test.told else ""
+            free = f" (p {test.cross_p:.2g})" if test.decided else ""
             yield (
                 f"{label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g})"
                 f" and {test.freedom}{free}"

@@ -73,10 +73,10 @@ def monitoring_blocks(
     yield ""
     yield from map(_sentence, states)
     for normal in baseline.normal:
-        if abs(normal.offset) > max(0.5 * normal.echo * abs(normal.watch.growth), 1.96 * normal.offset_stderr):
+        if abs(normal.offset) > max(0.5 * normal.sensitivity * abs(normal.watch.growth), 1.96 * normal.offset_stderr):
             yield (
                 f"{normal.watch.parameter}: the reference itself differs from the model by "
-                f"{normal.offset / normal.echo:.3g} "
+                f"{normal.offset / normal.sensitivity:.3g} "
                 f"{normal.watch.unit}: fit the model to the healthy machine first"
             )
 

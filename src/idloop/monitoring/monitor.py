@@ -1,4 +1,4 @@
-"""The monitor: follows records of a machine and says what has grown, what has not, and what they cannot tell."""
+"""The monitor: processes records of a machine and states for each watch: alarm, quiet, or not decidable."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.monitoring.baseline import LEAST_SHARE, Baseline
-from idloop.monitoring.block_scores import Evident, Scores
+from idloop.monitoring.block_scores import EfficientScore, Scores
 from idloop.monitoring.cusum import Alarm, Cusum, Growth
 from idloop.monitoring.run_length import Evidence
 
@@ -23,7 +23,7 @@ ALARM, QUIET, CANNOT_TELL = "alarm", "quiet", "cannot_tell"
 
 @dataclass(frozen=True)
 class Trace:
-    """What one stretch of data made of the sums.
+    """Sums and growth over one stretch of data.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Trace:
     sums : array, shape (b, w)
         Sum of each watch after each block.
     growth, stderr : array, shape (b, w)
-        Growth that each block shows by itself and its standard error [unit]; NaN where it tells nothing.
+        Growth by each block alone and its standard error [unit]; NaN where a block is not informative.
     alarms : tuple of (int, int, Alarm)
         Block, place of the watch, and the alarm, in the order of time.
     """
@@ -46,27 +46,27 @@ class Trace:
 
 @dataclass(frozen=True)
 class WatchState:
-    """What is known of one watch.
+    """Result of one watch.
 
     Attributes
     ----------
     parameter, unit : str
     value : float
-        Of the healthy machine: the model's, with what the reference corrected [unit].
+        Of the healthy machine: the value of the model plus the offset of the reference [unit].
     watched : float
-        Growth that is to be noticed [unit].
+        Growth to detect [unit].
     state : {"alarm", "quiet", "cannot_tell"}
     why : str
-        Why it cannot tell; empty otherwise.
+        Why no decision is possible; empty otherwise.
     alarms : tuple of Alarm
     growth : Growth or None
-        What the newest blocks show.
+        Estimated from the newest blocks.
     sum, threshold : float
-        The CUSUM and where it alarms.
+        The CUSUM and its alarm threshold.
     blocks, telling : int
-        Blocks seen, and those that told anything.
+        Blocks processed, and the informative ones among them.
     delay : float
-        Expected time from the watched growth to its alarm, in motions as in the data seen [s].
+        Expected time from the watched growth to its alarm, in motions as in the processed data [s].
     reference_delay : float
         The same in motions as in the reference [s].
     """
@@ -97,7 +97,7 @@ class Monitor:
     sums : list of Cusum
         One for each watch.
     last : int or None
-        Newest block that was taken in.
+        Newest block that was processed.
     """
 
     baseline: Baseline
@@ -109,14 +109,14 @@ class Monitor:
             self.sums = [Cusum() for _ in self.baseline.watches]
 
     def follow(self, record: Record) -> Trace:
-        """Take in a stretch of data.
+        """Process a stretch of data.
 
-        Blocks that were taken in already are left out: a stretch may begin early, for the observer to settle.
+        Blocks that were processed already are skipped: a stretch may begin early, for the observer to settle.
 
         Parameters
         ----------
         record : Record
-            Later than those before; its clock counts by ``start_ns``.
+            Later than those before, by its ``start_ns``.
 
         Raises
         ------
@@ -126,30 +126,32 @@ class Monitor:
         return self.take(self.baseline.scores(record))
 
     def take(self, scores: Scores) -> Trace:
-        """Take in the scores of a stretch, as `follow` does."""
+        """Process the scores of a stretch, as `follow` does."""
         fresh = np.ones(len(scores), dtype=bool) if self.last is None else scores.index > self.last
         index = scores.index[fresh]
         shape = (len(index), len(self.sums))
         sums, growth, stderr = np.zeros(shape), np.full(shape, np.nan), np.full(shape, np.nan)
         alarms: list[tuple[int, int, Alarm]] = []
-        for i, (normal, score) in enumerate(zip(self.baseline.normal, self.baseline.evident(scores), strict=True)):
+        for i, (normal, score) in enumerate(
+            zip(self.baseline.normal, self.baseline.efficient_score(scores), strict=True)
+        ):
             before = len(self.sums[i].alarms)
-            part = Evident(score.gradient[fresh], score.information[fresh])
+            part = EfficientScore(score.gradient[fresh], score.information[fresh])
             sums[:, i] = self.sums[i].take(normal, index, part)
             alarms += [(alarm.block, i, alarm) for alarm in self.sums[i].alarms[before:]]
-            tells = (part.information > LEAST_SHARE * normal.information) & (normal.information > 0.0)
-            growth[tells, i] = (part.gradient[tells] / part.information[tells] - normal.offset) / normal.echo
-            stderr[tells, i] = np.sqrt(normal.spread / part.information[tells]) / normal.echo
+            known = (part.information > LEAST_SHARE * normal.information) & (normal.information > 0.0)
+            growth[known, i] = (part.gradient[known] / part.information[known] - normal.offset) / normal.sensitivity
+            stderr[known, i] = np.sqrt(normal.variance_ratio / part.information[known]) / normal.sensitivity
         if len(index):
             self.last = int(index[-1])
         return Trace(index, sums, growth, stderr, tuple(sorted(alarms, key=lambda one: one[:2])))
 
     def begin(self) -> None:
-        """Another run of the clock follows; what was seen stays."""
+        """Start another run of the clock; sums and counts stay."""
         self.last = None
 
     def states(self) -> list[WatchState]:
-        """What is known of each watch."""
+        """State of each watch."""
         return [self._state(i) for i in range(len(self.sums))]
 
     def _state(self, i: int) -> WatchState:
@@ -162,18 +164,18 @@ class Monitor:
             state = ALARM
         elif normal.why:
             state, why = CANNOT_TELL, normal.why
-        elif seen.telling == 0:
-            state, why = CANNOT_TELL, f"the motion does not show {watch.parameter}: no block told anything"
+        elif seen.informative == 0:
+            state, why = CANNOT_TELL, f"the motion does not excite {watch.parameter}: no block is informative"
         elif seen.blocks * self.baseline.block < delay:
             state = CANNOT_TELL
             why = (
-                f"too little motion that shows {watch.parameter}: a growth of {watch.growth:.3g} {watch.unit} "
-                f"would take {delay:.3g} s of it to alarm, {seen.blocks * self.baseline.block:g} s were seen"
+                f"too little data in which {watch.parameter} is excited: a growth of {watch.growth:.3g} {watch.unit} "
+                f"takes {delay:.3g} s to alarm, {seen.blocks * self.baseline.block:g} s were processed"
             )
         return WatchState(
             parameter=watch.parameter,
             unit=watch.unit,
-            value=watch.value + normal.offset / normal.echo,
+            value=watch.value + normal.offset / normal.sensitivity,
             watched=watch.growth,
             state=state,
             why=why,
@@ -182,16 +184,18 @@ class Monitor:
             sum=seen.sum,
             threshold=normal.threshold,
             blocks=seen.blocks,
-            telling=seen.telling,
+            telling=seen.informative,
             delay=delay,
             reference_delay=self.baseline.delay(i),
         )
 
     def _evidence(self, i: int) -> Evidence | None:
-        """Evidence of the blocks seen, per block."""
+        """Evidence of the processed blocks."""
         normal, seen = self.baseline.normal[i], self.sums[i]
         if normal.evidence is None or seen.information <= 0.0:
             return None
         alike = seen.information**2 / seen.squares
-        ratio = (normal.echo * normal.watch.growth) ** 2 / (2.0 * normal.spread) * seen.information / alike
+        ratio = (
+            (normal.sensitivity * normal.watch.growth) ** 2 / (2.0 * normal.variance_ratio) * seen.information / alike
+        )
         return Evidence(ratio, alike / seen.blocks, alike)
