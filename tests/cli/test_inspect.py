@@ -94,5 +94,5 @@ def test_numbers_that_nobody_measures_are_one_line(tmp_path, capsys):
     done = subprocess.run(
         [sys.executable, "-m", "idloop", "inspect", str(tmp_path / "bag")], capture_output=True, text=True, check=True
     )
-    assert "warning: motor.position reaches 1e+300: no measurement is above 1e+50; check its unit" in done.stdout
+    assert "warning: motor.position reaches 1e+300, no measurement is above 1e+50; check its unit" in done.stdout
     assert done.stderr == "", "no warning of a library"

@@ -34,6 +34,7 @@ def model() -> SimpleNamespace:
             Signal("joint_states", "motor", "position", "rad"),
             Signal("joint_states", "motor", "velocity", "rad/s"),
         ],
+        conditions=(),
     )
 
 

@@ -219,7 +219,7 @@ def test_holes_in_the_command_are_a_warning_that_says_where(make_bag, model):
     record = read_record(make_bag(command=np.where((time > 49) & (time < 60), np.nan, np.sin(time))), model)
     (found,) = [finding for finding in record.findings if finding.kind == "not_measured"]
     assert (found.level, found.count) == ("warning", 10)
-    assert "from 0.5 to 0.59 s; the last command before is taken to hold there" in found.text
+    assert "from 0.5 to 0.59 s; the command before is assumed to hold there" in found.text
     before = read_record(make_bag(command=np.where(time < 10, np.nan, np.sin(time))), model)
     (found,) = [finding for finding in before.findings if finding.kind == "not_measured"]
     assert "hold" not in found.text

@@ -96,7 +96,7 @@ def test_bad_bag(name, make_bag, tmp_path, model):
         ),
         (
             {"position": np.ones(N)},
-            ("motor.position stays at 1 while motor.velocity runs from -10 to 10", "mend the mapping"),
+            ("motor.position stays at 1 while motor.velocity runs from -10 to 10", "correct the mapping"),
         ),
     ],
 )

@@ -2,78 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bags.applied_command import TOLD, told_findings, told_topic
-from idloop.records.bags.bag import Bag, resolve_topic
-from idloop.records.bags.clock_runs import announced_runs, backwards_message, on_receive_time, split_runs
-from idloop.records.bags.imported_units import condition_units, said_units
+from idloop.records.bags.bag import Bag
+from idloop.records.bags.clock_runs import announced_runs, backwards_message, split_runs
+from idloop.records.bags.metadata import condition_units, signal_units
 from idloop.records.bags.read import read_streams
-from idloop.records.bags.stream import FIELDS, JointStream
+from idloop.records.bags.stream import JointStream
+from idloop.records.bags.topics import (
+    APPLIED_COMMAND,
+    applied_command_findings,
+    applied_command_topic,
+    resolve_topic,
+    topic_beside,
+)
 from idloop.records.finding import Finding
 from idloop.records.gaps import cut_at_gaps
 from idloop.records.inspection.checks import check_commands, check_record
-from idloop.records.inspection.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
+from idloop.records.inspection.clocks import clock_finding, stamp_findings, stamp_statistics, while_measured
+from idloop.records.inspection.values import missing_values
 from idloop.records.inspection.velocity_check import without_wrong_velocities
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
-from idloop.records.measured_conditions import ConditionSignal, ConditionSources
+from idloop.records.measured_conditions import ConditionSources
 from idloop.records.record import Record
-from idloop.records.tables.missing import missing_values
+
+if TYPE_CHECKING:
+    from idloop.physics.model import InputSignal, Model, OutputSignal
+    from idloop.records.bags.axis_signals import AxisSignals
+
+    ModelSignals: TypeAlias = Model | AxisSignals
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-_DRIFT_NOTED = 5e-5  # s/s; crystal clocks agree better than this
-_DRIFT_REFUSED = 1e-3  # s/s; over a minute the streams would slide by 60 ms
-_DRIFTED_NOTED = 0.02  # s on the recorder's clock, above the delays of a busy machine
-_DRIFTED_REFUSED = 0.1
-
-
-class Signal(Protocol):
-    """Where a signal of the model is found in a bag."""
-
-    @property
-    def topic(self) -> str:
-        """Topic, relative or absolute."""
-
-    @property
-    def joint(self) -> str:
-        """Joint, or position in a bare array."""
-
-    @property
-    def field(self) -> str:
-        """position, velocity or effort."""
-
-    @property
-    def unit(self) -> str:
-        """Unit that the model file states."""
-
-
-class CommandSignal(Signal, Protocol):
-    """Where the command is found in a bag, and what it is."""
-
-    @property
-    def kind(self) -> str:
-        """``held`` until the next one, or ``measured``."""
-
-
-class ModelSignals(Protocol):
-    """What `read_record` needs to know of a model; it may also have ``conditions``, each a `ConditionSignal`."""
-
-    @property
-    def input(self) -> CommandSignal:
-        """The command."""
-
-    @property
-    def outputs(self) -> Sequence[Signal]:
-        """What is measured."""
+# Topics beside the command, and the two fields of theirs that a record keeps.
+_BESIDE = {"reference": ("position", "velocity"), "excitation": ("position", "effort")}
 
 
 def read_record(
@@ -92,8 +62,8 @@ def read_record(
     ----------
     bag : Path or str
         rosbag2 directory, ``.mcap`` or ``.db3`` file.
-    model : Model
-        Its ``input`` and ``outputs`` say topic, joint, field and unit.
+    model : Model or AxisSignals
+        Its ``input``, ``outputs`` and ``conditions`` give topic, joint, field and unit.
     stamps : {"header", "receive"}
         Which time counts. Messages without a stamp always use the receive time.
     run : int, optional
@@ -104,7 +74,7 @@ def read_record(
         ROS distribution of message types that the bag does not define.
     check : bool
         Refuse what no fit can use (constant command, output never measured, infinities, too few samples), and leave out
-        a velocity that is none of the recorded position.
+        a velocity that is not the derivative of the recorded position.
 
     Returns
     -------
@@ -143,10 +113,10 @@ def read_records(
 ) -> list[Record]:
     """Read one or several bags as one experiment: a list of records.
 
-    Parameters and errors as in `read_record`, but that a command may be constant: beside others, and to be compared
-    with, that tells something. With `split` a bag in which the clock was set back gives one record for each run
-    instead of an error. A record is cut where nothing was measured for long, see `cut_at_gaps`. A velocity that is none
-    of the recorded position is left out of all records that do not show otherwise.
+    Parameters and errors as in `read_record`, but a command may be constant: beside other records, or for a comparison,
+    such a record is informative. With `split` a bag in which the clock was set back gives one record for each run
+    instead of an error. A record is cut where nothing was measured for long, see `cut_at_gaps`. A velocity that is not
+    the derivative of the recorded position is left out of all records that do not contradict this.
     """
     paths = [bags] if isinstance(bags, Path | str) else list(bags)
     records = []
@@ -160,7 +130,7 @@ def read_records(
 
 
 def output_scales(model: ModelSignals) -> dict[str, float]:
-    """What each output is divided by to be in its body's unit."""
+    """Factor of each output: its values divided by it are in the unit of its body."""
     return {f"{one.joint}.{one.field}": float(getattr(one, "scale", 1.0)) for one in model.outputs}
 
 
@@ -169,21 +139,20 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
         raise InputError(f"stamps {stamps!r} are unknown; use header or receive")
     with Bag(path, distro) as bag:
         topics = bag.topics
-        asked = resolve_topic(model.input.topic, topics, path)
-        command = told_topic(asked, topics)
+        requested = resolve_topic(model.input.topic, topics, path)
+        command = applied_command_topic(requested, topics)
         measured = [resolve_topic(output.topic, topics, path) for output in model.outputs]
         extra = {
             name: found
-            for name in ("reference", "excitation")
-            if (found := _sibling(asked, name, topics)) in topics and topics[found].count
+            for name in _BESIDE
+            if (found := topic_beside(requested, name, topics)) in topics and topics[found].count
         }
-        named: Sequence[ConditionSignal] = getattr(model, "conditions", ())
-        beside = ConditionSources.of(named, _sibling(asked, CONDITIONS, topics), topics)
-        streams = read_streams(bag, {command, *measured, *extra.values(), *beside.topics})
+        conditions = ConditionSources.of(model.conditions, topic_beside(requested, CONDITIONS, topics), topics)
+        streams = read_streams(bag, {command, *measured, *extra.values(), *conditions.topics})
         units = condition_units(bag.custom)
-        common = _unit_findings(model, said_units(bag.custom)) + told_findings(asked, command)
+        common = _unit_findings(model, signal_units(bag.custom)) + applied_command_findings(requested, command)
     if stamps == "receive":
-        streams = {topic: on_receive_time(stream) for topic, stream in streams.items()}
+        streams = {topic: replace(stream, stamp_ns=stream.receive_ns) for topic, stream in streams.items()}
     runs = {topic: split_runs(streams[topic]) for topic in dict.fromkeys((command, *measured))}
     resets = {topic: parts for topic, parts in runs.items() if len(parts) > 1}
     if resets and not split:
@@ -192,42 +161,36 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
     if len(set(counts.values())) > 1:
         text = ", ".join(f"{topic}: {count}" for topic, count in counts.items())
         raise InputError(
-            f"{path}: the topics do not agree on how often the clock was set back (runs {text}); record one run per bag"
+            f"{path}: the clock was set back a different number of times on each topic (runs {text}); record one run"
+            " per bag"
         )
-    added = (*extra.values(), *beside.topics)
+    added = (*extra.values(), *conditions.topics)
     runs |= {topic: announced_runs(streams[topic], counts[command]) for topic in added if topic not in runs}
     records = []
     for number in range(counts[command]):
-        # A reference latched before the reset has fewer runs: the last one it has stays in force.
+        # A reference that was latched before the reset has fewer runs: its last one stays in force.
         part = {topic: parts[min(number, len(parts) - 1)] for topic, parts in runs.items()}
         name = path.stem if counts[command] == 1 else f"{path.stem}[{number}]"
         record = _align(path, name, model, part, command, measured, extra)
         end_ns = int(record.absolute(record.time[-1:])[0])
-        conditions, beside_findings = beside.read(part, units, record.start_ns, end_ns)
-        findings = (*record.findings, *common, *beside_findings)
-        records.append(replace(record, conditions=conditions, findings=findings))
+        values, notes = conditions.read(part, units, record.start_ns, end_ns)
+        records.append(replace(record, conditions=values, findings=(*record.findings, *common, *notes)))
     return records
 
 
-def _unit_findings(model: ModelSignals, said: Mapping[str, str]) -> list[Finding]:
+def _unit_findings(model: ModelSignals, bag_units: Mapping[str, str]) -> list[Finding]:
     """Compare the model's units with those that an import wrote into the bag."""
     found = []
     for signal in (model.input, *model.outputs):
-        unit = said.get(f"{signal.joint}.{signal.field}", signal.unit)
+        unit = bag_units.get(f"{signal.joint}.{signal.field}", signal.unit)
         if unit != signal.unit:
             text = (
                 f"{signal.joint}.{signal.field} is in {unit or 'a unit that is not known'} in the bag and in"
-                f" {signal.unit} in the model; its values are taken as they are"
+                f" {signal.unit} in the model; its values are used without conversion: correct the unit in the model"
+                " file or in the mapping"
             )
             found.append(Finding("unit", text, where=f"{signal.joint}.{signal.field}", level="warning"))
     return found
-
-
-def _sibling(command: str, other: str, topics: Collection[str]) -> str:
-    """Return the topic `other` beside the command, or at the root beside a controller's own command topic."""
-    folder, _, name = command.rpartition("/")
-    beside = f"{folder}/{other}"
-    return beside if beside in topics or name == "joint_command" else f"/{other}"
 
 
 def _sorted_column(
@@ -240,7 +203,7 @@ def _sorted_column(
         raise InputError(
             f"{error}; give that name to the body of the model, and to the joint of its input and outputs"
         ) from error
-    # A message that commands another joint is no hole in the command of this one.
+    # A message with the command of another joint only is no gap in the command of this one.
     held = command and not np.isfinite(getattr(stream, field)[np.isnan(value)]).any()
     found = missing_values(f"{stream.topic} {joint}.{field}", stream.stamp_ns, value, stream.topic, command=held)
     known = ~np.isnan(value)
@@ -253,12 +216,6 @@ def _sorted_column(
         keep = np.append(~repeated, True) if command else np.insert(~repeated, 0, True)
         stamp, value = stamp[keep], value[keep]
     return stamp, value, found
-
-
-def _given_fields(stream: JointStream, joint: str) -> str:
-    """Fields of a joint that hold numbers, as a reader names them; empty where none does."""
-    fields = (f"{joint}.{name}" for name in ("position", "velocity", "effort"))
-    return " or ".join(one for one in fields if np.isfinite(stream.column(joint, one.rpartition(".")[2])).any())
 
 
 def _align(
@@ -276,18 +233,20 @@ def _align(
         stamps = streams[topic].stamp_ns
         if topic == command:
             stamps = while_measured(stamps, [streams[name].stamp_ns for name in measured])
-        if not topic.endswith(f"/{TOLD}"):  # a bridge speaks when it has something to say; until then its word holds
+        if not topic.endswith(f"/{APPLIED_COMMAND}"):  # a bridge sends changes only: a pause there is no loss
             findings += stamp_findings(topic, stamp_statistics(stamps), held=topic == command)
     input_ns, value, found = _sorted_column(streams[command], model.input.joint, model.input.field, command=True)
     findings += found
     if input_ns.size == 0:
-        given = _given_fields(streams[command], model.input.joint)
+        finite = [name for name, column in streams[command].columns().items() if np.isfinite(column).any()]
+        given = " or ".join(name for name in finite if name.rpartition(".")[0] == model.input.joint)
         raise InputError(
             f"{path}: {command} {model.input.joint}.{model.input.field} is NaN in every message; "
-            + (f"{given} is given: say so in the model file" if given else "check field and joint in the model file")
+            + (f"name {given} in the model file instead" if given else "check field and joint in the model file")
         )
     columns = []
-    for topic, signal in zip(measured, model.outputs, strict=True):
+    outputs: Sequence[InputSignal | OutputSignal] = model.outputs
+    for topic, signal in zip(measured, outputs, strict=True):
         stamp, column, found = _sorted_column(streams[topic], signal.joint, signal.field, command=False)
         if stamp.size == 0:
             raise InputError(
@@ -297,8 +256,10 @@ def _align(
         columns.append((stamp, column))
         findings += found
     for topic in dict.fromkeys(measured):
-        if topic != command:
-            findings += _check_clocks(path, streams[command], streams[topic])
+        clocks = clock_finding(streams[command], streams[topic]) if topic != command else None
+        if clocks is not None and clocks.kind == "two_clocks":
+            raise InputError(f"{path}: {clocks.text}; stamp both from one clock, or read with receive stamps")
+        findings += [clocks] if clocks is not None else []
     stamps = np.unique(np.concatenate([stamp for stamp, _ in columns]))
     output = np.full((stamps.size, len(columns)), np.nan)
     for index, (stamp, column) in enumerate(columns):
@@ -309,9 +270,7 @@ def _align(
     start_ns = int(stamps[0])
     first = max(int(np.searchsorted(input_ns, start_ns, side="right")) - 1, 0)
     last = int(np.searchsorted(input_ns, stamps[-1], side="right"))
-    parts = {
-        key: _pair(streams[topic], model.input.joint, fields, start_ns) for (key, topic), fields in _extra_fields(extra)
-    }
+    parts = {name: _pair(streams[topic], model.input.joint, _BESIDE[name], start_ns) for name, topic in extra.items()}
     reference_time, reference = parts.get("reference", (None, None))
     excitation_time, excitation = parts.get("excitation", (None, None))
     return Record(
@@ -333,11 +292,6 @@ def _align(
     )
 
 
-def _extra_fields(extra: Mapping[str, str]) -> list[tuple[tuple[str, str], tuple[str, str]]]:
-    fields = {"reference": (FIELDS[0], FIELDS[1]), "excitation": (FIELDS[0], FIELDS[2])}
-    return [((key, topic), fields[key]) for key, topic in extra.items()]
-
-
 def _pair(
     stream: JointStream, joint: str, fields: tuple[str, str], start_ns: int
 ) -> tuple[Floats | None, Floats | None]:
@@ -353,35 +307,10 @@ def _pair(
     return (stamp[known] - start_ns) / 1e9, table[first][known]
 
 
-def _check_clocks(path: Path, command: JointStream, measured: JointStream) -> list[Finding]:
-    clocks = compare_clocks((command.stamp_ns, command.receive_ns), (measured.stamp_ns, measured.receive_ns))
-    where = f"{command.topic}, {measured.topic}"
-    mend = "stamp both from one clock, or read with receive stamps"
-    if clocks.overlap < 0:
-        raise InputError(
-            f"{path}: two clocks: {command.topic} is stamped {command.stamp_ns[0] * 1e-9:.3f} to"
-            f" {command.stamp_ns[-1] * 1e-9:.3f} s, "
-            f"{measured.topic} {measured.stamp_ns[0] * 1e-9:.3f} to {measured.stamp_ns[-1] * 1e-9:.3f} s, they do"
-            f" not overlap; {mend}"
-        )
-    if not np.isfinite(clocks.drift):
-        return []
-    drift, drifted = abs(clocks.drift), abs(clocks.drifted)
-    if drift > _DRIFT_REFUSED and drifted > _DRIFTED_REFUSED:
-        raise InputError(
-            f"{path}: two clocks: the stamps of {command.topic} and {measured.topic} drift apart by"
-            f" {clocks.drift * 1e3:.3g} ms per second; {mend}"
-        )
-    if drift > _DRIFT_NOTED and drifted > _DRIFTED_NOTED:
-        text = f"stamps of {where} drift apart by {clocks.drift * 1e6:.0f} ppm: perhaps two clocks"
-        return [Finding("clock_drift", text, where=where, level="warning")]
-    return []
-
-
 def _commanded(path: Path, stamps: Stamps, input_ns: Stamps, command: str) -> tuple[slice, list[Finding]]:
     """Keep the measurements during which a command was in force."""
     step = np.diff(input_ns)
-    # The last command is held, but not for ever: the longest pause seen between commands, or ten periods.
+    # The last command is held for the longest pause between commands, or for ten periods.
     held = max(int(step.max()), int(10 * np.median(step))) if step.size else int(stamps[-1] - stamps[0])
     first = int(np.searchsorted(stamps, input_ns[0], side="left"))
     last = int(np.searchsorted(stamps, input_ns[-1] + held, side="right"))
@@ -390,19 +319,17 @@ def _commanded(path: Path, stamps: Stamps, input_ns: Stamps, command: str) -> tu
             f"{path}: no measurement lies between the first and the last command on {command}; record both topics"
             " over the same time"
         )
-    found = []
-    # One or two measurements before the first command are the rule: a controller answers what it measures.
-    if first > 2:
-        seconds = float(stamps[first] - stamps[0]) * 1e-9
-        text = (
-            f"{first} measurements ({seconds:.4g} s) before the first command are left out: the command then is unknown"
+    # One or two measurements before the first command are usual: a controller answers what it measures.
+    left_out = {"before the first": stamps[: first + 1], "after the last": stamps[last - 1 :]}
+    found = [
+        Finding(
+            "cut",
+            f"{part.size - 1} measurements ({(part[-1] - part[0]) * 1e-9:.4g} s) {where} command are left out, because"
+            " the command is not known there",
+            part.size - 1,
+            command,
         )
-        found.append(Finding("cut", text, first, command))
-    if stamps.size - last > 2:
-        seconds = float(stamps[-1] - stamps[last - 1]) * 1e-9
-        text = (
-            f"{stamps.size - last} measurements ({seconds:.4g} s) after the last command are left out: the"
-            " command then is unknown"
-        )
-        found.append(Finding("cut", text, stamps.size - last, command))
+        for where, part in left_out.items()
+        if part.size > 3
+    ]
     return slice(first, last), found

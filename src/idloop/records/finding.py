@@ -1,8 +1,8 @@
-"""What a reader noticed about a recording: each remark carries its kind, its text and how often."""
+"""Remarks on a recording."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 
@@ -17,7 +17,7 @@ class Finding:
         ``jitter``, ``two_clocks``, ``clock_drift``, ``receive_stamps``, ``not_measured``, ``unread_topic``,
         ``cut``, ``processing``, ``no_motion``, ``differenced_velocity``, ...
     text : str
-        One line in plain words, with numbers and units.
+        One line for the user, with numbers and units.
     count : int
         How many samples or places it concerns.
     where : str
@@ -34,4 +34,4 @@ class Finding:
 
     def to_dict(self) -> dict[str, object]:
         """Return the finding as plain values for JSON."""
-        return {"kind": self.kind, "text": self.text, "count": self.count, "where": self.where, "level": self.level}
+        return asdict(self)

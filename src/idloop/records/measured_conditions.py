@@ -1,74 +1,26 @@
 """Conditions that a bag holds beside the axis, such as a temperature or the supply.
 
-A bag of ours has them all on the topic ``conditions``, a JointState with the conditions' names in the place of joints
-and their values as positions. Of other bags the model says which topics they are.
+A bag of ours has them all on the topic ``conditions``, a JointState with the names of the conditions in the place of
+joints and their values as positions. For other bags the model names the topics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.physics.conditions import Condition
-from idloop.records.bags.bag import topics_named
+from idloop.physics.model import ConditionSource
 from idloop.records.bags.stream import JointStream
+from idloop.records.bags.topics import topics_named
 from idloop.records.finding import Finding
 from idloop.spelling import did_you_mean, listed
 
 TOPIC, FIELD = "conditions", "position"
-
-
-class ConditionSignal(Protocol):
-    """Where the model says that a condition is found in a bag; value = number · scale + offset."""
-
-    @property
-    def name(self) -> str:
-        """Name of the condition."""
-
-    @property
-    def topic(self) -> str:
-        """Topic, relative or absolute."""
-
-    @property
-    def joint(self) -> str:
-        """Joint, of a JointState."""
-
-    @property
-    def field(self) -> str:
-        """Field, or path of the number in a message of another type; empty for the only one."""
-
-    @property
-    def unit(self) -> str:
-        """Unit after scale and offset."""
-
-    @property
-    def scale(self) -> float:
-        """Factor to the unit."""
-
-    @property
-    def offset(self) -> float:
-        """Added after the factor."""
-
-
-@dataclass(frozen=True)
-class _Named:
-    """A condition on the topic ``conditions``."""
-
-    name: str
-    topic: str
-    unit: str
-    field: str = FIELD
-    scale: float = 1.0
-    offset: float = 0.0
-
-    @property
-    def joint(self) -> str:
-        return self.name
 
 
 @dataclass(frozen=True)
@@ -77,58 +29,60 @@ class ConditionSources:
 
     Attributes
     ----------
-    said : tuple of (ConditionSignal, str)
-        What the model names and the bag has, with the topic.
+    named : tuple of (ConditionSource, str)
+        Conditions that the model names and the bag has, with the topic.
     ours : str
         The topic ``conditions``; empty where there is none.
     """
 
-    said: tuple[tuple[ConditionSignal, str], ...]
+    named: tuple[tuple[ConditionSource, str], ...]
     ours: str
 
     @classmethod
-    def of(cls, signals: Sequence[ConditionSignal], ours: str, topics: Mapping[str, object]) -> ConditionSources:
-        """Find them; what is not there is no error, unless an effect depends on it."""
-        said = [(one, found[0]) for one in signals if len(found := topics_named(one.topic, topics)) == 1]
-        return cls(tuple(said), ours if ours in topics else "")
+    def of(cls, signals: Sequence[ConditionSource], ours: str, topics: Mapping[str, object]) -> ConditionSources:
+        """Find them; a missing condition is an error only for an effect that depends on it."""
+        named = [(one, found[0]) for one in signals if len(found := topics_named(one.topic, topics)) == 1]
+        return cls(tuple(named), ours if ours in topics else "")
 
     @property
     def topics(self) -> tuple[str, ...]:
         """All of them, each once."""
-        return tuple(dict.fromkeys([*(topic for _, topic in self.said), *([self.ours] if self.ours else [])]))
+        return tuple(dict.fromkeys(filter(None, [*(topic for _, topic in self.named), self.ours])))
 
     def read(
         self, streams: Mapping[str, JointStream], units: Mapping[str, str], start_ns: int, end_ns: int
     ) -> tuple[tuple[Condition, ...], list[Finding]]:
-        """Conditions of one run, and what is to be said of them.
+        """Conditions of one run, and findings on them.
 
         Parameters
         ----------
         streams : mapping of str to JointStream
         units : mapping of str to str
-            Those that the bag states, by condition.
+            Units that the bag states, by condition.
         start_ns, end_ns : int
             First and last measurement [ns]; times count from the first.
         """
-        asked = list(self.said)
-        named = {one.name for one, _ in asked}
-        if self.ours:
-            names = streams[self.ours].names
-            asked += [(_Named(n, self.ours, units.get(n, "")), self.ours) for n in names if n not in named]
+        sources = list(self.named)
+        known = {source.name for source, _ in sources}
+        sources += [
+            (ConditionSource(name, self.ours, name, FIELD, units.get(name, "")), self.ours)
+            for name in (streams[self.ours].names if self.ours else ())
+            if name not in known
+        ]
         found, findings = [], []
-        for signal, topic in asked:
+        for signal, topic in sources:
             stream = streams[topic]
             value = bag_column(stream, signal.joint, signal.field) * signal.scale + signal.offset
-            known = np.isfinite(value)
-            stamp, first = np.unique(stream.stamp_ns[known], return_index=True)
+            finite = np.isfinite(value)
+            stamp, first = np.unique(stream.stamp_ns[finite], return_index=True)
             if not stamp.size:
-                findings.append(Finding("no_condition", f"{topic} {signal.name}: no value in any message", where=topic))
+                findings.append(Finding("no_condition", f"{topic} {signal.name}: no message has a value", where=topic))
                 continue
             if stamp[0] > end_ns or (stamp[-1] < start_ns and stamp.size > 1):
-                text = f"{topic} {signal.name}: no value between the first and the last measurement: perhaps two clocks"
+                text = f"{topic} {signal.name}: no value between the first and the last measurement; perhaps two clocks"
                 findings.append(Finding("two_clocks", text, where=topic, level="warning"))
                 continue
-            found.append(Condition(signal.name, signal.unit, (stamp - start_ns) / 1e9, value[known][first]))
+            found.append(Condition(signal.name, signal.unit, (stamp - start_ns) / 1e9, value[finite][first]))
         return tuple(found), findings
 
 

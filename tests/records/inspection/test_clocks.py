@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from idloop.records.bags.write import make_stream
 from idloop.records.inspection.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
 
 MS = 1_000_000
@@ -67,7 +68,7 @@ def test_drift_is_measured_at_any_speed_of_simulation(speed, drift):
     receive = 10**18 + np.arange(30_000) * MS
     stamp = (np.arange(30_000) * MS * speed).astype(np.int64)
     other = (np.arange(30_000) * MS * speed * (1 + drift)).astype(np.int64)
-    clocks = compare_clocks((other, receive), (stamp, receive))
+    clocks = compare_clocks(*(make_stream("/joint_states", one, {}, receive) for one in (other, stamp)))
     assert clocks.drift == pytest.approx(drift, abs=1e-6, rel=0.02)
     assert clocks.overlap > 0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idloop.records.inspection.from_rest import beginning
+from idloop.records.inspection.motion import beginning
 
 RANDOM = np.random.default_rng(2)
 TIME = np.arange(1, 301) * 0.01

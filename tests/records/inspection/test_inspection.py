@@ -59,7 +59,7 @@ def test_nothing_can_be_identified(make_bag, what):
 def test_a_position_that_stands_still_beside_its_velocity(make_bag):
     found = inspect_bag(make_bag(position=np.full(200, 0.7)))
     assert found.verdict == "contradictory"
-    assert _said(found, "motor.position stays at 0.7 while motor.velocity runs from -10 to 10", "mend the mapping")
+    assert _said(found, "motor.position stays at 0.7 while motor.velocity runs from -10 to 10", "correct the mapping")
 
 
 @pytest.mark.parametrize(("count", "verdict"), [(9, "too_short"), (29, "short"), (100, "usable")])
@@ -75,8 +75,8 @@ def test_holes_are_told_with_their_places(make_bag):
     found = inspect_bag(make_bag(command=command, velocity=np.where(time == 7, np.nan, np.cos(time / 10))))
     said = {finding.where: finding for finding in found.findings if finding.kind == "not_measured"}
     assert said["/joint_command"].level == "warning"
-    assert "10 of 200 values are empty (NaN), from 0.5 to 0.59 s; the last command" in said["/joint_command"].text
-    assert "1 of 200 values are empty (NaN), at 0.07 s" in said["/joint_states"].text
+    assert "10 of 200 values are missing (NaN), from 0.5 to 0.59 s; the command before" in said["/joint_command"].text
+    assert "1 of 200 values are missing (NaN), at 0.07 s" in said["/joint_states"].text
 
 
 def test_bad_clocks_are_findings_here_not_errors(make_bag):

@@ -55,7 +55,7 @@ def test_turns_in_a_hole_of_the_log_are_told_by_the_speed_or_said_to_be_a_guess(
     np.testing.assert_allclose(np.diff(position)[:59], np.diff(angle)[:59], atol=1e-8)
     (told,) = (finding for finding in result.findings if finding.kind == "turns_unknown")
     assert told.level == "warning"
-    assert "in 1 holes of the log (the first at 1.59 s, 1.01 s long)" in told.text
+    assert "in 1 gaps of the log (the first at 1.59 s, 1.01 s long)" in told.text
 
 
 def test_empty_cells_do_not_become_messages(tmp_path):
@@ -146,24 +146,24 @@ def test_time(tmp_path, unit, cells, start):
 BAD = {
     "time backwards": ({"t": [0, 2, 1]}, {}, "runs backwards in row 2"),
     "a period of centuries": ({}, {"time": {"period": 1e300}}, "time: 3 rows at every 1e+300 s last longer"),
-    "a rate of nothing": ({}, {"time": {"rate": 1e-300}}, "longer than any recording; mend the rate"),
-    "a rate of less": ({}, {"time": {"rate": 5e-324}}, "longer than any recording; mend the rate"),
+    "a rate of nothing": ({}, {"time": {"rate": 1e-300}}, "longer than any recording; correct the rate"),
+    "a rate of less": ({}, {"time": {"rate": 5e-324}}, "longer than any recording; correct the rate"),
     "infinite value": ({"y": [0, "inf", 1]}, {}, "infinite in row 1"),
     "empty column": ({"y": ["", "", ""]}, {}, "empty (NaN) in every row"),
-    "time not a number": ({"t": [0, "", 1]}, {}, "no number in row 1"),
-    "time out of reach": ({"t": [0, 1, 3e231]}, {}, "3e+231 s in row 2, which is no time"),
-    "time far behind": ({"t": [0, 1, -3e300]}, {}, "in row 2, which is no time"),
+    "time not a number": ({"t": [0, "", 1]}, {}, "not a number in row 1"),
+    "time out of reach": ({"t": [0, 1, 3e231]}, {}, "3e+231 s in row 2, which is not a time"),
+    "time far behind": ({"t": [0, 1, -3e300]}, {}, "in row 2, which is not a time"),
     "a date out of reach": (
         {"t": ["2020-01-01", "2021-01-01", "9999-01-01"]},
         {"time": {"column": "t", "unit": "iso8601"}},
-        "in row 2, which is no time",
+        "in row 2, which is not a time",
     ),
     "a date too early": (
         {"t": ["1960-01-01", "1961-01-01", "1962-01-01"]},
         {"time": {"column": "t", "unit": "iso8601"}},
         "begins before 1970",
     ),
-    "no ISO time": ({}, {"time": {"column": "t", "unit": "iso8601"}}, "no ISO 8601 time"),
+    "no ISO time": ({}, {"time": {"column": "t", "unit": "iso8601"}}, "not an ISO 8601 time"),
     "rows outside": ({}, {"rows": {"start": 2, "stop": 9}}, "do not lie within its 3 rows"),
     "no time": ({}, {"time": None}, "say where time comes from"),
     "no joint": ({}, {"joint": None}, "no joint named"),
@@ -247,7 +247,9 @@ def _signals(joint, *fields):
         return SimpleNamespace(topic=topic, joint=joint, field=field, unit="", kind="held")
 
     return SimpleNamespace(
-        input=signal("joint_command", "effort"), outputs=[signal("joint_states", field) for field in fields]
+        input=signal("joint_command", "effort"),
+        outputs=[signal("joint_states", field) for field in fields],
+        conditions=(),
     )
 
 

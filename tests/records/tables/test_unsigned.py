@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.errors import InputError
-from idloop.records.tables.unsigned import sign_magnitude, twos_complement
+from idloop.records.tables.signals import sign_magnitude, twos_complement
 
 BITS = {"int8": 8, "int16": 16, "int32": 32}
 

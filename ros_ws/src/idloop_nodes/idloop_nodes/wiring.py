@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from idloop.records.bags.applied_command import ASKED, TOLD
+from idloop.records.bags.topics import APPLIED_COMMAND, REQUESTED_COMMAND
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -97,7 +97,7 @@ def told(topic: str, family: Iterable[str]) -> str:
     family : iterable of str
         Kinds of the nodes of the graph.
     """
-    return TOLD if topic == ASKED and "bridge" in family else topic
+    return APPLIED_COMMAND if topic == REQUESTED_COMMAND and "bridge" in family else topic
 
 
 def subscriptions(kind: str, family: Iterable[str]) -> tuple[str, ...]:

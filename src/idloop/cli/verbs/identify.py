@@ -60,7 +60,6 @@ if TYPE_CHECKING:
     from idloop.estimation.black_box.method import Choices
     from idloop.estimation.black_box.sampled import SampledData
     from idloop.physics import Model
-    from idloop.records.align import Signal
     from idloop.records.bags.axis_signals import AxisSignals
     from idloop.reporting.plots.identification import SweepLine
 
@@ -321,13 +320,13 @@ def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> Non
 
 def named_signals(bag: Path, model: Model | None, joint: str | None, outputs: Sequence[str]) -> AxisSignals:
     """Streams that the model names, else those that the bag shows."""
-    from idloop.records.bags.axis_signals import AxisSignal, AxisSignals, axis_signals, chosen_outputs
+    from idloop.physics.model import InputSignal
+    from idloop.records.bags.axis_signals import AxisSignals, axis_signals, chosen_outputs
 
     if model is None:
         return axis_signals(bag, outputs, joint)
-    given: tuple[Signal, ...] = (model.input, *model.outputs)
-    signals = [AxisSignal(s.topic, s.joint, s.field, s.unit) for s in given]
-    return chosen_outputs(AxisSignals(signals[0], tuple(signals[1:])), outputs)
+    measured = tuple(InputSignal(one.topic, one.joint, one.field, one.unit) for one in model.outputs)
+    return chosen_outputs(AxisSignals(model.input, measured), outputs)
 
 
 def left_out_notes(bags: Sequence[Path], signals: AxisSignals) -> list[str]:

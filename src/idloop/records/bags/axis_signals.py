@@ -9,43 +9,22 @@ from pathlib import Path
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.records.bags.bag import Bag, resolve_topic
-from idloop.records.bags.imported_units import said_units
+from idloop.physics.model import ConditionSource, InputSignal
+from idloop.records.bags.bag import Bag
+from idloop.records.bags.metadata import signal_units
 from idloop.records.bags.read import read_streams
-from idloop.records.bags.stream import FIELDS, JointStream
+from idloop.records.bags.stream import JointStream
+from idloop.records.bags.topics import resolve_topic
 from idloop.spelling import did_you_mean, listed
 
 
 @dataclass(frozen=True)
-class AxisSignal:
-    """Where a signal is found in a bag.
-
-    Attributes
-    ----------
-    topic, joint, field, unit : str
-        The unit is that of an import, "-" where the bag does not say.
-    kind : str
-        A command is ``held`` or ``measured``.
-    """
-
-    topic: str
-    joint: str
-    field: str
-    unit: str
-    kind: str = "held"
-
-    @property
-    def name(self) -> str:
-        """Name of the signal, such as ``motor.effort``."""
-        return f"{self.joint}.{self.field}"
-
-
-@dataclass(frozen=True)
 class AxisSignals:
-    """Command and measurements of an axis, as `read_record` takes them."""
+    """Command and measurements of an axis, as `read_record` takes them; a unit is "-" where the bag does not say."""
 
-    input: AxisSignal
-    outputs: tuple[AxisSignal, ...]
+    input: InputSignal
+    outputs: tuple[InputSignal, ...]
+    conditions: tuple[ConditionSource, ...] = ()
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -74,15 +53,15 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
     with Bag(bag) as opened:
         command, states = (resolve_topic(name, opened.topics, bag) for name in ("joint_command", "joint_states"))
         streams = read_streams(opened, {command, states})
-        units = said_units(opened.custom)
+        units = signal_units(opened.custom)
     driven = [name.rpartition(".")[0] for name in _known(streams[command]) if name.endswith(".effort")]
     if joint is not None and joint not in driven:
         raise InputError(
             f"{bag}: {command} has no effort of joint {joint!r}; it has {listed(driven)}{did_you_mean(joint, driven)}"
         )
     if joint is None and len(driven) != 1:
-        mend = "name one with --joint" if driven else "name the streams with --model"
-        raise InputError(f"{bag}: {command} holds the effort of {len(driven)} joints ({listed(driven)}); {mend}")
+        advice = "name one with --joint" if driven else "name the streams with --model"
+        raise InputError(f"{bag}: {command} holds the effort of {len(driven)} joints ({listed(driven)}); {advice}")
     chosen = driven[0] if joint is None else joint
     measured = _known(streams[states])
     wanted = list(outputs) or [name for name, moves in measured.items() if moves and _joint(name) == chosen]
@@ -104,21 +83,8 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
     )
 
 
-def moving_commands(bag: Path | str, chosen: AxisSignal) -> tuple[str, ...]:
-    """Other joints that the topic of a command moves by the same field.
-
-    Parameters
-    ----------
-    bag : Path or str
-        rosbag2 directory, ``.mcap`` or ``.db3`` file.
-    chosen : AxisSignal
-        The command that is read.
-
-    Returns
-    -------
-    tuple of str
-        Joints in the order of the topic.
-    """
+def moving_commands(bag: Path | str, chosen: InputSignal) -> tuple[str, ...]:
+    """Other joints whose command changes in the same field of the same topic, in the order of the topic."""
     with Bag(bag) as opened:
         topic = resolve_topic(chosen.topic, opened.topics, bag)
         stream = read_streams(opened, {topic})[topic]
@@ -147,18 +113,12 @@ def _joint(name: str) -> str:
     return name.rpartition(".")[0]
 
 
-def _signal(topic: str, name: str, units: dict[str, str]) -> AxisSignal:
+def _signal(topic: str, name: str, units: dict[str, str]) -> InputSignal:
     joint, _, field = name.rpartition(".")
-    return AxisSignal(topic, joint, field, units.get(name, "-"))
+    return InputSignal(topic, joint, field, units.get(name, "-"))
 
 
 def _known(stream: JointStream) -> dict[str, bool]:
     """Signals of a stream that were ever measured, and whether each of them moves."""
-    found = {}
-    for index, joint in enumerate(stream.names):
-        for field in FIELDS:
-            values = getattr(stream, field)[:, index]
-            values = values[np.isfinite(values)]
-            if values.size:
-                found[f"{joint}.{field}"] = bool(np.ptp(values) > 0)
-    return found
+    finite = {name: column[np.isfinite(column)] for name, column in stream.columns().items()}
+    return {name: bool(np.ptp(values) > 0) for name, values in finite.items() if values.size}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.bags.bag_limits import limit_bag_readers
+from idloop.records.bags.topics import Topic
 from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
@@ -22,15 +22,6 @@ if TYPE_CHECKING:
 DISTROS = ("humble", "iron", "jazzy", "kilted", "lyrical")
 _STORAGE = (".mcap", ".db3")
 _MAGIC = b"\x89MCAP0\r\n"
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic of a bag: name, message type, number of messages."""
-
-    name: str
-    type: str
-    count: int
 
 
 class Bag:
@@ -306,38 +297,6 @@ def readable_part(file: Path) -> tuple[int, int, int]:
         except Exception:  # noqa: BLE001 - the cut may fall anywhere, so any parsing error marks the end
             return count, first, last
     return count, first, last
-
-
-def topics_named(name: str, topics: Iterable[str]) -> list[str]:
-    """Return what a relative name may mean: the exact topic, that in the root namespace, or all that end with it."""
-    known = list(topics)
-    for candidate in (name, "/" + name.lstrip("/")):
-        if candidate in known:
-            return [candidate]
-    return [topic for topic in known if topic.endswith("/" + name.lstrip("/"))]
-
-
-def resolve_topic(name: str, topics: Iterable[str], where: Path | str) -> str:
-    """Return the topic of a bag that a model's relative topic name means.
-
-    An exact name wins, then the name in the root namespace, then a single topic that ends with it.
-
-    Raises
-    ------
-    InputError
-        Unknown topic, or several namespaces that hold it.
-    """
-    known = list(topics)
-    inside = topics_named(name, known)
-    if len(inside) == 1:
-        return inside[0]
-    if inside:
-        raise InputError(
-            f"{where}: topic {name!r} exists in several namespaces ({listed(inside)}); write the full name in the"
-            " model file"
-        )
-    bare = {topic.lstrip("/"): topic for topic in known}
-    raise InputError(f"{where}: no topic {name!r}; the bag has {listed(known)}{did_you_mean(name.lstrip('/'), bare)}")
 
 
 def one_line(reason: object) -> str:

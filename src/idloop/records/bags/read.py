@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bags.bag import Bag, Topic, one_line, resolve_topic
+from idloop.records.bags.bag import Bag, one_line
 from idloop.records.bags.joint_states import decode_joint_states
 from idloop.records.bags.message_fields import carries_signals, decode_any
 from idloop.records.bags.stream import JOINT_STATE, JointStream
+from idloop.records.bags.topics import Topic, resolve_topic
 from idloop.records.finding import Finding
 
 

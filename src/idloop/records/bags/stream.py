@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
@@ -57,8 +57,32 @@ class JointStream:
 
     @property
     def is_joint_state(self) -> bool:
-        """Whether names are joints and the three fields differ."""
+        """Whether the names are joints, with three different fields."""
         return self.type == JOINT_STATE
+
+    def take(self, rows: slice | NDArray[np.int64]) -> JointStream:
+        """Return some of the messages."""
+        return replace(
+            self,
+            stamp_ns=self.stamp_ns[rows],
+            receive_ns=self.receive_ns[rows],
+            position=self.position[rows],
+            velocity=self.velocity[rows],
+            effort=self.effort[rows],
+        )
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return the columns that hold a number, by ``joint.field``, or by path for other types."""
+        import numpy as np  # here, for a node that needs only the names above starts without it
+
+        if not self.is_joint_state:
+            return {name: self.position[:, index] for index, name in enumerate(self.names)}
+        named = (
+            (f"{joint}.{field}", getattr(self, field)[:, index])
+            for index, joint in enumerate(self.names)
+            for field in FIELDS
+        )
+        return {name: column for name, column in named if not np.isnan(column).all()}
 
     def column(self, joint: str, field: str) -> NDArray[np.float64]:
         """Return the values of one joint's field, shape (n,).

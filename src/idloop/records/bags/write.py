@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bags.imported_units import UNITS
 from idloop.records.bags.joint_states import encode_rows
+from idloop.records.bags.metadata import CONDITION_UNITS
 from idloop.records.bags.stream import FIELDS, JOINT_STATE, JointStream
 from idloop.records.measured_conditions import FIELD, conditions_columns
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
@@ -82,7 +82,8 @@ def write_bag(
             for key, text in (_units_of(content) | dict(custom or {})).items():
                 writer.set_custom_data(key, text)
             connections = [
-                writer.add_connection(_absolute(stream.topic), JOINT_STATE, typestore=typestore) for stream in streams
+                writer.add_connection("/" + stream.topic.removeprefix("/"), JOINT_STATE, typestore=typestore)
+                for stream in streams
             ]
             for stream, row, at in zip(whose[order].tolist(), which[order].tolist(), when[order].tolist(), strict=True):
                 writer.write(connections[stream], at, tables[stream][row])
@@ -92,19 +93,15 @@ def write_bag(
 
 
 def _units_of(content: object) -> dict[str, str]:
-    """Units of a record's conditions, which no model says, for the bag's metadata."""
+    """Units of the conditions of a record for the metadata of the bag; no model states them."""
     if not isinstance(content, Record) or not content.conditions:
         return {}
-    return {UNITS: json.dumps({one.name: one.unit for one in content.conditions})}
+    return {CONDITION_UNITS: json.dumps({one.name: one.unit for one in content.conditions})}
 
 
 def _rank(topic: str) -> int:
     name = topic.rsplit("/", 1)[-1]
     return _ORDER.index(name) if name in _ORDER else len(_ORDER)
-
-
-def _absolute(topic: str) -> str:
-    return topic if topic.startswith("/") else "/" + topic
 
 
 def _payloads(stream: JointStream) -> list[bytes]:
@@ -119,19 +116,12 @@ def _payloads(stream: JointStream) -> list[bytes]:
 
 def record_streams(record: Record) -> list[JointStream]:
     """Return a record as the streams of our topics: command, measurement, reference, excitation, conditions."""
-
-    def split(name: str) -> tuple[str, str]:
-        joint, _, field = name.rpartition(".")
-        return joint, field
-
-    joint, field = split(record.input_name)
-    streams = [
-        make_stream("joint_command", record.absolute(record.input_time), {joint: {field: record.input}}),
-    ]
+    joint, _, field = record.input_name.rpartition(".")
+    streams = [make_stream("joint_command", record.absolute(record.input_time), {joint: {field: record.input}})]
     measured: dict[str, dict[str, NDArray[np.float64]]] = {}
-    for column, name in enumerate(record.output_names):
-        output_joint, output_field = split(name)
-        measured.setdefault(output_joint, {})[output_field] = record.output[:, column]
+    for name, values in zip(record.output_names, record.output.T, strict=True):
+        output_joint, _, output_field = name.rpartition(".")
+        measured.setdefault(output_joint, {})[output_field] = values
     streams.append(make_stream("joint_states", record.absolute(record.time), measured))
     if record.reference is not None and record.reference_time is not None:
         fields = {"position": record.reference[:, 0], "velocity": record.reference[:, 1]}
@@ -153,19 +143,9 @@ def make_stream(
 ) -> JointStream:
     """Build a JointState stream from columns, joint to field to values (n,)."""
     names = tuple(joints)
-    blocks = {}
-    for field in FIELDS:
-        block = np.full((stamp_ns.size, len(names)), np.nan)
+    blocks = np.full((len(FIELDS), stamp_ns.size, len(names)), np.nan)
+    for block, field in zip(blocks, FIELDS, strict=True):
         for index, name in enumerate(names):
             if field in joints[name]:
                 block[:, index] = joints[name][field]
-        blocks[field] = block
-    return JointStream(
-        topic=topic,
-        stamp_ns=stamp_ns,
-        receive_ns=stamp_ns if receive_ns is None else receive_ns,
-        names=names,
-        position=blocks["position"],
-        velocity=blocks["velocity"],
-        effort=blocks["effort"],
-    )
+    return JointStream(topic, stamp_ns, stamp_ns if receive_ns is None else receive_ns, names, *blocks)

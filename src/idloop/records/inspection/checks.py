@@ -1,4 +1,4 @@
-"""What no fit can use is refused here, each with one line."""
+"""Refuse records that no fit can use, with one line each."""
 
 from __future__ import annotations
 
@@ -11,54 +11,54 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.finding import Finding
 from idloop.records.inspection.differenced import differenced
-from idloop.records.inspection.from_rest import beginnings
-from idloop.records.inspection.magnitude import unusable_magnitude
 from idloop.records.inspection.measured_input import measured_input
-from idloop.records.inspection.motion import Motion, analyse_motion
+from idloop.records.inspection.motion import Motion, analyse_motion, beginnings
+from idloop.records.inspection.values import unusable_magnitude
 from idloop.records.record import Record
 
 FEWEST_SAMPLES = 10
-_FEW_SAMPLES = 100  # below, noise and effects look alike: a fit runs, and its numbers hardly hold
+_FEW_SAMPLES = 100  # below, a fit runs, but noise and effects look alike
 
 
 def dead_positions(motions: Mapping[str, Motion]) -> list[str]:
-    """Say which position stands still beside a velocity of its own joint that moves.
+    """Return a sentence for each position that is constant while the velocity of its joint moves.
 
     Parameters
     ----------
     motions : mapping of str to Motion
         By ``joint.field``.
-
-    Returns
-    -------
-    list of str
-        A sentence for each: what, and how to mend it.
     """
-    said = []
+    found = []
     for name, motion in motions.items():
         joint, _, field = name.rpartition(".")
         velocity = motions.get(f"{joint}.velocity")
         if field == "position" and motion.minimum == motion.maximum and velocity is not None and velocity.moves:
-            said.append(
+            found.append(
                 f"{name} stays at {motion.minimum:g} while {joint}.velocity runs from {velocity.minimum:.4g} to"
-                f" {velocity.maximum:.4g}: its sensor is dead or the column another's; mend the mapping, or take {name}"
-                " out of the model file"
+                f" {velocity.maximum:.4g}: its sensor is dead or its column is another signal; correct the mapping, or"
+                f" take {name} out of the model file"
             )
-    return said
+    return found
 
 
 def few_samples(count: int, duration: float) -> str:
-    """Say that a record of `count` samples over `duration` [s] is short; nothing where it is not."""
+    """Return what there is to say of a record of `count` samples over `duration` [s]; empty where they are enough."""
     if count >= _FEW_SAMPLES:
         return ""
     return (
-        f"only {count} samples in {duration:.3g} s: too few to tell effects from noise, and numbers fitted to them"
-        " hardly hold; record some seconds of motion to and fro"
+        f"only {count} samples in {duration:.3g} s, too few to separate effects from noise: estimates are hardly"
+        " reliable; record some seconds of motion to and fro"
     )
 
 
 def check_record(record: Record, *, held: bool = True) -> Record:
-    """Return the record with findings: outputs that never move or are another's difference, and few samples.
+    """Return the record with findings on outputs that never move or are differences of another, and on few samples.
+
+    Parameters
+    ----------
+    record : Record
+    held : bool
+        Whether the command is held, so that one that was measured is worth a finding.
 
     Raises
     ------
@@ -71,10 +71,9 @@ def check_record(record: Record, *, held: bool = True) -> Record:
         kind = "NaN" if np.isnan(record.input[k]) else "infinite"
         raise InputError(
             f"{name}: {record.input_name} is {kind} at {record.input_time[k]:.6g} s (sample {k}); cut this part out"
-            " or mend the source"
+            " or correct the source"
         )
-    for column, output in enumerate(record.output_names):
-        values = record.output[:, column]
+    for output, values in zip(record.output_names, record.output.T, strict=True):
         if np.isinf(values).any():
             k = int(np.flatnonzero(np.isinf(values))[0])
             raise InputError(
@@ -96,12 +95,11 @@ def check_record(record: Record, *, held: bool = True) -> Record:
         unusable = unusable_magnitude(signal, float(known.min()), float(known.max()))
         if unusable:
             raise InputError(f"{name}: {unusable}")
-    still = [
-        output
-        for column, output in enumerate(record.output_names)
-        if np.nanmax(record.output[:, column]) == np.nanmin(record.output[:, column])
+    found = [
+        Finding("no_motion", f"{output} never changes", where=output, level="warning")
+        for output, values in zip(record.output_names, record.output.T, strict=True)
+        if np.nanmax(values) == np.nanmin(values)
     ]
-    found = [Finding("no_motion", f"{output} never changes", where=output, level="warning") for output in still]
     found += [one for one in differenced(record) if one not in record.findings]
     if held:
         motions = dict(zip(record.output_names, record.output.T, strict=True))
@@ -113,25 +111,25 @@ def check_record(record: Record, *, held: bool = True) -> Record:
 
 
 def check_commands(records: Sequence[Record]) -> list[Record]:
-    """Refuse records that all have one and the same constant command, and no step from rest that begins one of them.
+    """Refuse records whose commands are all constant at one level, unless one of them begins with a step from rest.
 
-    Beside others one with a constant command tells something: a step that began with the record, a coast-down. So do
-    steps from rest at several levels, of which no record shows another command than its own.
+    A record with a constant command is informative beside others: with a step that began with the record, or a
+    coast-down. So are steps from rest to several levels, each of which has a record of its own.
 
     Parameters
     ----------
     records : sequence of Record
-        All that a fit is to see.
+        All records of a fit.
 
     Returns
     -------
     list of Record
-        The same; where a step of one level is all there is, the first with a finding on what that does not show.
+        The same; where there is a step to one level only, the first has a finding on what that does not show.
 
     Raises
     ------
     InputError
-        There is one command only.
+        All commands are one constant, and no record begins with a step from rest.
     """
     records = list(records)
     if not records or not one_level([record.input for record in records]):
@@ -141,18 +139,18 @@ def check_commands(records: Sequence[Record]) -> list[Record]:
     if not excites(records):
         late = [record for record in records if first.input[0] != 0.0 and "late" in beginnings(record)]
         if late:
-            off = beginnings(late[0])["late"]
+            start = beginnings(late[0])["late"]
             raise InputError(
-                f"{first.name}: {what}, and yet the axis sets off only at {off:.4g} s in {late[0].name}: when the"
-                " command was given is not recorded; record it, or cut what is before with `rows:` of the mapping"
+                f"{first.name}: {what}, but the axis starts only at {start:.4g} s in {late[0].name}: the time of the"
+                " step is not recorded; record it, or leave out what is before it with `rows:` of the mapping"
             )
         raise InputError(
             f"{first.name}: {what}, nothing can be identified from it; excite the axis, e.g. with a multisine or steps"
             " to several levels, or begin the record with the step, from rest"
         )
     text = (
-        f"{what}: a step from rest with which the record begins shows a gain and a time constant at this level only; a"
-        " dead zone, friction and a saturation look like a smaller gain; record steps to several levels"
+        f"{what}: a step from rest shows a gain and a time constant at this level only, and a dead zone, friction or a"
+        " saturation looks like a smaller gain; record steps to several levels"
     )
     found = Finding("one_level", text, where=first.input_name, level="warning")
     return [replace(first, findings=(*first.findings, found)), *records[1:]]
@@ -164,14 +162,14 @@ def one_level(inputs: Sequence[NDArray[np.float64]]) -> bool:
 
 
 def excites(records: Sequence[Record]) -> bool:
-    """Whether something can be identified: the command changes, or begins with a record of an axis at rest."""
+    """Whether something can be identified: the command changes, or a record begins with a step from rest."""
     if not one_level([record.input for record in records]):
         return True
     return records[0].input[0] != 0.0 and any("from rest" in beginnings(record) for record in records)
 
 
 def check_identifiable(record: Record) -> Record:
-    """Return the record where its motion can be fitted; a comparison or a monitor also takes one that stands still.
+    """Return the record if its motion can be fitted; a comparison or a monitor also accepts one without motion.
 
     Raises
     ------
@@ -184,7 +182,7 @@ def check_identifiable(record: Record) -> Record:
         raise InputError(f"{record.name}: {dead}")
     if all(motion.minimum == motion.maximum for motion in motions.values()):
         raise InputError(
-            f"{record.name}: nothing moves, {', '.join(motions)} never changes; command more, or check the sensors and"
-            " the columns"
+            f"{record.name}: nothing moves, {', '.join(motions)} never changes; command a larger motion, or check the"
+            " sensors and the columns"
         )
     return record

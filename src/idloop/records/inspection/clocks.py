@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.records.bags.stream import JointStream
 from idloop.records.finding import Finding
 
 Stamps = NDArray[np.int64]
@@ -16,7 +18,11 @@ _OFF_GRID = 0.3  # periods that an interval may lie beside a whole number of per
 _REGULAR = 0.9  # share of such intervals that makes a grid
 _LOST = 1.5  # an interval longer than this many periods misses a sample
 _GAP = 10.0  # ... and longer than this many is a gap worth naming
-_REORDERED = 3.0  # a step back of at most this many periods is the transport's doing, not the clock's
+_REORDERED = 3.0  # a step back of at most this many periods is due to the transport, not to the clock
+# Drift of two clocks [s/s] and over a recording [s]: crystal clocks agree better than the first, a busy machine delays
+# messages by less than the second; beyond the third and fourth pair the streams cannot be used together.
+_DRIFT_NOTED, _DRIFTED_NOTED = 5e-5, 0.02
+_DRIFT_CERTAIN, _DRIFTED_CERTAIN = 1e-3, 0.1
 
 
 @dataclass(frozen=True)
@@ -60,10 +66,6 @@ class StampStatistics:
     reordered: int
     largest_step_back: float
 
-    def to_dict(self) -> dict[str, object]:
-        """Return plain values for JSON."""
-        return asdict(self)
-
 
 def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
     """Measure the stamps of one stream, shape (n,) in nanoseconds and in the order of reception."""
@@ -102,20 +104,9 @@ def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
 
 
 def while_measured(command: Stamps, measured: Iterable[Stamps]) -> Stamps:
-    """Stamps of a command that was given while something was measured; all of them where none was.
+    """Return the stamps (m,) of a command that was sent while something was measured; all of them where none was.
 
-    Before and after a run a controller sends its zeros on a grid of their own, and nothing asks whether one is missing.
-
-    Parameters
-    ----------
-    command : ndarray of int64, shape (n,)
-        [ns].
-    measured : iterable of ndarray of int64
-        Stamps of each measured stream [ns].
-
-    Returns
-    -------
-    ndarray of int64, shape (m,)
+    Before and after a run a controller sends zeros at a rate of its own, where a missing one does not matter.
     """
     known = [stamps for stamps in measured if stamps.size]
     if not known:
@@ -128,7 +119,7 @@ def while_measured(command: Stamps, measured: Iterable[Stamps]) -> Stamps:
 def stamp_findings(
     where: str, statistics: StampStatistics, *, announced: bool = False, held: bool = False
 ) -> list[Finding]:
-    """Put what is remarkable about the stamps of one stream into words.
+    """Return what is remarkable about the stamps of one stream.
 
     Parameters
     ----------
@@ -136,81 +127,40 @@ def stamp_findings(
         Topic.
     statistics : StampStatistics
     announced : bool
-        Whether the sender announces values ahead of the clock, and so may take them back.
+        Whether values are sent ahead of their time, and so may be replaced.
     held : bool
-        Whether this is a command, whose last value is taken to hold where one is missing.
+        Whether this is a command, whose last value is assumed to hold where one is missing.
     """
-    over = "; the last command before is taken to hold there" if held else ""
     found: list[Finding] = []
-    if statistics.resets and announced:
-        text = f"{where}: values that were announced ahead were announced anew {len(statistics.resets)} times"
-        found.append(Finding("announced_anew", text, len(statistics.resets), where))
-    elif statistics.resets:
-        found.append(
-            Finding(
-                "clock_reset",
-                f"{where}: the clock was set back {len(statistics.resets)} times (first at message"
-                f" {statistics.resets[0]}, "
-                f"by up to {statistics.largest_step_back:.6g} s)",
-                len(statistics.resets),
-                where,
-                "warning",
-            )
-        )
+
+    def add(kind: str, count: int, text: str, level: Literal["note", "warning"] = "warning") -> None:
+        found.append(Finding(kind, f"{where}: {text}", count, where, level))
+
+    over = "; the command before is assumed to hold there" if held else ""
+    resets, lost, gaps = len(statistics.resets), statistics.lost, len(statistics.gaps)
+    if resets and announced:
+        add("announced_anew", resets, f"values sent ahead of their time were replaced {resets} times", "note")
+    elif resets:
+        text = f"the clock was set back {resets} times (first at message {statistics.resets[0]}, by up to"
+        add("clock_reset", resets, f"{text} {statistics.largest_step_back:.6g} s)")
     if statistics.reordered:
-        found.append(
-            Finding(
-                "out_of_order",
-                f"{where}: {statistics.reordered} messages arrived out of order",
-                statistics.reordered,
-                where,
-            )
-        )
+        add("out_of_order", statistics.reordered, f"{statistics.reordered} messages arrived out of order", "note")
     if statistics.duplicates:
-        found.append(
-            Finding(
-                "duplicate_stamps",
-                f"{where}: {statistics.duplicates} stamps occur twice",
-                statistics.duplicates,
-                where,
-                "warning",
-            )
-        )
-    if statistics.lost:
-        share = statistics.lost / (statistics.lost + statistics.count)
-        found.append(
-            Finding(
-                "lost_samples",
-                f"{where}: {statistics.lost} samples missing on the {statistics.period * 1e3:.4g} ms grid"
-                f" ({100 * share:.2g} %){over}",
-                statistics.lost,
-                where,
-                "warning" if share > 0.001 else "note",
-            )
-        )
-    if statistics.gaps:
+        add("duplicate_stamps", statistics.duplicates, f"{statistics.duplicates} stamps occur twice")
+    if lost:
+        share = lost / (lost + statistics.count)
+        text = f"{lost} samples are missing on the {statistics.period * 1e3:.4g} ms grid ({100 * share:.2g} %){over}"
+        add("lost_samples", lost, text, "warning" if share > 0.001 else "note")
+    if gaps:
         start, length = max(statistics.gaps, key=lambda gap: gap[1])
-        found.append(
-            Finding(
-                "gap",
-                f"{where}: {len(statistics.gaps)} gaps longer than ten periods, the longest {length:.4g} s at"
-                f" {start:.4g} s{'' if statistics.lost else over}",
-                len(statistics.gaps),
-                where,
-                "warning",
-            )
-        )
+        text = f"{gaps} gaps longer than ten periods, the longest {length:.4g} s at {start:.4g} s"
+        add("gap", gaps, text + ("" if lost else over))
     if not statistics.regular and statistics.count > 2 and np.isfinite(statistics.period):
-        found.append(
-            Finding(
-                "jitter",
-                f"{where}: irregular stamps, median interval {statistics.period * 1e3:.4g} ms, 95 % within "
-                f"{statistics.jitter['p95'] * 1e3:.3g} ms of it; the stamps themselves are used, never the"
-                " nominal period",
-                statistics.count,
-                where,
-            )
+        text = (
+            f"irregular stamps, median interval {statistics.period * 1e3:.4g} ms, 95 % within"
+            f" {statistics.jitter['p95'] * 1e3:.3g} ms of it; the recorded stamps are used, not the nominal period"
         )
+        add("jitter", statistics.count, text, "note")
     return found
 
 
@@ -236,13 +186,14 @@ class ClockComparison:
     drifted: float
 
 
-def compare_clocks(first: tuple[Stamps, Stamps], second: tuple[Stamps, Stamps]) -> ClockComparison:
-    """Compare two streams, each (stamp_ns, receive_ns), for a common clock.
+def compare_clocks(first: JointStream, second: JointStream) -> ClockComparison:
+    """Compare the stamps of two streams for a common clock.
 
     The recorder receives both streams on its own clock. Where both were stamped by one clock, stamp against
     receive time is one curve for both, whatever its slope (a simulation may run faster than real time).
     """
-    (stamp_a, receive_a), (stamp_b, receive_b) = first, second
+    stamp_a, receive_a = first.stamp_ns, first.receive_ns
+    stamp_b, receive_b = second.stamp_ns, second.receive_ns
     overlap = float(min(stamp_a.max(), stamp_b.max()) - max(stamp_a.min(), stamp_b.min())) * 1e-9
     order = np.argsort(receive_b, kind="stable")
     start = max(int(receive_a.min()), int(receive_b.min()))
@@ -273,3 +224,31 @@ def compare_clocks(first: tuple[Stamps, Stamps], second: tuple[Stamps, Stamps]) 
         drift=moved / span_stamp,
         drifted=moved * span_receive / span_stamp,
     )
+
+
+def clock_finding(command: JointStream, measured: JointStream) -> Finding | None:
+    """Return whether a command and a measurement were stamped by two clocks.
+
+    Returns
+    -------
+    Finding or None
+        Of kind ``two_clocks`` where this is certain and the streams cannot be used together, ``clock_drift`` where the
+        stamps drift apart by little, None for one clock.
+    """
+    clocks = compare_clocks(command, measured)
+    names = f"{command.topic} and {measured.topic}"
+    drift, drifted = abs(clocks.drift), abs(clocks.drifted)
+    text = f"the stamps of {names} drift apart by {clocks.drift * 1e3:.3g} ms per second"
+    if clocks.overlap < 0:
+        spans = (
+            f"{one.topic} is stamped {one.stamp_ns[0] * 1e-9:.3f} to {one.stamp_ns[-1] * 1e-9:.3f} s"
+            for one in (command, measured)
+        )
+        kind, text = "two_clocks", f"two clocks: {', '.join(spans)}, they do not overlap"
+    elif drift > _DRIFT_CERTAIN and drifted > _DRIFTED_CERTAIN:
+        kind, text = "two_clocks", f"two clocks: {text}"
+    elif drift > _DRIFT_NOTED and drifted > _DRIFTED_NOTED:
+        kind, text = "clock_drift", f"perhaps two clocks: {text}"
+    else:
+        return None
+    return Finding(kind, text, where=f"{command.topic}, {measured.topic}", level="warning")

@@ -1,8 +1,9 @@
-"""Foreign files and bags into a bag of our topics, as a mapping says."""
+"""Import of foreign files and bags into a bag of our topics, by a mapping."""
 
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,16 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bags.from_bag import signals_from_bag
+from idloop.records.bags.metadata import IMPORT
 from idloop.records.bags.stream import JointStream
 from idloop.records.bags.write import make_stream, write_bag
 from idloop.records.finding import Finding
 from idloop.records.inspection.clocks import stamp_findings, stamp_statistics
+from idloop.records.inspection.values import missing_values
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
-from idloop.records.tables.from_table import signals_from_table
-from idloop.records.tables.mapped_signal import Signal
 from idloop.records.tables.mapping import Mapping, load_mapping
-from idloop.records.tables.missing import missing_values
+from idloop.records.tables.signals import Signal, signals_from_bag, signals_from_table
 from idloop.records.tables.table_files import read_table
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import made.
+    """Result of an import.
 
     Attributes
     ----------
@@ -40,13 +40,13 @@ class Imported:
     duration, period : float
         Span and median interval of the measurements [s].
     channels : dict of str to str
-        What was written: ``joint_command motor.effort`` to its unit.
+        Unit of each signal written, such as ``joint_command motor.effort``.
     attributes : dict of str to float or str
         Single values found beside the data (gains, masses).
     findings : tuple of Finding
-        What was noticed.
+        Remarks on the data.
     notes : tuple of str
-        What the mapping says one must know about this data.
+        Notes of the mapping on this data.
     """
 
     bag: Path
@@ -98,7 +98,7 @@ def import_bag(
     Raises
     ------
     InputError
-        Whatever is wrong with source, mapping or target, in one line.
+        Source, mapping or target cannot be used; the message says why.
     """
     mapping = mapping if isinstance(mapping, Mapping) else load_mapping(mapping)
     source, bag = Path(source), Path(bag)
@@ -117,18 +117,18 @@ def import_bag(
         read = signals_from_table(table, mapping, signals)
     _check(source, read)
     streams = _streams(read)
-    channels = {f"{signal.topic} {signal.joint}.{signal.field}": signal.unit for signal in read}
+    channels = {signal.name: signal.unit for signal in read}
     findings += [
         finding
         for stream in streams
-        if stream.topic != CONDITIONS  # as seldom as they please: between two values they are taken as linear
+        if stream.topic != CONDITIONS  # at any rate: they are interpolated linearly
         for finding in stamp_findings(
             stream.topic, stamp_statistics(stream.stamp_ns), held=stream.topic == "joint_command"
         )
     ]
     findings += _value_findings(read)
     custom = {
-        "idloop.import": json.dumps(
+        IMPORT: json.dumps(
             {
                 "mapping": mapping.name,
                 "part": part or "",
@@ -160,20 +160,18 @@ def import_bag(
 
 def _check(source: Path, signals: list[Signal]) -> None:
     for signal in signals:
-        name = f"{signal.topic} {signal.joint}.{signal.field}"
         if signal.value.size == 0:
-            raise InputError(f"{source}: {name} has no samples; check `rows:` and the file")
+            raise InputError(f"{source}: {signal.name} has no samples; check `rows:` and the file")
         if np.isinf(signal.value).any():
             k = int(np.flatnonzero(np.isinf(signal.value))[0])
-            raise InputError(f"{source}: {name} is infinite in row {k}; mend the file or cut the row out with `rows:`")
-        if np.isnan(signal.value).all():
-            raise InputError(f"{source}: {name} is empty (NaN) in every row; choose another column")
-    twice = [(signal.topic, signal.joint, signal.field) for signal in signals]
-    for key in twice:
-        if twice.count(key) > 1:
             raise InputError(
-                f"{source}: two columns become {key[0]} {key[1]}.{key[2]}; give one of them another `joint:`"
+                f"{source}: {signal.name} is infinite in row {k}; correct the file or leave the row out with `rows:`"
             )
+        if np.isnan(signal.value).all():
+            raise InputError(f"{source}: {signal.name} is empty (NaN) in every row; choose another column")
+    name, count = Counter(signal.name for signal in signals).most_common(1)[0]
+    if count > 1:
+        raise InputError(f"{source}: two columns become {name}; give one of them another `joint:`")
 
 
 def _streams(signals: list[Signal]) -> list[JointStream]:
@@ -204,29 +202,28 @@ def _streams(signals: list[Signal]) -> list[JointStream]:
 def _value_findings(signals: list[Signal]) -> list[Finding]:
     found = []
     for signal in (one for one in signals if one.topic != CONDITIONS):
-        name = f"{signal.topic} {signal.joint}.{signal.field}"
         command = signal.topic == "joint_command"
-        found += missing_values(name, signal.stamp_ns, signal.value, name, command=command)
+        found += missing_values(signal.name, signal.stamp_ns, signal.value, signal.name, command=command)
         if signal.doubtful:
             start, length = signal.doubtful[0]
             text = (
-                f"{name}: in {len(signal.doubtful)} holes of the log (the first at {start:.6g} s, {length:.4g} s long)"
-                " the number of turns is a guess; cut the record there with `rows:`"
+                f"{signal.name}: the number of turns is a guess in {len(signal.doubtful)} gaps of the log (the first at"
+                f" {start:.6g} s, {length:.4g} s long); cut the record there with `rows:`"
             )
-            found.append(Finding("turns_unknown", text, len(signal.doubtful), name, "warning"))
+            found.append(Finding("turns_unknown", text, len(signal.doubtful), signal.name, "warning"))
         if command and np.nanmax(signal.value) == np.nanmin(signal.value):
             text = (
-                f"{name} is constant ({np.nanmax(signal.value):g} {signal.unit}): nothing can be identified"
-                " from this record by itself, unless it begins with the step, from rest"
+                f"{signal.name} is constant ({np.nanmax(signal.value):g} {signal.unit}): nothing can be identified from"
+                " this record alone, unless it begins with a step from rest"
             )
-            found.append(Finding("constant_input", text, where=name, level="warning"))
+            found.append(Finding("constant_input", text, where=signal.name, level="warning"))
     if not any(signal.topic == "joint_command" for signal in signals):
         text = "no column or field is the command, so nothing can be fitted to this record; name one as `command:`"
         found.append(Finding("no_command", text, level="warning"))
     if not any(signal.topic == "joint_states" and signal.field in {"position", "velocity"} for signal in signals):
         text = (
-            "neither a position nor a velocity is assigned: no model can be fitted to this record or compared with it;"
-            " add `position:` or `velocity:` to the mapping"
+            "neither a position nor a velocity is assigned, so no model can be fitted to this record or compared with"
+            " it; add `position:` or `velocity:` to the mapping"
         )
         found.append(Finding("no_measurement", text, level="warning"))
     return found

@@ -8,7 +8,7 @@ import numpy as np
 
 from idloop import drawing
 from idloop.records.inspection.excitation import power_spectrum
-from idloop.records.inspection.inspection import Inspection, columns_of
+from idloop.records.inspection.inspection import Inspection
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,11 +24,6 @@ def plot_recording(inspection: Inspection) -> Figure:
     ----------
     inspection : Inspection
         From `idloop.records.inspect_bag`.
-
-    Returns
-    -------
-    matplotlib Figure
-        For `idloop.drawing.save`.
     """
     from matplotlib.figure import Figure
 
@@ -48,7 +43,7 @@ def plot_recording(inspection: Inspection) -> Figure:
             time = (stream.stamp_ns - start) * 1e-9
             draw = drawing.steps if topic == inspection.command_topic else drawing.line
             color = drawing.COMMAND if topic == inspection.command_topic else drawing.MEASURED
-            draw(axes, time, columns_of(stream)[name], color=color)
+            draw(axes, time, stream.columns()[name], color=color)
             axes.set_ylabel(drawing.label(name, _unit(inspection, name)))
             axes.set_title(topic, loc="left")
         if first is not None:
@@ -66,7 +61,7 @@ def _draw_spectrum(axes: Any, inspection: Inspection) -> None:
     for index, name in enumerate(inspection.commands):
         stream = inspection.streams[inspection.command_topic]
         stamp, which = np.unique(stream.stamp_ns, return_index=True)
-        value = columns_of(stream)[name][which]
+        value = stream.columns()[name][which]
         known = np.isfinite(value)
         if known.sum() < 3:
             continue

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from idloop.errors import IdloopError, InputError
-from idloop.records.bags.applied_command import ASKED, TOLD
 from idloop.records.bags.bag_limits import limit_bag_readers
+from idloop.records.bags.topics import APPLIED_COMMAND, REQUESTED_COMMAND
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status, peek_stamp
 from idloop_nodes.progress import DONE, END, BackPressure
@@ -61,10 +61,10 @@ class ReplayNode(StreamNode):
                     if names:
                         chosen[one.id] = names[0]
                 # What a bridge let pass is what the machine answered to.
-                told = [one.id for one in joints if one.topic.endswith(f"/{TOLD}") and one.msgcount]
-                if told and ASKED in topics:
-                    chosen = {one: topic for one, topic in chosen.items() if topic != ASKED}
-                    chosen |= dict.fromkeys(told, ASKED)
+                applied = [one.id for one in joints if one.topic.endswith(f"/{APPLIED_COMMAND}") and one.msgcount]
+                if applied and REQUESTED_COMMAND in topics:
+                    chosen = {one: topic for one, topic in chosen.items() if topic != REQUESTED_COMMAND}
+                    chosen |= dict.fromkeys(applied, REQUESTED_COMMAND)
                 wanted = [one for one in reader.connections if one.id in chosen]
                 for connection, _, data in reader.messages(wanted) if wanted else ():
                     payload = bytes(data)

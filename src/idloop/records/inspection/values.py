@@ -1,0 +1,67 @@
+"""Values that no fit can use: missing ones, too large ones, and a motion that a large offset hides."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.finding import Finding
+
+# Larger values, and smaller motions than its inverse, are no measurement: their products leave the range of a double.
+LARGEST = 1e50
+# Coarsest step of a double in a motion, as a share of it.
+COARSEST = 1e-4
+
+
+def unusable_magnitude(signal: str, lowest: float, highest: float) -> str:
+    """Return why a signal between two values cannot be computed with, and what to do; empty where it can."""
+    largest, span = max(abs(lowest), abs(highest)), highest - lowest
+    if largest > LARGEST:
+        return f"{signal} reaches {largest:.3g}, no measurement is above {LARGEST:g}; check its unit and how it is read"
+    if 0.0 < span < 1.0 / LARGEST:
+        return f"{signal} varies by only {span:.3g}; check its unit and how it is read"
+    step = float(np.spacing(largest))
+    if step > COARSEST * span > 0.0:
+        return (
+            f"{signal} is about {largest:.3g} and varies by {span:.3g}, but numbers of that size have steps of"
+            f" {step:.2g}; subtract its offset where it is recorded or imported"
+        )
+    return ""
+
+
+def missing_values(
+    name: str, stamp_ns: NDArray[np.int64], value: NDArray[np.float64], where: str, *, command: bool
+) -> list[Finding]:
+    """Say how many values of one signal are missing, and where.
+
+    Parameters
+    ----------
+    name : str
+        Signal, for the reader.
+    stamp_ns : ndarray of int64, shape (n,)
+        Times in the text count from the first of them.
+    value : ndarray, shape (n,)
+        In any unit; NaN where it is missing.
+    where : str
+        Topic or column.
+    command : bool
+        A command is held over its gaps, which may be wrong; a measurement is not.
+
+    Returns
+    -------
+    list of Finding
+        One or none.
+    """
+    lost = np.flatnonzero(np.isnan(value))
+    if not lost.size:
+        return []
+    first, last = (float(stamp_ns[k] - stamp_ns[0]) * 1e-9 for k in (lost[0], lost[-1]))
+    stretches = 1 + int(np.count_nonzero(np.diff(lost) > 1))
+    place = f"at {first:.6g} s" if lost.size == 1 else f"from {first:.6g} to {last:.6g} s"
+    if stretches > 1:
+        place = f"in {stretches} places {place}"
+    text = f"{name}: {lost.size} of {value.size} values are missing (NaN), {place}"
+    # Before its first value a command is unknown, not held.
+    if command and lost[-1] >= lost.size:
+        text += "; the command before is assumed to hold there: correct the log if the drive received another one"
+    return [Finding("not_measured", text, int(lost.size), where, "warning" if command else "note")]

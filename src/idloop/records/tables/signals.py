@@ -1,0 +1,267 @@
+"""Signals of a table or a foreign bag, as a mapping assigns and converts them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.bags.bag import Bag
+from idloop.records.bags.read import read_streams
+from idloop.records.bags.topics import resolve_topic, topics_named
+from idloop.records.measured_conditions import FIELD, bag_column
+from idloop.records.measured_conditions import TOPIC as CONDITIONS
+from idloop.records.tables.base_units import base_unit
+from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
+from idloop.records.tables.table_files import Table
+from idloop.records.unwrapping import unwrap
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+# Files without a date start one second after the epoch: a stamp of zero means "no stamp" in ROS.
+_START_NS = 1_000_000_000
+_TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_ABSOLUTE = 946_684_800.0  # 2000-01-01: larger times are dates, not seconds since the start
+_LATEST_NS = 2**62  # in the year 2116: what is further away, on either side, is no time
+_BITS = {"int8": 8, "int16": 16, "int32": 32}
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One channel read: where it goes, its stamps and values.
+
+    `doubtful` are start and length [s] of the gaps over which the number of turns of an unwrapped position is a guess.
+    """
+
+    topic: str
+    joint: str
+    field: str
+    unit: str
+    stamp_ns: Stamps
+    receive_ns: Stamps
+    value: Floats
+    doubtful: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Topic, joint and field, such as ``joint_command motor.effort``."""
+        return f"{self.topic} {self.joint}.{self.field}"
+
+
+def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list[Signal]:
+    """Read what the mapping assigns from the columns of a table."""
+    if signals.time is None or signals.time.stamps is not None:
+        raise InputError(
+            f"mapping {mapping.name}: say where time comes from: `time: {{column: t}}` or `time: {{period: 0.001}}`"
+        )
+    raw: list[tuple[str, str, Channel, Floats]] = []
+    for topic, field, channel in _assignments(signals):
+        if channel.column is None:
+            raise InputError(
+                f"mapping {mapping.name}: {topic} {field} names a topic, but {table.path} is a table; give `column:`"
+            )
+        if channel.optional and channel.column not in table:
+            continue
+        raw.append((topic, field, channel, _convert(table.numbers(channel.column), table, channel)))
+    if not raw:
+        raise InputError(f"mapping {mapping.name}: it assigns no column; add `command:` and `position:` or `velocity:`")
+    lengths = {str(channel.column): value.size for _, _, channel, value in raw}
+    count = max(lengths.values())
+    if min(lengths.values()) < count:
+        text = ", ".join(f"{name}: {length}" for name, length in lengths.items())
+        raise InputError(f"{table.path}: columns of unequal length ({text}); choose columns of one record")
+    stamp = _time(table, signals.time, count)
+    rows = slice(signals.rows.start, signals.rows.stop)
+    if signals.rows.start >= count or (signals.rows.stop or 0) > count:
+        raise InputError(
+            f"{table.path}: rows {signals.rows.start} to {signals.rows.stop} do not lie within its {count} rows;"
+            " correct `rows:`"
+        )
+    both = stamp[rows], stamp[rows]
+    return [
+        _make_signal(topic, field, channel, value[rows], both, mapping, channel.joint or signals.joint or "")
+        for topic, field, channel, value in raw
+    ]
+
+
+def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[Signal]:
+    """Read what the mapping assigns from the topics of a bag."""
+    assigned = _assignments(signals)
+    with Bag(source, definitions=mapping.definitions) as bag:
+        known = bag.topics
+        names = {}
+        for topic, field, channel in assigned:
+            if channel.topic is None:
+                raise InputError(
+                    f"mapping {mapping.name}: {topic} {field} names a column, but {source} is a bag; give"
+                    " `topic:` and `field:`"
+                )
+            if channel.times is not None:
+                raise InputError(
+                    f"mapping {mapping.name}: {topic} {field}: `times: {channel.times}` names a column, but {source} is"
+                    " a bag; multiply by `scale:`"
+                )
+            if channel.optional and not topics_named(channel.topic, known):
+                continue
+            names[channel.topic] = resolve_topic(channel.topic, known, source)
+        streams = read_streams(bag, set(names.values()))
+    receive = signals.time is not None and signals.time.stamps == "receive"
+    found = []
+    for topic, field, channel in assigned:
+        if channel.topic not in names:
+            continue
+        stream = streams[names[channel.topic]]
+        value = _convert(bag_column(stream, channel.source_joint or "", channel.field or ""), None, channel)
+        stamps = stream.receive_ns if receive else stream.stamp_ns, stream.receive_ns
+        joint = channel.joint or signals.joint or ""
+        found.append(_make_signal(topic, field, channel, value, stamps, mapping, joint))
+    if not found:
+        raise InputError(f"mapping {mapping.name}: it assigns no topic; add `command:` and `position:` or `velocity:`")
+    return found
+
+
+def _assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
+    """Return (topic, field, channel) for everything that the mapping assigns."""
+    table = [
+        ("reference", "position", signals.reference.position),
+        ("reference", "velocity", signals.reference.velocity),
+        ("excitation", "position", signals.excitation.position),
+        ("excitation", "effort", signals.excitation.effort),
+        ("joint_states", "position", signals.position),
+        ("joint_states", "velocity", signals.velocity),
+        ("joint_states", "effort", signals.effort),
+        ("joint_command", "effort", signals.command),
+    ]
+    found = [(topic, field, channel) for topic, field, channels in table for channel in channels]
+    named = [one.model_copy(update={"joint": name}) for name, one in signals.conditions.items()]
+    return [*found, *((CONDITIONS, FIELD, channel) for channel in named)]
+
+
+def _make_signal(
+    topic: str, field: str, channel: Channel, value: Floats, stamps: tuple[Stamps, Stamps], mapping: Mapping, joint: str
+) -> Signal:
+    """Return converted values as a signal: unwrapped where a range is declared, in the unit of the topic."""
+    if not joint:
+        raise InputError(f"mapping {mapping.name}: no joint named; add `joint: motor` at the top")
+    doubtful: tuple[tuple[float, float], ...] = ()
+    if channel.wrap is not None:
+        found = unwrap((stamps[0] - stamps[0][:1].sum()) * 1e-9, value, channel.wrap)
+        value, doubtful = found.value, found.doubtful
+    kind, what = ("condition", joint) if topic == CONDITIONS else (field, field)
+    unit, factor = base_unit(channel.unit, kind, f"mapping {mapping.name}: {topic} {what}")
+    return Signal(topic, joint, field, unit, *stamps, value if factor == 1.0 else value * factor, doubtful)
+
+
+def _convert(value: Floats, table: Table | None, channel: Channel) -> Floats:
+    """Return decode(raw) * scale * times + offset."""
+    if isinstance(channel.decode, SignBit):
+        value = sign_magnitude(value, channel.decode.sign_bit)
+    elif channel.decode is not None:
+        value = twos_complement(value, channel.decode)
+    value = value * channel.scale
+    if channel.times is not None and table is not None:
+        factor = table.numbers(channel.times)
+        if factor.size != value.size:
+            raise InputError(
+                f"{table.path}: column {channel.times!r} has {factor.size} rows, {channel.column!r} {value.size};"
+                " choose columns of one record"
+            )
+        value = value * factor
+    return value + channel.offset
+
+
+def _time(table: Table, time: Time, count: int) -> Stamps:
+    if time.column is None:
+        period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
+        if count * period * 1e9 >= _LATEST_NS:
+            raise InputError(
+                f"{table.path}: time: {count} rows at every {period:g} s last longer than any recording;"
+                f" correct the {'period' if time.rate is None else 'rate'}"
+            )
+        return _START_NS + np.round(np.arange(count) * period * 1e9).astype(np.int64)
+    if time.unit == "iso8601":
+        stamp = np.array([_iso(table, cell, row) for row, cell in enumerate(table.raw(time.column))], dtype=object)
+        stamp = _as_stamps(table, time.column, stamp)
+    else:
+        seconds = table.numbers(time.column)
+        bad = np.flatnonzero(~np.isfinite(seconds))
+        if bad.size:
+            raise InputError(
+                f"{table.path}: time column {time.column!r} is not a number in row {bad[0]}; leave this row out with"
+                " `rows:`"
+            )
+        with np.errstate(over="ignore"):
+            whole = np.round(seconds if time.unit == "ns" else seconds * _TO_SECONDS[time.unit] * 1e9)
+        stamp = _as_stamps(table, time.column, whole)
+        if stamp.size and stamp.min() < _ABSOLUTE * 1e9:
+            stamp = stamp + _START_NS - min(int(stamp[0]), 0)
+    if stamp.size != count:
+        raise InputError(
+            f"{table.path}: time column {time.column!r} has {stamp.size} rows, the others {count}; choose columns"
+            " of one record"
+        )
+    if stamp.size and stamp[0] < 0:
+        raise InputError(f"{table.path}: time column {time.column!r} begins before 1970; stamps begin there")
+    back = np.flatnonzero(np.diff(stamp) < 0)
+    if back.size:
+        raise InputError(
+            f"{table.path}: time column {time.column!r} runs backwards in row {back[0] + 1}; cut the runs apart"
+            " with `rows:`"
+        )
+    return stamp
+
+
+def _as_stamps(table: Table, column: str | int, nanoseconds: NDArray[Any]) -> Stamps:
+    """Times as stamps; InputError when one is outside the range of stamps."""
+    far = np.flatnonzero(np.abs(nanoseconds) >= _LATEST_NS)
+    if far.size:
+        raise InputError(
+            f"{table.path}: time column {column!r} is {float(nanoseconds[far[0]]) / 1e9:g} s in row {far[0]}, which is"
+            " not a time; correct the file or leave this row out with `rows:`"
+        )
+    return nanoseconds.astype(np.int64)
+
+
+def _iso(table: Table, cell: object, row: int) -> int:
+    try:
+        # Python 3.10 does not know the Z for UTC.
+        when = datetime.fromisoformat(str(cell).strip().replace("Z", "+00:00"))
+    except ValueError:
+        raise InputError(
+            f"{table.path}: row {row}: {str(cell)[:40]!r} is not an ISO 8601 time; correct `time:` in the mapping"
+        ) from None
+    when = when if when.tzinfo else when.replace(tzinfo=timezone.utc)
+    passed = when - datetime(1970, 1, 1, tzinfo=timezone.utc)
+    return ((passed.days * 86_400 + passed.seconds) * 1_000_000 + passed.microseconds) * 1000
+
+
+def twos_complement(raw: Floats, kind: str) -> Floats:
+    """Read unsigned values as two's complement of 8, 16 or 32 bits (65535 of int16 is -1); NaN stays NaN.
+
+    Values that are negative already pass unchanged.
+    """
+    span = 2.0 ** _BITS[kind]
+    _check_integers(raw, span, kind)
+    return np.where(raw >= span / 2, raw - span, raw)
+
+
+def sign_magnitude(raw: Floats, sign_bit: int) -> Floats:
+    """Read values whose bit `sign_bit` (from 0) means negative, the bits below being the magnitude; NaN stays NaN."""
+    sign = 2.0**sign_bit
+    _check_integers(raw, 2 * sign, f"sign bit {sign_bit}")
+    return np.where(raw >= sign, -(raw - sign), raw)
+
+
+def _check_integers(raw: Floats, span: float, what: str) -> None:
+    known = raw[np.isfinite(raw)]
+    if np.any(known != np.round(known)) or np.any(np.abs(known) >= span):
+        bad = known[(known != np.round(known)) | (np.abs(known) >= span)][0]
+        raise InputError(
+            f"decode {what}: value {bad:g} is no such integer; check `column:` and `decode:` of the mapping"
+        )
