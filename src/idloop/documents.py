@@ -1,7 +1,7 @@
-"""YAML, JSON and NPZ from elsewhere, read within limits: the one place where a document becomes objects.
+"""Readers of YAML, JSON and NPZ documents, with limits on their size.
 
-A file of a few hundred bytes can ask for any amount of memory and time: aliases of aliases, brackets within brackets,
-a whole number of a million digits, arrays of zeros, compressed. Each limit is checked before the objects are built.
+A file of a few hundred bytes can need any amount of memory and time: nested aliases, nested brackets, an integer of a
+million digits, compressed arrays of zeros. Each limit is checked before objects are built.
 """
 
 from __future__ import annotations
@@ -31,29 +31,28 @@ from idloop.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# What reading a damaged document raises, where it is taken apart as if it were whole.
+# Exceptions from the evaluation of a damaged document.
 NOT_WHOLE = (LookupError, ArithmeticError, AttributeError, TypeError, ValueError)
 
-# Characters of a YAML document: a model file has 2,000, the metadata of a recording in 1,000 files 300,000.
+# Most characters of a YAML document: a model file has 2,000, the metadata of a recording in 1,000 files 300,000.
 MOST_YAML = 4 << 20
-# Values in it, those counted again that an alias stands for: ten seconds of reading; those 1,000 files have 10,000.
+# Most values in it, with those of aliases: ten seconds of reading; the metadata of 1,000 files has 10,000.
 MOST_VALUES = 200_000
-# Bytes of a JSON document that is no table: a ladder of ten steps with everything that was undone has 1 MB.
+# Most bytes of a JSON document other than a table: a ladder of ten steps has 1 MB.
 MOST_JSON = 64 << 20
-# Lists and mappings of a JSON document: as many samples, written as a mapping each; one takes 100 to 300 bytes.
+# Most lists and mappings of a JSON document, such as samples as mappings; one takes 100 to 300 bytes.
 MOST_LISTS = 10_000_000
-# Lists and mappings within each other: a model file has 4, a report 10; what goes through them calls itself.
+# Deepest nesting, for recursive functions: a model file has 4 levels, a report 10.
 MOST_DEPTH = 64
-# Digits of a number: 250 hexadecimal ones are 1,000 of the 1,024 binary digits that a double can hold.
+# Most digits of a number: 250 hexadecimal ones are 1,000 of the 1,024 binary digits of a double.
 MOST_DIGITS = 250
-# Characters of the name of a joint or topic: each message repeats it, and DDS takes no longer topic.
+# Most characters of the name of a joint or topic, the limit of DDS.
 MOST_NAME = 255
-# Bytes that the columns of a table take in memory, eight for a number: 10 million rows of 26 columns. Of a compressed
-# file this is what is unpacked.
+# Most bytes of a table in memory, unpacked, eight for a number: 10 million rows of 26 columns.
 MOST_TABLE = 2 << 30
-# Bytes of a table in JSON: its numbers take four times as much memory as they have characters, its lists twenty times.
+# Most bytes of a table in JSON: numbers take four times as much memory as characters, lists twenty times.
 MOST_JSON_TABLE = MOST_TABLE // 8
-# Columns of a table: a data logger has 1,000.
+# Most columns of a table: a data logger has 1,000.
 MOST_COLUMNS = 10_000
 
 _NUMBER_TAGS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
@@ -160,7 +159,7 @@ def read_npz(path: Path, most: int) -> dict[str, NDArray[Any]]:
 
     try:
         with zipfile.ZipFile(path) as archive:
-            # What the directory states is all that is ever unpacked.
+            # No more than these sizes is unpacked.
             stated = sum(entry.file_size for entry in archive.infolist())
         if stated <= most:
             with np.load(path, allow_pickle=False) as content:
@@ -173,7 +172,7 @@ def read_npz(path: Path, most: int) -> dict[str, NDArray[Any]]:
     raise InputError(f"{path}: it unpacks to {stated / 2**30:.3g} GiB, more than {most / 2**30:.3g}; keep fewer arrays")
 
 
-# Characters of a text that count as one value: aliases repeat them, too.
+# Characters of a text that count as one value.
 _ONE_VALUE = 64
 _TOO_DEEP = f"lists and mappings more than {MOST_DEPTH} deep"
 _TOO_LONG = f"a number of more than {MOST_DIGITS} digits"
@@ -192,7 +191,7 @@ def _whole_number(digits: str) -> int:
 
 
 def is_text(text: str) -> bool:
-    """Whether every character of it is one: half of a surrogate pair can neither be printed nor written."""
+    """Whether a text can be encoded: half of a surrogate pair cannot."""
     if text.isascii():
         return True
     try:
@@ -203,7 +202,7 @@ def is_text(text: str) -> bool:
 
 
 def _check_tree(content: Any) -> None:
-    """Raise ValueError where a document is too deep for what goes through it, or a text is none."""
+    """Raise ValueError for a document that is nested too deeply, or a text that cannot be encoded."""
     open_: list[tuple[Any, int]] = [([content], 0)]
     while open_:
         several, depth = open_.pop()
@@ -224,7 +223,7 @@ def _check_tree(content: Any) -> None:
 
 @dataclass
 class _Size:
-    """What a list or a mapping holds: values, what aliases stand for included, and how deep they lie in it."""
+    """Number and depth of the values in a list or mapping, with those of aliases."""
 
     anchor: str | None = None
     values: int = 1
@@ -236,7 +235,7 @@ class _Size:
 
 
 class _LimitedParser(Parser):
-    """Counts what is parsed, event by event, before anything is made of it."""
+    """Parser that counts events before objects are built."""
 
     def __init__(self, loader: Any) -> None:
         super().__init__(loader)
@@ -259,7 +258,7 @@ class _LimitedParser(Parser):
             self._add(size)
         elif isinstance(event, AliasEvent):
             if any(one.anchor == event.anchor for one in self._open):
-                raise ParserError(None, None, f"the alias *{event.anchor} stands within itself", event.start_mark)
+                raise ParserError(None, None, f"the alias *{event.anchor} is recursive", event.start_mark)
             again = self._anchored.get(event.anchor, _Size())
             self._check(event, again)
             self._add(replace(again, anchor=None))
@@ -279,7 +278,7 @@ class _LimitedParser(Parser):
 
 
 class _LimitedConstructor(SafeConstructor):
-    """Names the line of a value that is none: a number of a million digits, the 45th of a month."""
+    """Constructor that gives the line of an invalid value: a number of a million digits, the 45th of a month."""
 
     def construct_object(self, node: Node, deep: bool = False) -> Any:
         if isinstance(node, ScalarNode) and str(node.tag) in _NUMBER_TAGS and len(node.value) > MOST_DIGITS:
@@ -289,7 +288,7 @@ class _LimitedConstructor(SafeConstructor):
         except YAMLError:
             raise
         except Exception as error:
-            text = f"{str(node.value)[:40]!r} is no value ({_first_line(error) or type(error).__name__})"
+            text = f"{str(node.value)[:40]!r} is not a valid value ({_first_line(error) or type(error).__name__})"
             raise ConstructorError(None, None, text, node.start_mark) from error
 
 
@@ -312,10 +311,10 @@ class LimitedYAML(YAML):
             raise YAMLError(f"longer than {MOST_YAML:,} characters")
         try:
             with warnings.catch_warnings():
-                # What the library finds odd about a valid document is several lines for each place.
+                # Warnings about a valid document are several lines each.
                 warnings.simplefilter("ignore", YAMLWarning)
                 return super().load(stream)
         except YAMLError:
             raise
-        except Exception as error:  # what the library lets through of a damaged document
+        except Exception as error:  # of the library, for a damaged document
             raise YAMLError(_first_line(error) or type(error).__name__) from error

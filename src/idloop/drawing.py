@@ -1,7 +1,7 @@
-"""One look for every figure: palette, sizes, labels with units, and how a figure is written to a file.
+"""Style of figures: palette, sizes, labels with units, and files.
 
-The palette is that of Okabe and Ito (2008), which readers of every colour vision tell apart; lines differ
-in their dashes as well, so that a grey print still reads.
+The palette of Okabe and Ito (2008) is distinguishable with any colour vision; lines also differ in their dashes, for
+grey prints.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ SETTINGS: Any = {
     "lines.linewidth": 1.1,
     "legend.frameon": False,
     "legend.fontsize": 8.0,
-    "svg.fonttype": "none",  # text stays text: it can be searched and edited
+    "svg.fonttype": "none",  # text can be searched and edited
     "svg.hashsalt": "idloop",  # equal figures are equal files
     "pdf.fonttype": 42,
 }
 
-# Beyond this many points a vector file gets an image of the line: smaller and quicker to open.
+# From so many points on a line is an image in a vector file, which is smaller and faster to open.
 RASTERISE_FROM = 5000
 
 
@@ -59,7 +59,7 @@ def label(name: str, unit: str | None) -> str:
 
 @contextlib.contextmanager
 def styled() -> Iterator[None]:
-    """Use the project's settings inside the block and leave the user's own as they were."""
+    """Use the project's settings inside the block, without a change of the user's own."""
     import matplotlib as mpl
 
     with mpl.rc_context(SETTINGS):
@@ -76,12 +76,12 @@ def short_numbers() -> Iterator[None]:
 
 
 def new_figure(rows: int, columns: int = 1, heights: tuple[float, ...] | None = None) -> tuple[Figure, Any]:
-    """Make a figure without any window or global state.
+    """Make a figure without a window or global state.
 
     Parameters
     ----------
     rows, columns : int
-        Grid of axes. The time axes of a column are linked, and so are the value axes of a row.
+        Grid of axes. The time axes of a column and the value axes of a row are linked.
     heights : tuple of float, optional
         Height of each row in inches.
 
@@ -101,12 +101,12 @@ def new_figure(rows: int, columns: int = 1, heights: tuple[float, ...] | None = 
 
 
 def line(axes: Axes, x: Any, y: Any, **look: Any) -> None:
-    """Draw a line, as an image inside vector files when it has very many points."""
+    """Draw a line, as an image in vector files when it has very many points."""
     axes.plot(x, y, rasterized=len(x) > RASTERISE_FROM, **look)
 
 
 def steps(axes: Axes, x: Any, y: Any, **look: Any) -> None:
-    """Draw a value that is held from each point to the next, as a command is."""
+    """Draw a value that is held from each point to the next, such as a command."""
     axes.plot(x, y, drawstyle="steps-post", rasterized=len(x) > RASTERISE_FROM, **look)
 
 

@@ -1,4 +1,4 @@
-"""The signals that would end a process at once, and that it answers itself to end in order."""
+"""Signals that end a process, handled so that it ends in order."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-# Not to be caught, of another meaning, or raised by a fault to which a handler of Python's would only return.
+# Signals that cannot be caught, have another meaning, or report a fault to which a Python handler would return.
 _SPARED = {
     getattr(signal, f"SIG{name}")
     for name in (
@@ -20,7 +20,7 @@ _SPARED = {
 
 
 def ending_signals() -> list[int]:
-    """Return the numbers of the signals to answer; without SIGHUP where `nohup` has it ignored."""
+    """Return the numbers of the signals to handle; without SIGHUP where `nohup` ignores it."""
     ends = sorted(set(signal.valid_signals()) - _SPARED)
     return [number for number in ends if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
 
@@ -29,7 +29,7 @@ def ending_signals() -> list[int]:
 def event_on_ending_signal() -> Iterator[threading.Event]:
     """Turn the ending signals into an event, so that the work ends in order.
 
-    Only the main thread can; in another one the event is never set.
+    Only in the main thread; in another one the event is never set.
     """
     ended = threading.Event()
 

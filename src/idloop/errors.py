@@ -1,13 +1,13 @@
-"""The two ways in which idloop tells its user that something went wrong."""
+"""The errors that idloop raises for its user."""
 
 from __future__ import annotations
 
-# Characters of a line: what was typed or read, and is quoted in it, may have a million.
+# Most characters of a line, whatever it quotes.
 LONGEST_LINE = 2_000
 
 
 def one_line(text: str) -> str:
-    """Return a text as one line that can be printed: no line breaks, no escape sequences, an end."""
+    """Return a text as one printable line of limited length, without line breaks and escape sequences."""
     if not text.isprintable():
         text = " ".join(text.split())
         text = "".join(c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text)
@@ -15,11 +15,11 @@ def one_line(text: str) -> str:
 
 
 class IdloopError(Exception):
-    """The work was understood but could not be done (exit code 1)."""
+    """A valid task that failed (exit code 1)."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
 
 
 class InputError(IdloopError):
-    """Wrong use or bad input: one line that says what, where and how to mend it (exit code 2)."""
+    """Wrong use or bad input: one line with the error, its place and the correction (exit code 2)."""

@@ -1,4 +1,4 @@
-"""Declarative parameter tables: one row serves validation, help texts and ROS declaration."""
+"""Declarative parameter tables for validation, help texts and ROS declarations."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class ParameterSpec:
 
     @property
     def required(self) -> bool:
-        """True when the parameter has no default."""
+        """Whether the parameter has no default."""
         return self.default is REQUIRED
 
     @property
@@ -95,7 +95,7 @@ class ParameterSpec:
 
     @property
     def range_text(self) -> str:
-        """Allowed values in words, empty when every finite value is allowed."""
+        """Text of the allowed values; empty when every finite value is allowed."""
         if self.choices:
             return " | ".join(self.choices)
         more, less = (">", "<") if self.exclusive else (">=", "<=")
@@ -231,7 +231,7 @@ def check_values(specs: Sequence[ParameterSpec], given: Mapping[str, Any], where
 
 
 def flatten(given: Mapping[str, Any], known: Iterable[str], prefix: str = "") -> dict[str, Any]:
-    """Turn nested mappings into dotted names; a group given as None counts as left out."""
+    """Turn nested mappings into dotted names; a group that is None is left out."""
     groups = {name[:i] for name in known for i, letter in enumerate(name) if letter == "."}
     flat: dict[str, Any] = {}
     for key, value in given.items():
@@ -249,7 +249,7 @@ def _short(value: Any) -> str:
 
 
 def read_mapping(text: str, where: str, example: str) -> dict[str, Any]:
-    """Read parameters written as YAML in one line, as on the command line and in node parameters.
+    """Read parameters in one line of YAML, as on the command line and in node parameters.
 
     Parameters
     ----------
@@ -257,12 +257,12 @@ def read_mapping(text: str, where: str, example: str) -> dict[str, Any]:
     where : str
         Place named at the start of an error line.
     example : str
-        What it should look like, for the error line.
+        Correct form, for the error line.
 
     Raises
     ------
     InputError
-        It is no YAML, or no mapping.
+        Not YAML, or not a mapping.
     """
     read = read_yaml(text, where)
     if not isinstance(read, dict):

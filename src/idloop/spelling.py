@@ -1,4 +1,4 @@
-"""The end of an error line about a name that a person typed."""
+"""Suggestions in error messages about unknown names."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def did_you_mean_or_known(name: str, known: Iterable[str]) -> str:
-    """Return the nearest known name, or else all of them."""
+    """Return the nearest known name, or all of them."""
     names = list(known)
     return did_you_mean(name, names) or f" (known: {listed(names, 40)})"
 
 
 def listed(names: Iterable[str], limit: int = 12) -> str:
-    """Return names joined by commas, the tail counted instead of printed."""
+    """Return names joined by commas; only the first `limit`, with the number of all."""
     every = [_printable(name) for name in names]
     shown = ", ".join(every[:limit])
     return shown + (f", ... ({len(every)} in all)" if len(every) > limit else "") if every else "none"
 
 
 def joined_names(names: Sequence[str]) -> str:
-    """Return names as a sentence has them, such as "a, b and c"."""
+    """Return names as in a sentence, such as "a, b and c"."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _printable(name: str) -> str:
-    """A name from a damaged file may be anything: no line breaks, no escape sequences, no end."""
+    """Printable form of a name from a file, of limited length."""
     return name if name.isprintable() and len(name) <= _LONGEST else repr(name[:_LONGEST])

@@ -141,23 +141,6 @@ def test_reset_command_must_be_finite():
         build("pid").reset(math.nan)
 
 
-def test_its_own_period_holds_the_command_in_between():
-    slow, reference = build("pid", sample_time=0.01), build("pid", sample_time=0.01)
-    for k in range(100):
-        y = math.sin(0.1 * k)
-        if k % 10 == 0:
-            expected = reference.step(1.0, 0.0, [y])
-        assert slow.step_at(k * 0.001, 1.0, 0.0, [y]) == expected
-
-
-def test_its_own_period_keeps_its_grid_when_calls_come_late():
-    controller = build("pid", kp=0.0, ki=1.0, kd=0.0)
-    times = [5.0, 5.004, 5.013, 5.019, 5.0205, 5.055, 5.059, 5.06]
-    got = [controller.step_at(time, 1.0, 0.0, [0.0]) for time in times]
-    samples = [round(command / 0.01) for command in got]
-    assert samples == [0, 0, 1, 1, 2, 3, 3, 4]
-
-
 def test_a_new_controller_is_at_rest_with_its_step_loaded():
     controller = build("pid", linearisation={"gain": 2.0, "offset": 0.1}, limit=0.01)
     assert controller_step.signatures

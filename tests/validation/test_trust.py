@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from idloop.validation.trust import Standing, trust
+from idloop.validation.trust import ModelValidation, trust
 
-SOUND = Standing({"axis.position": 1.1, "axis.velocity": 0.98}, weighed=30.0)
+SOUND = ModelValidation({"axis.position": 1.1, "axis.velocity": 0.98}, weighed=30.0)
 
 
 def test_an_estimate_with_nothing_against_it_is_trusted_and_says_what_holds() -> None:
@@ -29,7 +29,7 @@ def test_an_estimate_with_nothing_against_it_is_trusted_and_says_what_holds() ->
         (replace(SOUND, weighed=0.0), "not tested yet"),
     ],
 )
-def test_what_speaks_against_the_model_speaks_against_every_estimate(standing: Standing, said: str) -> None:
+def test_what_speaks_against_the_model_speaks_against_every_estimate(standing: ModelValidation, said: str) -> None:
     found = trust(2.0, 0.01, standing)
     assert not found.trusted
     assert said in found.why

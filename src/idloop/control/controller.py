@@ -70,8 +70,6 @@ class Controller:
         self.settings = settings
         self._state = kernel.state.copy()
         self._y = np.zeros(len(kernel.inputs))
-        self._next_time = -math.inf
-        self._held = 0.0
         # The compiled step is loaded now and not at the first sample of a running drive.
         self.step(0.0, 0.0, self._y)
         self.reset()
@@ -108,8 +106,6 @@ class Controller:
         if command is not None and not math.isfinite(command):
             raise InputError(f"controller {self.kind}: reset command is {command}; give a finite one")
         self._state[:] = self.kernel.state
-        self._next_time = -math.inf
-        self._held = 0.0
         if command is not None:
             self._state[step.TRACKING] = 1.0
             self._state[step.TRACKED_COMMAND] = command
@@ -162,29 +158,3 @@ class Controller:
             float(feedforward),
         )
         return float(command)
-
-    def step_at(
-        self,
-        time: float,
-        reference_position: float,
-        reference_velocity: float,
-        measurement: Measurement,
-        feedforward: float = 0.0,
-    ) -> float:
-        """Sample at the controller's own period; between samples the last command is held.
-
-        Parameters
-        ----------
-        time : float
-            Seconds, not decreasing; the first call sets the sampling grid.
-        reference_position, reference_velocity, measurement, feedforward
-            As for `step`.
-        """
-        # Tolerance for rounded stamps: a thousandth of a period.
-        if time >= self._next_time - 1e-3 * self.sample_time:
-            self._held = self.step(reference_position, reference_velocity, measurement, feedforward)
-            if not math.isfinite(self._next_time):
-                self._next_time = time
-            late = math.floor((time - self._next_time) / self.sample_time + 1e-3)
-            self._next_time += (late + 1) * self.sample_time
-        return self._held

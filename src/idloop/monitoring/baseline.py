@@ -308,16 +308,7 @@ def _mean_change(records: list[EfficientScore]) -> float:
 def _normal(
     watch: Watch, records: list[EfficientScore], moved: list[EfficientScore], away: float
 ) -> ReferenceStatistics:
-    """Reference statistics of one watch, without a threshold.
-
-    Parameters
-    ----------
-    watch : Watch
-    records, moved : list of EfficientScore
-        Of the reference, with the model and with the model changed.
-    away : float
-        That change [unit].
-    """
+    """Reference statistics of one watch without threshold; `moved` is with its parameter changed by `away`."""
     information = np.concatenate([one.information for one in records])
     mean = float(np.mean(information))
     informative = information > LEAST_SHARE * mean

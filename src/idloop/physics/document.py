@@ -22,8 +22,8 @@ command line (`--effect "dead_zone@input(width=0.1)"`) or on a running node (par
 after `idloop trust`, or with `--trust-effects`.
 
 In the equations q, v, F and J are position, velocity, force and inertia (θ, ω, T and J of a rotary axis, x, v, F and
-m of a linear one), u is the command and y a reading. No sign and no corner is smoothed; where dry friction stops or
-turns a body, however shortly, and where the two sides of a gap touch or part, the simulator finds the instant.
+m of a linear one), u is the command and y a reading. Discontinuities are not smoothed: the simulator finds the instants
+at which dry friction stops or reverses a body, and at which the sides of a gap touch or separate.
 
 Θ and U_s are a temperature and a supply voltage, [measured beside the axis](how-to/conditions.md). An effect that
 depends on one of them is a candidate only in records that contain it; a simulation without it leaves the effect out.
@@ -34,24 +34,24 @@ PLACES = {INPUT: "the command", BODY: "a body", COUPLING: "a coupling", OUTPUT: 
 # What the equations of a site are part of. Raw, for they hold LaTeX.
 RULES = {
     INPUT: r"""
-The effects act in the order in which they stand here, each on the u that the one before it gives. The drive's force on
-the first body is K u of the last one, with the drive's gain K. v is the velocity of the first body.
+The effects act in the order of this list, each on the u of the previous one. The drive's force on the first body is K u
+of the last one, with the drive gain K. v is the velocity of the first body.
 """,
     BODY: r"""
-All effects at a body add up in its balance of forces, beside the viscous friction B v of the body itself, the drive
-and the couplings. $`F_{\text{f}}`$ is dry friction. At v = 0 it takes whatever value holds the body at rest, as long as
-the other forces stay within the sum of the $`F_{\text{f}}`$ at v = 0 in the direction in which they push; beyond that
-the body breaks away. The sum of the $`F_{\text{f}}`$ never drives: below zero it counts as zero.
+The forces of all effects at a body add up in its force balance, with the viscous friction B v of the body itself, the
+drive and the couplings. $`F_{\text{f}}`$ is dry friction. At v = 0 it balances the other forces while these are within
+the sum of the $`F_{\text{f}}`$ at v = 0 in their direction; beyond that the body breaks away. A negative sum of the
+$`F_{\text{f}}`$ counts as zero.
 """,
     COUPLING: r"""
-A coupling from body a to body b has the twist Δq = q of a − q of b, and passes the force F = k Δq + c Δv on from a to
-b: a loses what b gets. The equations are those of each effect alone; several act in the order in which they stand here.
-The same effects act inside a body that `compliance` splits: there k and c are its stiffness and damping.
+A coupling from body a to body b has the twist Δq = q of a − q of b. The force F = k Δq + c Δv acts on b, and −F on a.
+The equations are those of each effect alone; several act in the order of this list. The same effects act inside a body
+that `compliance` splits, where k and c are its stiffness and damping.
 """,
     OUTPUT: r"""
-A reading y begins as q or v of the sensor's body, times the `scale` of the output. The effects act in the order in
-which they stand here, each on the y that the one before it gives; the measurement noise is added before the
-quantisation. With a delay, the q of a ripple is as old as its y.
+A reading y is first q or v of the sensor's body, times the `scale` of the output. The effects act in the order of this
+list, each on the y of the previous one; the measurement noise is added before the quantisation. With a delay, the q of
+a ripple is delayed with y.
 """,
 }
 

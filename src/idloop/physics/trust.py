@@ -195,13 +195,7 @@ def _record(folder: Path) -> Path:
 
 
 def _ours() -> Path:
-    """Folder beneath ``$XDG_STATE_HOME`` for records and copies.
-
-    Raises
-    ------
-    InputError
-        Other users can write into it.
-    """
+    """Folder beneath ``$XDG_STATE_HOME`` for records and copies, which no other user may write into."""
     given = Path(os.environ.get("XDG_STATE_HOME", ""))
     ours = (given if given.is_absolute() else Path.home() / ".local" / "state") / "idloop"
     with contextlib.suppress(OSError):  # a missing folder is created later

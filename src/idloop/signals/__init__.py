@@ -1,4 +1,4 @@
-"""Excitation: what is sent into the machine.
+"""Excitation signals.
 
 ``build_signal("prbs", sample_time=0.001, duration=10.0, band_hz=10.0)`` gives a `Signal`;
 ``SIGNALS`` lists the kinds with their parameters.

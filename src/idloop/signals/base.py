@@ -1,4 +1,4 @@
-"""What a signal kind receives, what it returns, and how it describes itself."""
+"""Input, result and description of a kind of signal."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class LineGrid:
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of a signal kind: the sampling grid and the common parameters."""
+    """Sampling grid and common parameters of a signal."""
 
     kind: str
     sample_time: float
@@ -81,7 +81,7 @@ class Request:
 
     @property
     def length(self) -> int:
-        """Number of samples; an error where the user gave no duration."""
+        """Number of samples; an error without a duration."""
         if self.samples is None:
             raise self.error("duration is missing; give the length in seconds")
         return self.samples
@@ -91,7 +91,7 @@ class Request:
         return np.arange(self.length, dtype=np.float64) * self.sample_time
 
     def generator(self) -> np.random.Generator:
-        """Fresh random generator of this request's seed."""
+        """New random generator with the seed of the request."""
         return np.random.default_rng(self.seed)
 
     def to_samples(self, seconds: float) -> int:
@@ -99,7 +99,7 @@ class Request:
         return round(self.checked(seconds / self.sample_time))
 
     def checked(self, samples: float) -> float:
-        """Return a number of samples; InputError where it is a slip of the unit."""
+        """Return a number of samples; InputError where it is too large."""
         if samples > LONGEST:
             raise self.error(f"{samples:.3g} samples are too many (at most {LONGEST}); shorten its times")
         return samples
@@ -109,7 +109,7 @@ class Request:
         return InputError(f"signal {self.kind}: {text}")
 
     def check_frequency(self, name: str, frequency: float) -> float:
-        """Refuse a frequency that the sampling cannot carry."""
+        """Refuse a frequency above half the sample rate."""
         if frequency > self.nyquist * (1.0 + CYCLE_TOLERANCE):
             raise self.error(
                 f"{name} is {frequency:g} Hz, above half the sample rate ({self.nyquist:g} Hz); "
@@ -131,7 +131,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Shape:
-    """What a signal kind returns.
+    """Result of a kind of signal.
 
     Parameters
     ----------
@@ -146,11 +146,11 @@ class Shape:
     rate : ndarray or None
         Time derivative where the kind knows it in closed form (only for `absolute` shapes).
     derived : mapping
-        Values that the kind chose by itself, such as the order of a PRBS.
+        Values chosen by the kind, such as the order of a PRBS.
     notes : tuple of str
         Remarks for the user, one sentence each.
     absolute : bool
-        The values are final: already scaled, shifted and starting from rest at zero.
+        The values are final: scaled, shifted and starting from rest at zero.
     """
 
     value: FloatArray
@@ -174,7 +174,7 @@ class SignalKind:
     description : str
         One sentence.
     parameters : tuple of ParameterSpec
-        The parameters that only this kind has.
+        The parameters of this kind alone.
     generate : callable
         ``generate(request, **values) -> Shape``.
     amplitude_means : str

@@ -1,4 +1,4 @@
-"""Every kind of excitation, and the parameters that all of them share."""
+"""All kinds of excitation signals, and their common parameters."""
 
 from __future__ import annotations
 

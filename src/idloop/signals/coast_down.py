@@ -1,4 +1,4 @@
-"""Drive, then let go: tells friction from effects of the input side."""
+"""Drive, then coast: separates friction from effects at the input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a name and parameters to a signal."""
+"""Signals by name and parameters."""
 
 from __future__ import annotations
 

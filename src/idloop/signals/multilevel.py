@@ -1,4 +1,4 @@
-"""Random steps over many levels: unlike two-level signals they show static nonlinearities."""
+"""Random steps over many levels, which unlike two levels excite static nonlinearities."""
 
 from __future__ import annotations
 

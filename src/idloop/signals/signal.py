@@ -1,4 +1,4 @@
-"""A finished excitation signal and what can be said about it."""
+"""An excitation signal with its spectrum and key figures."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Signal:
     rate : ndarray, shape (n,), or None
         Time derivative per second where the kind knows it (smooth).
     derived : mapping
-        Values that the kind chose by itself.
+        Values chosen by the kind.
     notes : tuple of str
         Remarks for the user.
     """

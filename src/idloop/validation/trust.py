@@ -13,7 +13,7 @@ LARGEST_ERROR = 2.0
 
 
 @dataclass(frozen=True)
-class Standing:
+class ModelValidation:
     """Validation results of the model that the estimates belong to.
 
     Attributes
@@ -80,7 +80,7 @@ class Trust:
 def trust(
     value: float,
     stderr: float | None,
-    standing: Standing,
+    standing: ModelValidation,
     *,
     at_bound: bool = False,
     largest_stderr: float = LARGEST_STDERR,
@@ -92,7 +92,7 @@ def trust(
     ----------
     value, stderr : float
         The estimate and its standard error, None where there is none.
-    standing : Standing
+    standing : ModelValidation
         Validation results of the model.
     at_bound : bool
         Whether it is at one of its bounds.

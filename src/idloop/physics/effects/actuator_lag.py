@@ -30,11 +30,7 @@ EFFECT = Effect(
     name="actuator_lag",
     site=INPUT,
     text="The drive follows a new command gradually, with one time constant: current loop or winding.",
-    equation=EffectEquation(
-        r"u_{\ell}",
-        r"\tau_a\,\dot{u}_{\ell} = @u - u_{\ell}",
-        {"time_constant": r"\tau_a"},
-    ),
+    equation=EffectEquation(r"u_{\ell}", r"\tau_a\,\dot{u}_{\ell} = @u - u_{\ell}", {"time_constant": r"\tau_a"}),
     parameters=(EffectParameter("time_constant", "s", min=0.0, max=10.0),),
     command=command,
     settle=settle,

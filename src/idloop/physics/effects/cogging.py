@@ -19,9 +19,7 @@ EFFECT = Effect(
     site=BODY,
     text="The rotor is drawn to several angles of the turn: magnets against slots, gear mesh.",
     equation=EffectEquation(
-        r"-a_n\sin(n\,@q + \varphi_n)",
-        "",
-        {"amplitude": "a_n", "harmonic": "n", "phase": r"\varphi_n"},
+        r"-a_n\sin(n\,@q + \varphi_n)", "", {"amplitude": "a_n", "harmonic": "n", "phase": r"\varphi_n"}
     ),
     parameters=(
         EffectParameter("amplitude", "{force}", min=0.0),

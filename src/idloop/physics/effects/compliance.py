@@ -28,7 +28,7 @@ EFFECT = Effect(
                 "stiffness": (6.2832 * frequency) ** 2 * s.inertia * split * (1.0 - split),
                 "damping": 0.1 * 6.2832 * frequency * s.inertia * split * (1.0 - split),
                 "split": split,
-                # Bearings, seals and the back-EMF may be on either side; where they are, only a fit tells.
+                # Bearings, seals and the back-EMF may be on either side; a fit decides.
                 "viscous_split": split,
             }
         ]

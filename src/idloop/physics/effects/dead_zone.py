@@ -28,9 +28,7 @@ EFFECT = Effect(
     site=INPUT,
     text="Small commands do nothing and larger ones act only with what exceeds the width.",
     equation=EffectEquation(
-        "u_d",
-        r"u_d = @u - \min\left(\max\left(@u, -d_-\right), d\right)",
-        {"width": "d", "width_negative": "d_-"},
+        "u_d", r"u_d = @u - \min\left(\max\left(@u, -d_-\right), d\right)", {"width": "d", "width_negative": "d_-"}
     ),
     parameters=(
         EffectParameter("width", "{input}", min=0.0),

@@ -17,12 +17,8 @@ def force(position: float, velocity: float, inertia: float, elapsed: float, stat
 EFFECT = Effect(
     name="gravity",
     site=BODY,
-    text="The weight of an arm or a pendulum pulls it to its lowest position: the sensor's zero, or what is told.",
-    equation=EffectEquation(
-        r"-M_{g@i}\sin(@q - \varphi_0)",
-        "",
-        {"moment": "M_{g@i}", "lowest": r"\varphi_0"},
-    ),
+    text="The weight of an arm or a pendulum pulls it to its lowest position: the sensor's zero, or the given angle.",
+    equation=EffectEquation(r"-M_{g@i}\sin(@q - \varphi_0)", "", {"moment": "M_{g@i}", "lowest": r"\varphi_0"}),
     parameters=(
         EffectParameter("moment", "{force}"),
         EffectParameter("lowest", "rad", held=True),

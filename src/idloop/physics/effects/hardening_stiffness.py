@@ -17,11 +17,7 @@ EFFECT = Effect(
     name="hardening_stiffness",
     site=COUPLING,
     text="The coupling grows stiffer the more it is twisted.",
-    equation=EffectEquation(
-        r"+k_3\,(\Delta @q)^3",
-        "",
-        {"cubic": "k_3"},
-    ),
+    equation=EffectEquation(r"+k_3\,(\Delta @q)^3", "", {"cubic": "k_3"}),
     parameters=(EffectParameter("cubic", "{force}/{position}³"),),
     coupling=coupling,
     order=40,

@@ -18,11 +18,7 @@ EFFECT = Effect(
     name="imbalance",
     site=BODY,
     text="An off-centre mass pulls towards one angle of the turn: gravity on an arm, a lopsided slip ring.",
-    equation=EffectEquation(
-        r"-a_1\sin(@q + \varphi_1)",
-        "",
-        {"amplitude": "a_1", "phase": r"\varphi_1"},
-    ),
+    equation=EffectEquation(r"-a_1\sin(@q + \varphi_1)", "", {"amplitude": "a_1", "phase": r"\varphi_1"}),
     parameters=(
         EffectParameter("amplitude", "{force}", min=0.0),
         EffectParameter("phase", "rad", min=-7.0, max=7.0),

@@ -17,11 +17,7 @@ EFFECT = Effect(
     name="load_torque",
     site=BODY,
     text="A constant load pulls in one direction: a hanging weight, a preload.",
-    equation=EffectEquation(
-        "+@F_{0@i}",
-        "",
-        {"torque": "@F_{0@i}"},
-    ),
+    equation=EffectEquation("+@F_{0@i}", "", {"torque": "@F_{0@i}"}),
     parameters=(EffectParameter("torque", "{force}"),),
     force=force,
     proportional=True,

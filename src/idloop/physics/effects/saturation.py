@@ -21,9 +21,7 @@ EFFECT = Effect(
     site=INPUT,
     text="Commands above the limit have no more effect than the limit itself.",
     equation=EffectEquation(
-        "u_s",
-        r"u_s = \min\left(\max\left(@u, -u_{\max}\right), u_{\max}\right)",
-        {"limit": r"u_{\max}"},
+        "u_s", r"u_s = \min\left(\max\left(@u, -u_{\max}\right), u_{\max}\right)", {"limit": r"u_{\max}"}
     ),
     parameters=(EffectParameter("limit", "{input}", start=float("inf"), neutral=float("inf"), min=0.0),),
     command=command,

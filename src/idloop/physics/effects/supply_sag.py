@@ -39,5 +39,5 @@ EFFECT = Effect(
     order=55,
     looks_like=("saturation",),
     trials=lambda s: alternatives("share", [0.5], reference=s.about("supply", 24.0)),
-    not_cancelled="the compensator is not told the supply",
+    not_cancelled="the compensator has no measurement of the supply",
 )

@@ -38,5 +38,5 @@ EFFECT = Effect(
     reference="reference",
     looks_like=("coulomb_friction", "thermal_viscosity"),
     trials=lambda s: alternatives("slope", [-0.003 * s.force], reference=s.about("temperature", 20.0)),
-    not_cancelled="the compensator is not told the temperature",
+    not_cancelled="the compensator has no measurement of the temperature",
 )

@@ -2,7 +2,7 @@
 
 To first order about a reference temperature, as in Simoni, Beschi, Legnani and Visioli, On the inclusion of
 temperature in the friction model of industrial robots, IFAC World Congress 2017. Of oil and grease the viscosity falls
-exponentially; over tens of kelvins its slope says most of that. It holds between the temperatures it was found at.
+exponentially; over tens of kelvins a line approximates it. Valid between the temperatures of the record.
 """
 
 from typing import Any
@@ -40,5 +40,5 @@ EFFECT = Effect(
     rate=lambda values, inertia, stiffness: 100.0 * abs(values["coefficient"]) / inertia,
     looks_like=("viscous_friction", "thermal_dry_friction"),
     trials=lambda s: alternatives("coefficient", [-0.003 * s.force / s.speed], reference=s.about("temperature", 20.0)),
-    not_cancelled="the compensator is not told the temperature",
+    not_cancelled="the compensator has no measurement of the temperature",
 )

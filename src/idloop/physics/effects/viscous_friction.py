@@ -17,11 +17,7 @@ EFFECT = Effect(
     name="viscous_friction",
     site=BODY,
     text="A drag proportional to speed: lubricant, eddy currents, back-EMF.",
-    equation=EffectEquation(
-        r"-b\,@v",
-        "",
-        {"coefficient": "b"},
-    ),
+    equation=EffectEquation(r"-b\,@v", "", {"coefficient": "b"}),
     parameters=(EffectParameter("coefficient", "{force}·s/{position}", min=0.0),),
     force=force,
     proportional=True,
