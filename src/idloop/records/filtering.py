@@ -83,7 +83,7 @@ def resample_held(time: Floats, value: Floats, at: Floats) -> Floats:
 
 
 def resample_linear(time: Floats, value: Floats, at: Floats, longest: float) -> Floats:
-    """Interpolate linearly between measured samples; NaN outside them and inside holes longer than `longest` [s]."""
+    """Interpolate linearly between measured samples; NaN outside them and inside gaps longer than `longest` [s]."""
     known = np.isfinite(value)
     t, x = time[known], value[known]
     if t.size == 0:
@@ -91,6 +91,6 @@ def resample_linear(time: Floats, value: Floats, at: Floats, longest: float) -> 
     result = np.interp(at, t, x, left=np.nan, right=np.nan)
     if t.size > 1:
         right = np.clip(np.searchsorted(t, at, side="left"), 1, t.size - 1)
-        hole = (t[right] - t[right - 1] > longest) & (at > t[right - 1]) & (at < t[right])
-        result[hole] = np.nan
+        gap = (t[right] - t[right - 1] > longest) & (at > t[right - 1]) & (at < t[right])
+        result[gap] = np.nan
     return result

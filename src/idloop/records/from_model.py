@@ -1,4 +1,4 @@
-"""A record of an experiment on a model's machine, everything sampled on one clock: what a simulation leaves."""
+"""Records from the samples of a simulation."""
 
 from __future__ import annotations
 
@@ -18,26 +18,22 @@ Floats = NDArray[np.float64]
 def record_from_model(
     name: str, model: Model, time: Floats, command: Floats, output: Floats, reference: Floats | None = None
 ) -> Record:
-    """Put samples under the names and units that a model gives its signals.
+    """Return samples as a record with the names and units of a model.
 
     Parameters
     ----------
     name : str
-        What messages call the record.
+        Name of the record.
     model : Model
-        Whose command and outputs these are.
+        Gives names and units of the command and the outputs.
     time : ndarray, shape (n,)
-        Stamps of everything [s].
+        Stamps of all samples [s].
     command : ndarray, shape (n,)
         In the unit of the model's input; held until the next stamp.
     output : ndarray, shape (n, p)
         In the order and units of the model's outputs.
     reference : ndarray, shape (n, 2), optional
         Position and velocity that a controller followed; NaN = not given. None in open loop.
-
-    Returns
-    -------
-    Record
     """
     return Record(
         name=name,

@@ -1,7 +1,7 @@
-"""Positions of an encoder that begins again after a turn, made continuous.
+"""Unwrapping of encoders with a limited range.
 
-A step of more than half the range is a wrap. While nothing was recorded the axis may have gone on turning: over a hole
-the number of turns is that which the speeds on both sides of it make likely, and is doubtful where these differ much.
+A step of more than half the range is a wrap. During a gap of the log the axis may have turned further: the number of
+turns is then estimated from the speeds on both sides, and is doubtful where these differ much.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from idloop.errors import InputError
 
 Floats = NDArray[np.float64]
 
-# A hole is longer than this many usual steps; speeds beside it are means over this many.
-_HOLE, _BESIDE = 5.0, 10
+# A gap is longer than this many usual steps; speeds beside it are means over this many.
+_GAP, _BESIDE = 5.0, 10
 # Half of the range: beyond it another number of turns is nearer.
 _HALF = 0.5
 
@@ -30,7 +30,7 @@ class Unwrapped:
     value : ndarray, shape (n,)
         Positions in their unit; NaN where they were.
     doubtful : tuple of (float, float)
-        Beginning [s] and length [s] of the holes over which another number of turns is as likely.
+        Start [s] and length [s] of the gaps over which another number of turns is as likely.
     """
 
     value: Floats
@@ -60,25 +60,25 @@ def unwrap(time: Floats, value: Floats, span: float) -> Unwrapped:
     t, x = time[known], np.unwrap(value[known], period=span)
     passed = np.diff(t)
     usual = float(np.median(passed[passed > 0.0])) if np.any(passed > 0.0) else np.inf
-    holes = np.flatnonzero(passed > _HOLE * usual)
+    gaps = np.flatnonzero(passed > _GAP * usual)
     step = np.diff(x)
-    # The runs between the holes, each from its first sample to its last.
-    first, last = np.concatenate([[0], holes + 1]), np.concatenate([holes, [len(x) - 1]])
+    # The runs between the gaps, each from its first sample to its last.
+    first, last = np.concatenate([[0], gaps + 1]), np.concatenate([gaps, [len(x) - 1]])
     turns, doubtful = np.zeros(len(step)), []
-    for place, hole in enumerate(holes):
+    for place, gap in enumerate(gaps):
         beside = (
             _speed(t, x, max(first[place], last[place] - _BESIDE), last[place]),
             _speed(t, x, first[place + 1], min(last[place + 1], first[place + 1] + _BESIDE)),
         )
         speeds = [speed for speed in beside if np.isfinite(speed)]
         if not speeds:
-            doubtful.append((float(t[hole]), float(passed[hole])))
+            doubtful.append((float(t[gap]), float(passed[gap])))
             continue
-        travel = np.array(speeds) * passed[hole]
-        turns[hole] = np.round((np.mean(travel) - step[hole]) / span)
-        off = abs(np.mean(travel) - step[hole] - turns[hole] * span) + 0.5 * np.ptp(travel)
+        travel = np.array(speeds) * passed[gap]
+        turns[gap] = np.round((np.mean(travel) - step[gap]) / span)
+        off = abs(np.mean(travel) - step[gap] - turns[gap] * span) + 0.5 * np.ptp(travel)
         if off > _HALF * span:
-            doubtful.append((float(t[hole]), float(passed[hole])))
+            doubtful.append((float(t[gap]), float(passed[gap])))
     result = value.astype(np.float64)
     result[known] = x + span * np.concatenate([[0.0], np.cumsum(turns)])[: len(x)]
     return Unwrapped(result, tuple(doubtful))

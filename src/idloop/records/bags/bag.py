@@ -1,4 +1,4 @@
-"""Opening a bag, whatever its storage, and saying in one line why it cannot be opened."""
+"""Bags of any storage, opened for reading; one that cannot be opened is refused with one line."""
 
 from __future__ import annotations
 
@@ -79,11 +79,11 @@ class Bag:
             )
             if cut is not None and not _begins_well(cut):
                 raise InputError(
-                    f"{cut}: this is no mcap file (the magic bytes at its beginning are others); name the recording,"
-                    " or give the file the suffix of what it is"
+                    f"{cut}: this is no mcap file (it does not begin with the magic bytes of one); name the recording,"
+                    " or give the file its proper suffix"
                 ) from None
             if cut is not None:
-                raise InputError(truncation_message(self.path, cut)) from None
+                raise InputError(_truncation_message(self.path, cut)) from None
             reason = (
                 error.args[0] if isinstance(error, ReaderError) and error.args else f"{type(error).__name__}: {error}"
             )
@@ -163,8 +163,8 @@ class Bag:
     def _build_typestore(self) -> Typestore:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-        said = next((str(reader.ros_distro) for reader in self._readers if reader.ros_distro in DISTROS), None)
-        base = get_typestore(Stores(f"ros2_{self._distro or said or 'jazzy'}"))
+        stated = next((str(reader.ros_distro) for reader in self._readers if reader.ros_distro in DISTROS), None)
+        base = get_typestore(Stores(f"ros2_{self._distro or stated or 'jazzy'}"))
         types: dict[str, Any] = dict(base.fielddefs)
         for name, text in self._definitions.items():
             try:
@@ -195,13 +195,9 @@ def _own_types(connection: Any) -> dict[str, Any]:
             return dict(get_types_from_msg(definition.data, connection.msgtype))
         if definition.format == MessageDefinitionFormat.IDL:
             found: dict[str, Any] = {}
-            separator = "=" * 80 + "\n"
-            for part in definition.data.split(separator):
-                found.update(
-                    get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part)
-                    if part.strip()
-                    else {}
-                )
+            for part in definition.data.split("=" * 80 + "\n"):
+                text = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
+                found |= get_types_from_idl(text) if text.strip() else {}
             return found
     except Exception:  # noqa: BLE001 - one unreadable definition must not stop the reading of the other topics
         return {}
@@ -253,7 +249,7 @@ def _storage_files(path: Path) -> list[Path]:
 
 
 def _begins_well(path: Path) -> bool:
-    """Whether a file begins as an mcap file does, as far as it goes."""
+    """Whether a file, as far as it goes, begins with the magic bytes of mcap."""
     with path.open("rb") as stream:
         return _MAGIC.startswith(stream.read(len(_MAGIC)))
 
@@ -267,38 +263,19 @@ def _ends_well(path: Path) -> bool:
         return stream.read() == _MAGIC
 
 
-def truncation_message(bag: Path, file: Path) -> str:
-    """Say how much of a cut mcap file can still be read, and how to save it."""
-    count, first, last = readable_part(file)
-    if count == 0:
+def _truncation_message(bag: Path, file: Path) -> str:
+    """Return how much of a cut mcap file can still be read, and how to save it."""
+    from idloop.records.bags.recover import mcap_messages
+
+    stamps = [message.stamp_ns for message in mcap_messages(file) if message is not None]
+    if not stamps:
         return f"{file}: the file is cut off and no message in it is readable; record again"
     return (
-        f"{file}: the file is cut off (recorder killed or disk full?); {count} messages over"
-        f" {(last - first) * 1e-9:.1f} s "
-        f"are readable: save them with `idloop recover {bag}`"
+        f"{file}: the file is cut off (recorder killed or disk full?); {len(stamps)} messages over"
+        f" {(max(stamps) - min(stamps)) * 1e-9:.1f} s are readable: save them with `idloop recover {bag}`"
     )
 
 
-def readable_part(file: Path) -> tuple[int, int, int]:
-    """Return the number of messages before the cut of an mcap file and the first and last receive stamp in ns."""
-    from mcap.records import Message
-    from mcap.stream_reader import StreamReader
-
-    limit_bag_readers()
-    count = 0
-    first = last = 0
-    with file.open("rb") as stream:
-        try:
-            for record in StreamReader(stream).records:
-                if isinstance(record, Message):
-                    first = record.log_time if count == 0 else min(first, record.log_time)
-                    last = max(last, record.log_time)
-                    count += 1
-        except Exception:  # noqa: BLE001 - the cut may fall anywhere, so any parsing error marks the end
-            return count, first, last
-    return count, first, last
-
-
 def one_line(reason: object) -> str:
-    """Return what another library says, fit to stand in the middle of a message."""
+    """Return the message of another library in a form that fits into a sentence."""
     return " ".join(str(reason).split()).rstrip(".")

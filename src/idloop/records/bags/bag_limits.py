@@ -1,4 +1,4 @@
-"""Limits for the libraries that open recordings, which have none: what a chunk unpacks to, what metadata expand to."""
+"""Limits for rosbags and mcap, which have none: the size of an unpacked chunk, the size of expanded metadata."""
 
 from __future__ import annotations
 

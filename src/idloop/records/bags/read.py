@@ -64,8 +64,8 @@ def read_streams(
         receive, payloads = raw[topic.name]
         if not payloads:
             raise InputError(
-                f"{bag.path}: {topic.count} messages are said to be on {topic.name} and none is there; the file is"
-                f" damaged, copy it again, or save the rest with `idloop recover {bag.path}`"
+                f"{bag.path}: {topic.name} should have {topic.count} messages and has none; the file is damaged, copy"
+                f" it again, or save the rest with `idloop recover {bag.path}`"
             )
         streams[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
     return streams

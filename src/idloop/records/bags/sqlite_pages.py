@@ -22,7 +22,7 @@ _VARINT = 9  # bytes at most
 
 
 class SqlitePages:
-    """The pages that there are.
+    """The pages of a file that may be cut off.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class SqlitePages:
     Attributes
     ----------
     count : int
-        Pages that the file says to have.
+        Pages according to the header of the file.
     whole : bool
-        Whether all of them are there.
+        Whether the file has all of them.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class SqlitePages:
                 yield number, dict(zip(columns, values, strict=False))
 
     def rows(self, root: int) -> Iterator[tuple[int, list[Any]]]:
-        """Yield (row id, values) of a table's tree in its order; branches that are missing are left out."""
+        """Yield (row id, values) of the tree of a table in its order; missing branches are left out."""
         waiting, seen = [root], set()
         while waiting:
             number = waiting.pop()
@@ -115,14 +115,11 @@ class SqlitePages:
             return
         for cell in unpack_from(f">{cells}H", self._data, at + _LEAF_HEADER):
             try:
-                length, next_ = self._varint(start + cell, start + self._size)
-                row, begin = self._varint(next_, start + self._size)
+                length, next_ = _varint(self._data, start + cell, start + self._size)
+                row, begin = _varint(self._data, next_, start + self._size)
                 yield row, _values(self._payload(begin, length, start + self._size))
             except (ValueError, IndexError, UnicodeDecodeError):
                 continue
-
-    def _varint(self, at: int, end: int) -> tuple[int, int]:
-        return _varint(self._data, at, end)
 
     def _payload(self, begin: int, length: int, end: int) -> bytes:
         """Put a row together from its leaf and the overflow pages behind it."""
@@ -159,15 +156,12 @@ def _varint(data: bytes | mmap, at: int, end: int) -> tuple[int, int]:
         byte = data[at]
         at += 1
         if index == _VARINT - 1:
-            return _signed((value << 8) | byte), at
+            value = (value << 8) | byte
+            return value - (1 << 64) if value >= 1 << 63 else value, at
         value = (value << 7) | (byte & 0x7F)
         if byte < 0x80:
             break
     return value, at
-
-
-def _signed(value: int) -> int:
-    return value - (1 << 64) if value >= 1 << 63 else value
 
 
 def _values(payload: bytes) -> list[Any]:

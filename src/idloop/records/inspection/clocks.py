@@ -1,4 +1,4 @@
-"""What stamps tell: rate, jitter, gaps, losses, duplicates, resets of the clock, two clocks."""
+"""Statistics of stamps: rate, jitter, gaps, losses, duplicates, resets of the clock, two clocks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Stamps = NDArray[np.int64]
 _OFF_GRID = 0.3  # periods that an interval may lie beside a whole number of periods
 _REGULAR = 0.9  # share of such intervals that makes a grid
 _LOST = 1.5  # an interval longer than this many periods misses a sample
-_GAP = 10.0  # ... and longer than this many is a gap worth naming
+_GAP = 10.0  # ... and one longer than this many is reported as a gap
 _REORDERED = 3.0  # a step back of at most this many periods is due to the transport, not to the clock
 # Drift of two clocks [s/s] and over a recording [s]: crystal clocks agree better than the first, a busy machine delays
 # messages by less than the second; beyond the third and fourth pair the streams cannot be used together.

@@ -1,15 +1,14 @@
-"""A velocity that a driver computed from the position: what it adds to the position is nothing.
+"""Velocities that a driver computed from the position, which add no information to it.
 
-Hobby servos, state publishers and many drives have no tachometer: their velocity is the difference
-of the last positions, often behind a low-pass filter or a tracking loop. Its noise then is a function
-of the position's noise, and an observer that is told of two independent sensors is told wrong.
+Hobby servos, state publishers and many drives have no tachometer: their velocity is the difference of the last
+positions, often behind a low-pass filter or a tracking loop. Its noise is then a function of the noise of the position,
+and an observer must not treat the two as independent sensors.
 
-Such a velocity obeys ``v[k] = Σ a_i v[k - i] + Σ b_j d[k - j]`` with the differences ``d`` of the recorded
-position. A sensor of its own never does, by whatever filter: its error against that sum holds the position's
-noise, as the sum passes it on. So the sum counts as exact where it leaves a small part of that noise only,
-and where nothing but motion can be seen in the position, no judgement is made: a few sines, or what a simulation
-wrote without noise, obey many sums. Noise is what neither a high difference of the position takes for motion nor its
-own past foretells.
+Such a velocity obeys ``v[k] = Σ a_i v[k - i] + Σ b_j d[k - j]`` with the differences ``d`` of the recorded position. A
+separate sensor does not, whatever its filter: its error against that sum contains the noise of the position as the sum
+transmits it. So the sum counts as exact where it leaves only a small part of that noise. Where the position shows no
+noise there is no decision, because a few sines, or a simulation without noise, obey many sums. Noise is the part that
+neither a high-order difference of the position removes nor its own past predicts.
 """
 
 from __future__ import annotations
@@ -29,32 +28,32 @@ Floats = NDArray[np.float64]
 
 KIND = "differenced_velocity"
 
-# Samples in motion below which nothing is said; samples that are looked at, first and beyond which no more.
-_FEWEST, _GLANCE, _MOST = 150, 1200, 5000
-# Part of the position's noise, as the sum passes it on, that an exact sum may leave: roundings.
+# Samples in motion needed; samples of a first quick test; most samples that are used.
+_FEWEST, _QUICK, _MOST = 150, 1200, 5000
+# Share of the transmitted noise that an exact sum may leave, due to rounding.
 _ROUNDING = 0.25
-# Samples that may be off for once, after a lost message or a turn of the encoder.
+# Share of outliers, after a lost message or a wrap of the encoder.
 _ODD = 0.02
-# Jerks of the motion are no noise: of its differences the largest are left out.
+# Jerks of the motion are not noise: this share of its largest differences is left out.
 _JERKS = 0.2
-# Orders of difference among which the one that holds least motion is sought.
+# Orders of difference, of which the one with the least motion estimates the noise.
 _ORDERS = range(1, 9)
-# Past differences that foretell the next one: those of half as many sines do so exactly.
+# Past differences that predict the next one: exactly for half as many sines.
 _PAST = 24
-# Noise below this part of the differences is their rounding.
+# Noise below this share of the differences is rounding.
 _LEAST_NOISE = 1e-9
-# Samples that a filter remembers, at most.
+# Longest impulse response of a filter [samples].
 _MEMORY = 500
 # Widest window of a plain difference.
 _WIDEST = 10
-# What a drive has behind the difference of the last sample: poles, and the weights of the last differences. A low
-# pass of first order, plain, told a sample late or by the bilinear rule; one of second order or a tracking loop.
+# Filters of drives behind the difference of the last sample: number of poles, and weights of the last differences.
+# A first-order low pass, plain, one sample late or by the bilinear rule; a second-order one or a tracking loop.
 _FILTERS = ((1, (1,)), (1, (0, 1)), (1, (1, 1)), (2, (1,)), (2, (0, 1)), (2, (1, 2, 1)))
-# Filters of drives smooth. Between exact position and exact velocity of a motion under a held command lies a sum
-# with a pole of alternating sign.
+# Filters of drives smooth. An exact position and an exact velocity under a held command obey a sum with a pole of
+# alternating sign, which is no filter.
 _LEAST_POLE = -0.01
-# Velocities in the units that go with a position's: of SI, degrees, turns, millimetres, a minute. The period by which
-# a driver divides may be off by a part of itself.
+# Units of a velocity in that of the position: SI, degrees, turns, millimetres, per minute; and the relative error of
+# the period by which a driver divides.
 _UNITS = np.array([1.0, np.pi / 180, 180 / np.pi, np.pi / 30, 30 / np.pi, 6.0, 1 / 6, 60.0, 1 / 60, 1e3, 1e-3])
 _PERIOD = 0.03
 
@@ -68,11 +67,11 @@ class Difference:
     Attributes
     ----------
     text : str
-        The kind of difference, in words.
+        Kind of difference, for the user.
     delay : float
-        Of the velocity behind the motion [s].
+        Delay of the velocity behind the motion [s].
     misfit : float
-        What the sum leaves, as a part of the position's noise in it.
+        Residual of the sum over the noise that it transmits.
     """
 
     text: str
@@ -88,9 +87,9 @@ class _Differences:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of the position's noise over the period, at most; 0 where there is none to be seen.
+        """Upper bound of the standard deviation of the position noise over the period; 0 where none is visible.
 
-        However well the differences before it foretell a difference, the noise of its newest sample is left.
+        The noise of the newest sample cannot be predicted from the differences before it.
         """
         d = self.value
         windows = np.lib.stride_tricks.sliding_window_view(d, _PAST + 1)
@@ -104,7 +103,7 @@ class _Differences:
 
 
 def difference(time: Floats, position: Floats, velocity: Floats) -> Difference | None:
-    """How a velocity was computed from a position, or None where it was not or nobody can tell.
+    """Return how a velocity was computed from a position; None where it was not, or where this cannot be decided.
 
     Parameters
     ----------
@@ -115,44 +114,30 @@ def difference(time: Floats, position: Floats, velocity: Floats) -> Difference |
     if np.sum(known) < _FEWEST or np.ptp(velocity[known]) == 0.0 or np.ptp(position[known]) == 0.0:
         return None
     t, p, v = time[known], position[known], velocity[known]
-    # Most sensors of their own are told at a glance.
-    glance = _liveliest(v, _GLANCE)
-    if (
-        t.size > _GLANCE
-        and np.sum(np.diff(v[glance]) != 0.0) > 2 * _FEWEST
-        and _of(t[glance], p[glance], v[glance]) is None
-    ):
+    # A quick test rules out most separate sensors.
+    quick = _most_active(v, _QUICK)
+    if t.size > _QUICK and np.sum(np.diff(v[quick]) != 0.0) > 2 * _FEWEST and _of(t[quick], p[quick], v[quick]) is None:
         return None
-    whole = _liveliest(v, _MOST)
+    whole = _most_active(v, _MOST)
     return _of(t[whole], p[whole], v[whole])
 
 
 def differenced(record: Record) -> tuple[Finding, ...]:
-    """Findings on every velocity of a record that is no more than a position's difference.
+    """Return a finding of kind `KIND` on every velocity of a record that was computed from a position.
 
-    Returns
-    -------
-    tuple of Finding
-        Of kind `KIND`, ``where`` names the velocity. What was found before a record was cut or filtered holds on.
+    ``where`` is the velocity. Findings from before a record was cut or filtered stay valid.
     """
     if record not in _known:
-        told = [one for one in record.findings if one.kind == KIND]
-        names = {one.where for one in told}
+        earlier = [one for one in record.findings if one.kind == KIND]
+        names = {one.where for one in earlier}
         columns = dict(zip(record.output_names, record.output.T, strict=True))
         more = differenced_columns(record.time, {n: c for n, c in columns.items() if n not in names})
-        _known[record] = (*told, *more)
+        _known[record] = (*earlier, *more)
     return _known[record]
 
 
 def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Finding]:
-    """As `differenced`, of columns by ``joint.field`` that share their stamps.
-
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Stamps [s].
-    columns : dict of str to array, shape (n,)
-    """
+    """As `differenced`, for columns (n,) by ``joint.field`` with common stamps (n,) [s]."""
     found = []
     for name, velocity in columns.items():
         joint, _, field = name.rpartition(".")
@@ -162,15 +147,15 @@ def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Findin
         how = difference(time, position, velocity)
         if how is not None:
             text = (
-                f"{name} is computed from {joint}.position ({how.text}): it adds nothing, its noise is the position's;"
-                " fits leave it out, free runs are compared with it"
+                f"{name} was computed from {joint}.position ({how.text}) and adds no information; fits leave it out,"
+                " free runs are compared with it"
             )
             found.append(Finding(KIND, text, where=name, level="warning"))
     return found
 
 
-def _liveliest(velocity: Floats, most: int) -> slice:
-    """Those samples of a record to look at, where there are more: the ones with the most change."""
+def _most_active(velocity: Floats, most: int) -> slice:
+    """Return the stretch of at most so many samples that has the most change."""
     if velocity.size <= most:
         return slice(None)
     change = np.concatenate([[0.0], np.cumsum(np.diff(velocity) != 0.0)])
@@ -179,12 +164,12 @@ def _liveliest(velocity: Floats, most: int) -> slice:
 
 
 def _of(t: Floats, p: Floats, v: Floats) -> Difference | None:
-    """As `difference`, of samples that are all known."""
+    """As `difference`, where all samples are known."""
     step = np.diff(t)
     steady = float(np.median(step))
     if steady <= 0.0:
         return None
-    # A driver divides by its own period, which the stamps may show or not.
+    # A driver divides by its own period, which the stamps may or may not show.
     periods = [np.full(step.size, steady)]
     if np.std(step) > 1e-6 * steady and np.all(step > 0.0):
         periods.append(step)
@@ -197,11 +182,11 @@ def _of(t: Floats, p: Floats, v: Floats) -> Difference | None:
 
 
 def _plain(v: Floats, d: _Differences, step: float) -> Difference | None:
-    """The plain difference over some samples that makes up a velocity, where there is one; d[k] ends at v[k + 1]."""
+    """Return the plain difference over some samples that equals a velocity, if any; d[k] ends at v[k + 1]."""
     total = np.concatenate([[0.0], np.cumsum(d.value)])
     for wide in range(1, _WIDEST + 1):
         window = (total[wide:] - total[:-wide]) / wide
-        # As soon as the last sample is known, a sample later, or, computed afterwards, centred; over one also ahead.
+        # At the last sample, one sample later, or computed offline: centred, over one sample also ahead.
         for late in (0, 1, -1 if wide == 1 else -(wide // 2)):
             first = max(wide + late, 1)
             k = np.arange(first, min(v.size, v.size + late))
@@ -216,7 +201,7 @@ def _plain(v: Floats, d: _Differences, step: float) -> Difference | None:
 
 
 def _behind_filter(v: Floats, d: _Differences, step: float) -> Difference | None:
-    """The difference of the last sample behind a filter that makes up a velocity, where there is one."""
+    """Return the difference of the last sample behind a filter that equals a velocity, if any."""
     for order, shape in _FILTERS:
         taps = np.array(shape, dtype=float) / np.sum(shape)
         k = np.arange(max(len(taps), order), v.size)
@@ -234,7 +219,7 @@ def _behind_filter(v: Floats, d: _Differences, step: float) -> Difference | None
 def _exact(
     v: Floats, d: _Differences, regressors: Floats, k: NDArray[np.int64], order: int, taps: Floats
 ) -> tuple[Floats, float] | None:
-    """Poles and misfit of a sum, its first column the differences at the instants k; None where it is not exact."""
+    """Return poles and misfit of a sum whose first regressor is the difference at k; None where it is not exact."""
     value = v[k]
     moving = (regressors[:, 0] != 0.0) | (value != v[k - 1])
     if np.sum(moving) < _FEWEST:
@@ -243,7 +228,7 @@ def _exact(
     response = np.convolve(taps, [1.0, -1.0])
     size = np.abs(regressors[:, 0])
     weights, error = _fitted(regressors, value, _fitted(regressors, value, size)[1])
-    # The noise is at most that of one order of difference, the error at least its median: most sums fall at once.
+    # Bounds of noise and error reject most sums here: that of one order of difference, and the median.
     if np.median(error) > _ROUNDING * abs(weights[0]) * _noise(unsplit, response, moving, _ORDERS[3:4]):
         return None
     weights, error = _fitted(regressors, value, error)
@@ -256,7 +241,7 @@ def _exact(
         return None
     from scipy.signal import lfilter, lfiltic
 
-    # What else drives the filter, as an observer's command does, may drive it at few samples only: it runs freely.
+    # The filter runs freely: another input, such as the command of an observer, may act on few samples only.
     filtering = ([gain], [1.0, *-poles])
     begin = lfiltic(*filtering, v[k[0] - order : k[0]][::-1])
     left = _trimmed(np.abs(v[k] - lfilter(*filtering, unsplit, zi=begin)[0])[moving], _ODD)
@@ -268,7 +253,7 @@ def _exact(
 
 
 def _fitted(regressors: Floats, v: Floats, size: Floats, odd: float = _ODD) -> tuple[Floats, Floats]:
-    """Least squares without the few samples that are largest in size, and the errors' size of all."""
+    """Least squares without the share of samples of largest size; returns weights and absolute errors of all."""
     last = int((1.0 - odd) * (size.size - 1))
     keep = size <= np.partition(size, last)[last]
     weights = np.linalg.lstsq(regressors[keep], v[keep], rcond=None)[0]
@@ -276,7 +261,7 @@ def _fitted(regressors: Floats, v: Floats, size: Floats, odd: float = _ODD) -> t
 
 
 def _noise(passed: Floats, response: Floats, moving: NDArray[np.bool_], orders: Sequence[int]) -> float:
-    """Standard deviation of the position's noise in a sum, at most: that of the quietest of its higher differences."""
+    """Upper bound of the standard deviation of position noise in a sum, by the quietest of its higher differences."""
     size = float(np.linalg.norm(response))
     found = []
     for order in range(1, max(orders) + 1):

@@ -1,8 +1,8 @@
-"""A command that acts before its stamp: not held from there on, but measured as it went.
+"""Commands that were measured, such as a current, and so act around their stamps instead of from them on.
 
-A held command moves the axis from its stamp on: what changes the velocity around an instant are commands stamped half a
-sample before, on average. What changes it along with a measured current, torque or command read back are values stamped
-around the same instant. The stamps' weights in a regression of the acceleration tell the two apart.
+A held command moves the axis from its stamp on: changes of the velocity around an instant are due to commands stamped
+half a sample before, on average. For a measured current or torque, or a command read back, they are due to values
+stamped around the same instant. The weights of the stamps in a regression of the acceleration separate the two.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ Floats = NDArray[np.float64]
 
 KIND = "measured_input"
 
-# Where the command acts is told to this part of a sample, by four standard errors; a held one acts 0.5 samples late.
-_TOLD, _ERRORS = 0.25, 4.0
-# The command explains at least this part of the acceleration's power, or nothing is said.
+# A measured command acts within this part of a sample, four standard errors included; a held one 0.5 samples late.
+_AT_ONCE, _ERRORS = 0.25, 4.0
+# Share of the power of the acceleration that the command must explain for a decision.
 _EXPLAINED = 0.5
 # Rates of command and measurement that count as one.
 _SAME_RATE = 0.05
@@ -26,7 +26,7 @@ _FEWEST = 100
 
 
 def acts_late(input_time: Floats, command: Floats, time: Floats, motion: Floats, order: int) -> tuple[float, float]:
-    """How long after its stamp a command acts on average, and the standard error of that [samples].
+    """Return how long after its stamp a command acts on average, and the standard error [samples].
 
     Parameters
     ----------
@@ -40,17 +40,17 @@ def acts_late(input_time: Floats, command: Floats, time: Floats, motion: Floats,
     Returns
     -------
     late, error : float
-        NaN where nothing can be told: other rates, uneven stamps, an acceleration that the command does not explain.
+        NaN where there is no decision: other rates, uneven stamps, an acceleration that the command does not explain.
     """
-    untold = (float("nan"), float("nan"))
+    undecided = (float("nan"), float("nan"))
     input_time, command = (values[np.isfinite(command)] for values in (input_time, command))
     time, motion = (values[np.isfinite(motion)] for values in (time, motion))
     if len(time) < _FEWEST or len(command) < _FEWEST:
-        return untold
+        return undecided
     step = float(np.median(np.diff(time)))
     if abs(float(np.median(np.diff(input_time))) / step - 1.0) > _SAME_RATE:
-        return untold
-    # The stamp of every sample's command, and what it is then: the last that was given.
+        return undecided
+    # Index of the last command at every sample.
     place = np.searchsorted(input_time, time + 1e-3 * step, side="right") - 1
     known = place >= 2
     acceleration = np.full(len(time), np.nan)
@@ -64,12 +64,12 @@ def acts_late(input_time: Floats, command: Floats, time: Floats, motion: Floats,
     steady[1:-1] = (np.abs(np.diff(time)[1:] / step - 1.0) < 0.1) & (np.abs(np.diff(time)[:-1] / step - 1.0) < 0.1)
     rows = np.flatnonzero(known & steady & (place + 2 < len(command)))
     if len(rows) < _FEWEST:
-        return untold
+        return undecided
     offsets = [-1, 0, 1] if order == 2 else [-1, 0, 1, 2]
     columns = [command[place[rows] + offset] for offset in offsets]
     after = np.array([np.mean(input_time[place[rows] + offset] - middle[rows]) for offset in offsets]) / step
     rest = 0.02 * np.std(speed)
-    # A spring, and what slows down.
+    # A spring, friction and a constant force.
     other = [
         *([motion[rows]] if order == 2 else []),
         speed[rows],
@@ -85,14 +85,14 @@ def acts_late(input_time: Floats, command: Floats, time: Floats, motion: Floats,
     without = np.column_stack(other)
     alone = target - without @ np.linalg.lstsq(without, target, rcond=None)[0]
     if np.sum(left**2) > (1.0 - _EXPLAINED) * np.sum(alone**2):
-        return untold
+        return undecided
     count = len(offsets)
     spread = (inverse @ inverse.T)[:count, :count] / np.outer(size[:count], size[:count])
     covariance = spread * float(left @ left) / max(len(rows) - table.shape[1], 1)
     weights = found[:count]
     total = float(np.sum(weights))
     if total == 0.0:
-        return untold
+        return undecided
     late = -float(weights @ after) / total
     slope = (-after - late) / total
     return late, float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
@@ -101,32 +101,20 @@ def acts_late(input_time: Floats, command: Floats, time: Floats, motion: Floats,
 def measured_input(
     name: str, input_time: Floats, command: Floats, time: Floats, motions: dict[str, Floats]
 ) -> list[Finding]:
-    """Say that a command was measured and is not held, where the motion shows it.
+    """Return a finding where the motion shows that a command was measured and is not held.
 
-    Parameters
-    ----------
-    name : str
-        Of the command.
-    input_time, command : array, shape (m,)
-    time : array, shape (n,)
-    motions : dict of str to array (n,)
-        Positions and velocities by ``joint.field``.
-
-    Returns
-    -------
-    list of Finding
-        One or none.
+    `motions` are positions and velocities (n,) by ``joint.field``; the other arrays are those of `acts_late`.
     """
     for output, motion in motions.items():
         order = {"position": 2, "velocity": 1}.get(output.rpartition(".")[2])
         if order is None:
             continue
         late, error = acts_late(input_time, command, time, motion, order)
-        if abs(late) + _ERRORS * error < _TOLD:
+        if abs(late) + _ERRORS * error < _AT_ONCE:
             text = (
                 f"{name} acts around its stamps ({round(late, 2) + 0.0:g} ± {error:.2g} samples late by {output}), not"
-                " from them on: it was measured, as a current, a torque or a command read back is; say"
-                " `input: {kind: measured}`"
+                " from them on: it was measured, like a current, a torque or a command read back; set"
+                " `input: {kind: measured}` in the model file"
             )
             return [Finding(KIND, text, where=name, level="warning")]
     return []

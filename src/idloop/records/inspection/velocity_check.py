@@ -1,10 +1,10 @@
-"""Whether a recorded velocity is the derivative of the recorded position at all.
+"""Whether a recorded velocity is the derivative of the recorded position.
 
-A column of another unit, with its sign turned, without any motion or of another signal is no velocity of this joint,
-and a fit that believes it is wrong by as much. The integral of a velocity over a window is the position's increment
-there: windows are long beside noise, encoder steps and delays, so that the slope of the one against the other is 1
-however noisy, coarse, late or filtered the velocity is. Parts of the record must agree on another slope, or on none,
-before anything is said.
+A column in another unit, with the wrong sign, without motion or of another signal is not the velocity of this joint,
+and a fit that uses it is wrong by as much. The integral of a velocity over a window is the increment of the position.
+The windows are long compared with noise, encoder steps and delays, so that the slope of the integral against the
+position is 1 even for a noisy, coarse, late or filtered velocity. A finding needs parts of the record that agree on
+another slope, or on none.
 """
 
 from __future__ import annotations
@@ -24,27 +24,26 @@ Floats = NDArray[np.float64]
 
 KIND = "wrong_velocity"
 
-# Slopes that a velocity may have: a filter whose corner lies at the motion's frequency leaves half, none adds any.
+# Slopes of a velocity: a filter with its corner at the frequency of the motion halves it, no filter increases it.
 _LOWEST, _HIGHEST = 0.5, 1.25
 # Standard errors by which the slope lies outside of that.
 _ERRORS = 4.0
-# A velocity whose integral correlates less with the position than this, though its noise is small in it, is of another
-# signal.
+# Correlation of its integral with the position below which a velocity of little noise is another signal.
 _RELATED = 0.5
 # Fewest samples in a window, and windows side by side in a record.
 _FEWEST, _WINDOWS = 5, 16
-# Parts of the motion of which each is left out in turn for the error of the slope, at most and at least.
+# Parts of the motion for the jackknife error of the slope, at most and at least.
 _PARTS, _FEWEST_PARTS = 12, 4
-# Increments are this many times the position's noise or step, and the travel at the velocity's step.
+# Increments exceed the noise and the step of the position, and the travel at the step of the velocity, by this factor.
 _ABOVE = 5.0
-# A window is long enough where some increment is this part of the largest over any; what moves less than the second
-# part of that stands still.
+# A window is long enough where its largest increment is this share of the largest over any window; increments below the
+# second share of that are standstill.
 _FAR, _STILL = 0.4, 0.1
-# A step of the position beyond this many of those around it is a wrap or a glitch; a longer pause than this a hole.
-_JUMP, _HOLE = 10.0, 5.0
-# A slope below this is none; one is that of a unit to this part.
+# A position step of this many times those around it is a wrap or a glitch; a pause of this many intervals is a gap.
+_JUMP, _GAP = 10.0, 5.0
+# A slope below the first is zero; to the accuracy of the second it is the factor of a unit.
 _NONE, _UNIT = 0.01, 0.04
-# What a mapping can take for each other, in the unit of the topics.
+# Units that a mapping can confuse, in the unit of the topics.
 _ANGULAR = {"rad/s": 1.0, "rpm": pi / 30.0, "deg/s": pi / 180.0, "rev/s": 2.0 * pi, "mrad/s": 1e-3}
 _LINEAR = {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0}
 
@@ -56,11 +55,11 @@ class Slope:
     Attributes
     ----------
     value, error : float
-        Of all motion, and its standard error.
+        Slope over all motion, and its standard error.
     unrelated : bool
-        Whether the velocity's integral goes its own way.
+        Whether the integral of the velocity is uncorrelated with the position.
     wrong : bool
-        Whether the velocity is none of this position; else it is, as far as can be told.
+        Whether the velocity is certainly not the derivative of this position.
     """
 
     value: float
@@ -69,8 +68,8 @@ class Slope:
     wrong: bool
 
     @property
-    def untold(self) -> bool:
-        """Whether it is neither wrong nor that of a velocity."""
+    def undecided(self) -> bool:
+        """Whether the slope is neither certainly wrong nor that of a velocity."""
         return not self.wrong and not _LOWEST <= self.value <= _HIGHEST
 
 
@@ -82,25 +81,25 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     time : array, shape (n,)
         Stamps [s], increasing.
     position, velocity : array, shape (n,)
-        In units that belong together; NaN where not measured, be it at other stamps.
+        In matching units; NaN where not measured, possibly at different stamps.
 
     Returns
     -------
     Slope or None
-        None where too little moves to tell.
+        None where the motion is too small for a decision.
     """
     when, where = _known(time, position)
-    told, speed = _known(time, velocity)
-    if min(when.size, told.size) < _FEWEST * _WINDOWS:
+    speed_time, speed = _known(time, velocity)
+    if min(when.size, speed_time.size) < _FEWEST * _WINDOWS:
         return None
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(told))])
-    holes = np.concatenate([[0], np.cumsum(_is_hole(told))])
-    both = (when >= told[0]) & (when <= told[-1])
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(speed_time))])
+    gaps = np.concatenate([[0], np.cumsum(_is_gap(speed_time))])
+    both = (when >= speed_time[0]) & (when <= speed_time[-1])
     when, where = when[both], where[both]
     if when.size < _FEWEST * _WINDOWS:
         return None
-    broken = _is_hole(when) | _is_jump(where) | (np.diff(holes[np.searchsorted(told, when, side="right") - 1]) > 0)
-    series = np.array([where, np.interp(when, told, area), when, np.concatenate([[0], np.cumsum(broken)])])
+    broken = _is_gap(when) | _is_jump(where) | (np.diff(gaps[np.searchsorted(speed_time, when, side="right") - 1]) > 0)
+    series = np.array([where, np.interp(when, speed_time, area), when, np.concatenate([[0], np.cumsum(broken)])])
     increments, length = _increments(series)
     count = min(2 * increments.shape[1] // length, _PARTS)
     if count < _FEWEST_PARTS:
@@ -110,9 +109,9 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     sums = np.concatenate([[np.sum(parts, axis=0)], np.sum(parts, axis=0) - parts]) / increments.shape[1]
     passed = float(sums[0, 2, 2]) ** 0.5
     least = _ABOVE * max(_step(where), white_noise(where), _step(speed) * passed)
-    noise = _ABOVE * white_noise(speed) * (float(np.median(np.diff(told))) * passed) ** 0.5
+    noise = _ABOVE * white_noise(speed) * (float(np.median(np.diff(speed_time))) * passed) ** 0.5
     plain = _slope(sums[:, :2, :2], least, noise)
-    # A bias is none of the slope; at a nearly constant speed, though, only the whole motion shows the slope.
+    # A bias of the velocity must not change the slope, but at a nearly constant speed only the whole motion shows it.
     across = sums[:, :2, 2]
     freed = _slope(sums[:, :2, :2] - across[:, :, None] * across[:, None, :] / sums[:, 2:, 2:], least, noise)
     if plain is None or freed is None:
@@ -131,9 +130,9 @@ def _step(value: Floats) -> float:
     return 0.0 if motion is None else motion.resolution
 
 
-def _is_hole(time: Floats) -> NDArray[np.bool_]:
+def _is_gap(time: Floats) -> NDArray[np.bool_]:
     step = np.diff(time)
-    return np.asarray(step > _HOLE * np.median(step))
+    return np.asarray(step > _GAP * np.median(step))
 
 
 def _is_jump(position: Floats) -> NDArray[np.bool_]:
@@ -144,17 +143,9 @@ def _is_jump(position: Floats) -> NDArray[np.bool_]:
 
 
 def _increments(series: Floats) -> tuple[Floats, int]:
-    """Increments where there is motion, and the samples that each is over.
+    """Return the increments (3, k) of the first three series where there is motion, and their window in samples.
 
-    Parameters
-    ----------
-    series : array, shape (4, n)
-        Position, integral of the velocity, time, and how often the position broke off before.
-
-    Returns
-    -------
-    increments : array, shape (3, k)
-    length : int
+    `series` (4, n) are position, integral of the velocity, time, and the number of breaks before.
     """
     most = series.shape[1] // _WINDOWS
     lengths = [*(_FEWEST << k for k in range(most.bit_length()) if _FEWEST << k < most), most]
@@ -169,19 +160,10 @@ def _increments(series: Floats) -> tuple[Floats, int]:
 
 
 def _slope(sums: Floats, least: float, noise: float) -> Slope | None:
-    """Slope by mean products of the increments of a position and an integral, and its error by the jackknife.
+    """Return slope and jackknife error from mean products of the increments of a position and an integral.
 
-    Parameters
-    ----------
-    sums : array, shape (parts + 1, 2, 2)
-        Of all, then without each of the parts.
-    least, noise : float
-        What counts as motion of the position, and what noise makes of the integral.
-
-    Returns
-    -------
-    Slope or None
-        None where too little moves.
+    `sums` (parts + 1, 2, 2) are those of all parts, then without each of them; increments up to `least` are no motion,
+    those of the integral up to `noise` are noise.
     """
     moved, area = (max(float(sums[0, k, k]), 0.0) ** 0.5 for k in (0, 1))
     if moved <= least:
@@ -197,7 +179,7 @@ def _slope(sums: Floats, least: float, noise: float) -> Slope | None:
 def wrong_velocities(
     time: Floats, columns: Mapping[str, Floats], units: Mapping[str, str], scales: Mapping[str, float] | None = None
 ) -> list[Finding]:
-    """Say which velocities are none of the positions of their joints.
+    """Find velocities that are not the derivatives of the positions of their joints.
 
     Parameters
     ----------
@@ -206,14 +188,14 @@ def wrong_velocities(
     columns : mapping of str to array, shape (n,)
         By ``joint.field``; NaN where not measured.
     units : mapping of str to str
-        By ``joint.field``; where one is not known, rad and rad/s are taken.
+        By ``joint.field``; rad and rad/s where not known.
     scales : mapping of str to float, optional
-        What a column is divided by to be in its unit, where that is not 1.
+        Factors by which columns are divided to be in their unit, where not 1.
 
     Returns
     -------
     list of Finding
-        Of kind `KIND`, ``where`` names the velocity.
+        Of kind `KIND`; ``where`` is the velocity.
     """
     slopes = _slopes(time, columns, units, scales or {})
     return [_finding(name, slope, columns, units) for name, slope in slopes.items() if slope.wrong]
@@ -222,12 +204,12 @@ def wrong_velocities(
 def _slopes(
     time: Floats, columns: Mapping[str, Floats], units: Mapping[str, str], scales: Mapping[str, float]
 ) -> dict[str, Slope]:
-    """Slopes of the velocities that have a position of their joint beside them, as far as they can be told."""
+    """Slopes of the velocities whose joint has a position, where the motion is large enough."""
     found = {}
     for name in columns:
         joint, _, field = name.rpartition(".")
         place = f"{joint}.position"
-        # A tachometer's volts have no known slope against an angle.
+        # The volts of a tachometer have no known slope against an angle.
         belong = (units.get(name) or "rad/s") == f"{units.get(place) or 'rad'}/s"
         if field != "velocity" or place not in columns or not belong:
             continue
@@ -238,12 +220,12 @@ def _slopes(
 
 
 def _finding(name: str, slope: Slope, columns: Mapping[str, Floats], units: Mapping[str, str]) -> Finding:
-    what = _what(name, slope, columns, units.get(name) or "rad/s")
-    return Finding(KIND, f"{what}; fits go on without {name}", where=name, level="warning")
+    text = _explanation(name, slope, columns, units.get(name) or "rad/s")
+    return Finding(KIND, f"{text}; fits leave {name} out", where=name, level="warning")
 
 
-def _what(name: str, slope: Slope, columns: Mapping[str, Floats], unit: str) -> str:
-    """What is wrong with a velocity, by what evidence, and how to mend it."""
+def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: str) -> str:
+    """Return what is wrong with a velocity, the evidence, and how to correct it."""
     joint = name.rpartition(".")[0]
     place, velocity = f"{joint}.position", columns[name]
     low, high = float(np.nanmin(velocity)), float(np.nanmax(velocity))
@@ -256,27 +238,27 @@ def _what(name: str, slope: Slope, columns: Mapping[str, Floats], unit: str) -> 
     value, least = slope.value, _ERRORS * slope.error
     if slope.unrelated or abs(value) <= max(least, _NONE):
         return (
-            f"{name} has nothing to do with the slope of {place} ({value:.2g} ± {slope.error:.2g} times it, not 1): the"
-            " column is another signal's or noise; mend the mapping, or take it out of the model file"
+            f"{name} is unrelated to the slope of {place} ({value:.2g} ± {slope.error:.2g} times it, not 1): the column"
+            " is another signal or noise; correct the mapping, or take it out of the model file"
         )
     times = f"{name} is {value:.4g} times the slope of {place}"
     if abs(value + 1.0) <= max(least, _UNIT):
-        return f"{times}: one of the two has its sign turned; say `scale: -1` for it in the mapping"
+        return f"{times}: one of the two has the wrong sign; set `scale: -1` for it in the mapping"
     taken = _taken_for(value, unit)
     if taken is not None:
         right, wrong = taken
-        return f"{times}: it is probably in {right}, taken for {wrong}; say `unit: {right}` in the mapping"
+        return f"{times}: it is probably in {right} and was read as {wrong}; set `unit: {right}` in the mapping"
     return (
-        f"{times}: one of the two is scaled wrongly, or the column is another signal's; say its `unit:` or `scale:`"
-        " in the mapping"
+        f"{times}: one of the two has the wrong scale, or the column is another signal; set its `unit:` or `scale:` in"
+        " the mapping"
     )
 
 
 def _taken_for(value: float, unit: str) -> tuple[str, str] | None:
-    """The unit that a velocity is in, and for which it was taken, by the slope."""
+    """Return the unit that a velocity probably has, and the one in which it was read, by the slope."""
     table = _ANGULAR if unit in _ANGULAR else _LINEAR if unit in _LINEAR else {}
     pairs = [(right, wrong) for wrong in table for right in table if right != wrong]
-    # Nobody said a unit: that of the topics was taken.
+    # The unit in which it was read comes first; where none was given, that of the topics was used.
     pairs.sort(key=lambda pair: pair[1] != unit)
     for right, wrong in pairs:
         if abs(value * table[right] / table[wrong] - 1.0) <= _UNIT:
@@ -287,7 +269,7 @@ def _taken_for(value: float, unit: str) -> tuple[str, str] | None:
 def without_wrong_velocities(
     records: Sequence[Record], scales: Mapping[str, float] | None = None, known: Sequence[Finding] = ()
 ) -> list[Record]:
-    """Records of the same sensors, without the velocities that are none of the recorded positions.
+    """Return records of the same sensors without the velocities that are not the derivatives of their positions.
 
     Parameters
     ----------
@@ -295,12 +277,13 @@ def without_wrong_velocities(
     scales : mapping of str to float, optional
         As in `wrong_velocities`.
     known : sequence of Finding
-        On earlier records of these sensors.
+        Findings on earlier records of these sensors.
 
     Returns
     -------
     list of Record
-        NaN in place of such a velocity, and a finding. A record in which too little moves to tell follows the others.
+        With NaN in place of such a velocity, and a finding. A record with too little motion for a decision follows the
+        others.
     """
     tables = [dict(zip(one.output_names, one.output.T, strict=True)) for one in records]
     units = [dict(zip(one.output_names, one.output_units, strict=True)) for one in records]
@@ -314,9 +297,9 @@ def without_wrong_velocities(
     for record, table, unit, own in zip(records, tables, units, slopes, strict=True):
         found = [_finding(name, own[name], table, unit) for name in own if own[name].wrong]
         found += [
-            Finding(KIND, f"{name} is left out as in {wrong[name]}: too little moves to tell", where=name)
+            Finding(KIND, f"{name} is left out as in {wrong[name]}: too little motion for a decision", where=name)
             for name in wrong
-            if name in table and (name not in own or own[name].untold)
+            if name in table and (name not in own or own[name].undecided)
         ]
         left.append(_without(record, found))
     return left
@@ -328,6 +311,6 @@ def _without(record: Record, found: Sequence[Finding]) -> Record:
     names = {one.where for one in found}
     output = record.output.copy()
     output[:, [record.column(name) for name in names]] = np.nan
-    # What else was found about such a velocity is of no use.
+    # Other findings on such a velocity do not matter any more.
     kept = [one for one in record.findings if one.where not in names]
     return replace(record, output=output, findings=(*kept, *found))
