@@ -1,18 +1,16 @@
 """The compiled simulator of an axis: one integrator for every model and every effect.
 
-Everything that runs per sample lives in this file, because numba's cache notices a change
-only in the file of the function that it cached.
+Everything that runs per sample is in this file, because numba's cache notices changes only in the file
+of the cached function.
 
-The motion between two events is integrated by the classical Runge-Kutta method of fourth
-order. Events are handled where they happen and not at the next step: a new command, the end
-of a delay, a body whose velocity reaches zero under dry friction, however shortly, or that
-breaks away from it, the two sides of a gap that touch or part. Dry friction is set valued: a body
-at rest stays at rest as long as the other forces are within the breakaway level.
+The motion between two events is integrated by the classical Runge-Kutta method of fourth order. The
+instants of events are located: a new command, the end of a delay, a stop or breakaway under dry
+friction, contact and separation of the two sides of a gap. Dry friction is set valued: a body at rest
+stays at rest while the other forces are within the breakaway level.
 
-A chain of bodies and springs may vibrate far faster than it is sampled. Over the even steps of
-a record its motion is taken exactly, by matrix exponentials, and only the other forces are
-integrated, to fourth order (Cox and Matthews, J. Comput. Phys. 176, 2002). Steps in which
-something begins or ends fall back on the short Runge-Kutta steps.
+A chain of bodies and springs may vibrate far faster than it is sampled. Over the even steps of a record
+its motion is computed by matrix exponentials, and only the other forces are integrated, to fourth order
+(Cox and Matthews, J. Comput. Phys. 176, 2002). Steps with an event use short Runge-Kutta steps.
 """
 
 from __future__ import annotations
@@ -35,31 +33,31 @@ BODY, KIND = 0, 1
 DEVIATION, REFERENCE = 0, 1
 POSITION, VELOCITY = 0, 1
 
-# A tolerance on stamps, well below the nanosecond in which they are given [s].
+# Tolerance of stamps, below their resolution of a nanosecond [s].
 SAME_TIME = 2e-10
-# No body of an axis is as fast [m/s or rad/s].
+# Speed beyond which a predictor has diverged [m/s or rad/s].
 RUN_AWAY = 1e9
 EVENTS_PER_STEP = 64
-# Steps that differ by less than this part share their matrices.
+# Steps with a smaller relative difference share their matrices.
 SAME_STEP = 1e-6
 # Exact steps span the even step of a record, or a half, a quarter, an eighth of it.
 LEVELS = 4
-# Shorter records are not worth the matrices.
+# Fewest samples of a record for the matrices.
 LEAST_SAMPLES = 64
-# Part of the forces by which their second difference over an exact step may stand out: beyond lies a corner.
+# Largest second difference of the forces over an exact step, relative to them: beyond it is a discontinuity.
 CORNER = 0.005
-# Steps of the chain's own that make up an exact step over which a body's speed is as good as a parabola.
+# Runge-Kutta steps in an exact step over which the speed of a body is approximately a parabola.
 PARABOLA_STEPS = 10.0
-# Part of the change of a body's speed by which it must stay away from zero in such a step.
+# Least distance of the speed from zero in such a step, relative to its change.
 SPEED_MARGIN = 0.1
-# Part of a gap's edge to which it is known that its sides touch.
+# Tolerance of the instant of contact, relative to the width of the gap.
 CONTACT_TOLERANCE = 1e-11
-# A twist that is held inside a gap stays within this part of it.
+# A twist that is limited to a gap stays within this part of it.
 INSIDE = 1.0 - 1e-9
 
 
 class Axis(NamedTuple):
-    """A model as the compiled simulator reads it (SI units).
+    """Arrays of a model for the compiled simulator (SI units).
 
     Hook tables have a row per active equation: site, address of the value, address of the
     state's update (0: none), first parameter, first state, flag, address of the edge (0: none).
@@ -88,26 +86,26 @@ class Axis(NamedTuple):
 
 
 GAIN, DELAY, RATE, MOST, BEYOND = 0, 1, 2, 3, 4
-# Longest time over which conditions are held at their value amid it [s].
+# Longest time over which conditions are constant, at the value in its middle [s].
 HOLD = 5
 
 
 class Flow(NamedTuple):
     """Exact motion of the bare chain over the even steps of a record.
 
-    Of each duration and level the rows of ``matrices`` hold, transposed: the flow over the step and
-    over half of it, and what forces on the bodies add (half step; three weights; held force).
+    For each duration and level the rows of ``matrices`` are, transposed: the flow over the step and
+    over half of it, and the input matrices of forces (half step; three weights; constant force).
     """
 
     duration: Any  # (2,) [s], 0 where there is none
     matrices: Any  # (2, LEVELS, 9 n, 2 n)
-    stage: Any  # (5, 2 n) room for the stages of a step
+    stage: Any  # (5, 2 n) buffer for the stages of a step
     force: Any  # (4, n)
 
 
-# Inner functions allocate nothing, so they need no reference counts: twenty times faster.
+# Inner functions do not allocate, so that they need no reference counts: twenty times as fast.
 inner = njit(_nrt=False, error_model="numpy", forceinline=True)
-# Called seldom and from several places: inlined each time, it would only be more to compile.
+# Called rarely and from several places: not inlined, to save compilation time.
 seldom = njit(_nrt=False, error_model="numpy")
 entry = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -155,7 +153,7 @@ def call(
 
 @inner
 def hold_conditions(axis: Axis, time: float, state: Any) -> None:
-    """Note how far each measured condition is from its reference at an instant; 0 where none was recorded."""
+    """Set the deviation of each measured condition from its reference at an instant; 0 without a record."""
     when = axis.condition_time
     last = when.shape[0] - 1
     if last < 0:
@@ -191,13 +189,13 @@ def drive_force(axis: Axis, command: float, velocity: float, elapsed: float, sta
 
 @inner
 def coupling_torque(axis: Axis, joint: int, position: Any, velocity: Any, elapsed: float, state: Any) -> float:
-    """Torque that a coupling carries from body ``joint`` to the next one."""
+    """Torque of a coupling from body ``joint`` to the next one."""
     return torque_after(axis, joint, axis.coupling_hooks.shape[0], position, velocity, elapsed, state)
 
 
 @inner
 def edge_of(axis: Axis, row: int, state: Any) -> float:
-    """Twist at which the two sides of a coupling touch; 0 or less where they always do."""
+    """Twist at which the two sides of a coupling touch; not positive without a gap."""
     hooks, joint = axis.coupling_hooks, axis.coupling_hooks[row, SITE]
     return call(
         hooks[row, EDGE], 0.0, 0.0, axis.stiffness[joint], 0.0,
@@ -207,7 +205,7 @@ def edge_of(axis: Axis, row: int, state: Any) -> float:
 
 @inner
 def held_twist(axis: Axis, row: int, twist: float, state: Any) -> float:
-    """The twist, on the side of the edge on which the step began: within a step no force jumps."""
+    """The twist, limited to the side of the gap on which the step began, so that forces are continuous in a step."""
     edge, side = edge_of(axis, row, state), state[axis.coupling_hooks[row, STATE]]
     if edge <= 0.0:
         return twist
@@ -220,7 +218,7 @@ def held_twist(axis: Axis, row: int, twist: float, state: Any) -> float:
 
 @inner
 def note_sides(axis: Axis, state: Any) -> bool:
-    """Note on which side of its edges each gap begins the step; whether there is any gap."""
+    """Set the side of each gap at the start of the step; return whether there is any gap."""
     hooks = axis.coupling_hooks
     gaps = False
     for row in range(hooks.shape[0]):
@@ -235,14 +233,14 @@ def note_sides(axis: Axis, state: Any) -> bool:
 
 @inner
 def change_side(axis: Axis, row: int, state: Any) -> None:
-    """Begin the next step inside a gap after contact, in contact after the gap."""
+    """Switch between contact and free motion for the next step."""
     joint, place = axis.coupling_hooks[row, SITE], axis.coupling_hooks[row, STATE]
     state[place] = 0.0 if state[place] != 0.0 else np.sign(state[FIRST + joint] - state[FIRST + joint + 1])
 
 
 @inner
 def side_margin(axis: Axis, row: int, position: Any, state: Any) -> float:
-    """How far a gap's twist is from leaving the side on which the step began; negative when it has."""
+    """Distance of a gap's twist from a change of the side of the step; negative after it."""
     joint, edge = axis.coupling_hooks[row, SITE], edge_of(axis, row, state)
     if edge <= 0.0:
         return 1.0
@@ -252,7 +250,7 @@ def side_margin(axis: Axis, row: int, position: Any, state: Any) -> float:
 
 @inner
 def torque_after(axis: Axis, joint: int, rows: int, position: Any, velocity: Any, elapsed: float, state: Any) -> float:
-    """Torque of a coupling's spring and damper, and what the effects of the first rows make of it."""
+    """Torque of a coupling's spring and damper after the effects of the first rows."""
     twist = position[joint] - position[joint + 1]
     rate = velocity[joint] - velocity[joint + 1]
     torque = axis.stiffness[joint] * twist + axis.damping[joint] * rate
@@ -274,7 +272,7 @@ def smooth_forces(
     axis: Axis, command: float, position: Any, velocity: Any, elapsed: float, state: Any, net: Any, transmitted: Any,
     chain: float = 1.0,
 ) -> None:  # fmt: skip
-    """All forces but dry friction, and the torque that arrives at each body through the drive train.
+    """All forces without dry friction, and the torque transmitted to each body.
 
     With ``chain`` 0 the viscous friction and the linear springs of the bare chain are left out of ``net``.
     """
@@ -303,7 +301,7 @@ def smooth_forces(
 
 @inner
 def friction_level(axis: Axis, body: int, direction: float, speed: float, transmitted: float, state: Any) -> float:
-    """Dry friction of a body that moves (or is about to) in ``direction``; speed 0 is breakaway."""
+    """Dry friction of a body that moves, or is about to move, in ``direction``; speed 0 is breakaway."""
     level = 0.0
     hooks = axis.friction_hooks
     for row in range(hooks.shape[0]):
@@ -439,7 +437,7 @@ def choose_directions(axis: Axis, command: float, state: Any, work: Any) -> None
 
 @inner
 def zero_crossing_within(start: float, falls: float, end: float, rises: float, step: float) -> float:
-    """Time at which a speed that falls at first and rises at last is below zero within a step; 0 where it is not."""
+    """Time of a minimum of the speed below zero within a step, by cubic interpolation; 0 without one."""
     if not falls < 0.0 < rises:
         return 0.0
     x = falls / (falls - rises)
@@ -451,14 +449,14 @@ def zero_crossing_within(start: float, falls: float, end: float, rises: float, s
 
 @inner
 def static_margin(axis: Axis, body: int, state: Any, work: Any) -> float:
-    """Force left to hold a body at rest under the forces in ``work``."""
+    """Margin of the breakaway level over the forces in ``work`` on a body at rest."""
     net = work[4, body]
     return friction_level(axis, body, 1.0 if net > 0.0 else -1.0, 0.0, work[5, body], state) - abs(net)
 
 
 @inner
 def event_bound(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
-    """Time by which, in a trial step, a body has stopped or has broken away; 0 where it goes on as it began."""
+    """Time in a trial step before which a body stops or breaks away; 0 without such an event."""
     mode = work[2, body]
     if mode == 0.0:
         if axis.inertia.shape[0] == 1:
@@ -479,7 +477,7 @@ def repeat_step(axis: Axis, command: float, step: float, state: Any, work: Any) 
 
 @seldom
 def event_function(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
-    """Speed left to a moving body, or force left to hold one at rest, after a trial step; below 0 it is too late."""
+    """Speed of a moving body, or static margin of one at rest, after a trial step; negative after the event."""
     repeat_step(axis, command, step, state, work)
     if work[2, body] != 0.0:
         return work[1, body] * work[2, body]
@@ -506,12 +504,12 @@ def narrowed(
 
 @seldom
 def event_time(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
-    """Time at which a body stops or breaks away within a step (Illinois method); 0 where it does neither."""
+    """Time at which a body stops or breaks away within a step (Illinois method); 0 without such an event."""
     low, low_value = 0.0, event_function(axis, command, body, 0.0, state, work)
     high, high_value = step, event_function(axis, command, body, step, state, work)
     if high_value > 0.0:
         return 0.0
-    if low_value <= 0.0:  # broke away and came back within the step
+    if low_value <= 0.0:  # breakaway and stop within the step
         low = 1e-6 * step
         low_value = event_function(axis, command, body, low, state, work)
         if low_value <= 0.0:
@@ -528,13 +526,13 @@ def event_time(axis: Axis, command: float, body: int, step: float, state: Any, w
 
 @inner
 def contact_time(axis: Axis, command: float, row: int, step: float, state: Any, work: Any) -> float:
-    """Time at which the two sides of a gap touch or part within a step; its motion goes to ``work``."""
+    """Time at which the two sides of a gap touch or separate within a step; its motion goes to ``work``."""
     n = axis.inertia.shape[0]
     near = CONTACT_TOLERANCE * edge_of(axis, row, state)
     low, low_value = 0.0, side_margin(axis, row, state[FIRST : FIRST + n], state)
     high, high_value = step, side_margin(axis, row, work[0], state)
     middle, side = step, 0
-    if low_value <= 0.0:  # just come here: the shortest step that is one
+    if low_value <= 0.0:  # an event at the start: the shortest step
         middle = 1e-6 * step
         runge_kutta(axis, command, middle, state, work)
         low, low_value = middle, side_margin(axis, row, work[0], state)
@@ -552,7 +550,7 @@ def contact_time(axis: Axis, command: float, row: int, step: float, state: Any, 
 
 @inner
 def settle_effects(axis: Axis, command: float, step: float, state: Any) -> None:
-    """Bring the effects' own states to the end of a step; the motion is there already."""
+    """Update the states of effects to the end of a step, after the motion."""
     n = axis.inertia.shape[0]
     position, velocity = state[FIRST : FIRST + n], state[FIRST + n : FIRST + 2 * n]
     value = command
@@ -589,7 +587,7 @@ def settle_effects(axis: Axis, command: float, step: float, state: Any) -> None:
 
 @inner
 def settle_outputs(axis: Axis, position: float, velocity: float, body: int, step: float, state: Any) -> None:
-    """Bring the sensors' own states (play, filter) of one body to a new motion."""
+    """Update the states of sensors (play, filter) of one body to a new motion."""
     hooks = axis.output_hooks
     for row in range(hooks.shape[0]):
         output = hooks[row, SITE]
@@ -626,7 +624,7 @@ def accept(axis: Axis, command: float, step: float, stopped: int, state: Any, wo
 
 @inner
 def remember(axis: Axis, state: Any, history: Any) -> None:
-    """Keep the present motion for the outputs that are read late."""
+    """Store the present motion for delayed outputs."""
     size = history.shape[0]
     if size == 0:
         return
@@ -645,7 +643,7 @@ def remember(axis: Axis, state: Any, history: Any) -> None:
 def forces_beyond(
     axis: Axis, command: float, motion: Any, elapsed: float, state: Any, work: Any, force: Any
 ) -> None:  # fmt: skip
-    """Forces on the bodies that the bare chain does not have, dry friction at the directions of ``work``."""
+    """Forces on the bodies beyond those of the bare chain, with the directions of dry friction in ``work``."""
     n = axis.inertia.shape[0]
     mode, transmitted = work[2], work[5]
     smooth_forces(axis, command, motion[:n], motion[n:], elapsed, state, force, transmitted, 0.0)
@@ -668,14 +666,14 @@ def add_rows(matrix: Any, first: int, weights: Any, to: Any) -> None:
 
 @inner
 def has_no_effects(axis: Axis) -> bool:
-    """Whether no effect acts on the motion: the chain's own flow and held forces are all there is."""
+    """Whether no effect acts on the motion."""
     hooks = axis.input_hooks.shape[0] + axis.body_hooks.shape[0] + axis.coupling_hooks.shape[0]
     return hooks + axis.friction_hooks.shape[0] == 0
 
 
 @inner
 def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, flow: Flow, matrix: Any) -> bool:
-    """One step of the chain's exact flow; the end goes to ``work`` as in `runge_kutta`. False beside a corner."""
+    """One step of the chain's exact flow; the end goes to ``work`` as in `runge_kutta`. False at a discontinuity."""
     n = axis.inertia.shape[0]
     start = state[FIRST : FIRST + 2 * n]
     whole, half, first, second, end = flow.stage[0], flow.stage[1], flow.stage[2], flow.stage[3], flow.stage[4]
@@ -727,7 +725,7 @@ def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, f
 
 @inner
 def vibration(axis: Axis, state: Any, force: Any) -> float:
-    """Energy with which a chain vibrates about the middle that forces bend it to."""
+    """Vibration energy of a chain about its static deflection under forces."""
     n = axis.inertia.shape[0]
     mass = momentum = pull = 0.0
     for i in range(n):
@@ -747,7 +745,7 @@ def vibration(axis: Axis, state: Any, force: Any) -> float:
 
 @inner
 def keeps_direction(axis: Axis, step: float, state: Any, work: Any, flow: Flow) -> bool:
-    """Whether in the exact step just tried each body with dry friction surely keeps its direction."""
+    """Whether each body with dry friction keeps its direction in the exact trial step."""
     n = axis.inertia.shape[0]
     slow = axis.constants[RATE] * step <= PARABOLA_STEPS
     energy = mass = change = start = end = 0.0
@@ -762,14 +760,14 @@ def keeps_direction(axis: Axis, step: float, state: Any, work: Any, flow: Flow) 
         if not axis.has_friction[i]:
             continue
         mode, inertia = work[2, i], axis.inertia[i]
-        if slow:  # a parabola through three points shows it
+        if slow:  # minimum of a parabola through three points
             a, b, c = mode * state[FIRST + n + i], mode * flow.stage[2, n + i], mode * work[1, i]
             least, bend = min(a, b, c), a - 2.0 * b + c
             if abs(a - c) < 2.0 * bend:
                 least = b - 0.125 * (a - c) ** 2 / bend
             if least < SPEED_MARGIN * (abs(a - b) + abs(b - c)):
                 return False
-        else:  # the speed of all together less what the whole vibration could give this one
+        else:  # the mean speed minus the largest speed of the vibration
             swing = np.sqrt(2.0 * energy * (1.0 / inertia - 1.0 / mass)) + 0.5 * step * change / inertia
             if min(mode * start, mode * end) / mass < swing:
                 return False
@@ -780,12 +778,12 @@ def keeps_direction(axis: Axis, step: float, state: Any, work: Any, flow: Flow) 
 def advance_exactly(
     axis: Axis, command: float, duration: float, state: Any, work: Any, flow: Flow, gaps: bool
 ) -> float:  # fmt: skip
-    """Take as many exact steps as the stretch allows; returns the time that they cover."""
+    """Take exact steps while there is no event; return the time that they cover."""
     slot = -1
     for i in range(2):
         if abs(duration - flow.duration[i]) < SAME_STEP * flow.duration[i]:
             slot = i
-    if slot < 0 or gaps:  # the sides may touch or part at any instant
+    if slot < 0 or gaps:  # contact is possible at any instant
         return 0.0
     n = axis.inertia.shape[0]
     rate = axis.constants[BEYOND]
@@ -821,7 +819,7 @@ def advance_exactly(
 
 @inner
 def advance_single_body(axis: Axis, command: float, duration: float, state: Any) -> bool:
-    """One step of a body without others in which nothing begins or ends; False, and nothing done, where it might."""
+    """One step of a single body without an event; False, without a change, where there may be one."""
     velocity = state[FIRST + 1]
     if not max(axis.constants[RATE], axis.spatial_rate[0] * abs(velocity)) * duration <= 1.0:
         return False
@@ -861,7 +859,7 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
         rate = axis.constants[RATE]
         for i in range(n):
             rate = max(rate, axis.spatial_rate[i] * abs(state[FIRST + n + i]))
-        if not rate < np.inf:  # the motion has run away: the outputs say so by not being numbers
+        if not rate < np.inf:  # the motion has diverged: the outputs are NaN
             for i in range(n):
                 state[FIRST + i] = np.nan
             break
@@ -885,7 +883,7 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
         runge_kutta(axis, command, step, state, work)
         stopped = -1
         if dry:
-            for i in range(n):  # a body that stops or breaks away cuts the step short; another may do so before it
+            for i in range(n):  # the first event of any body ends the step
                 if axis.has_friction[i] and events < EVENTS_PER_STEP + pieces:
                     late = event_bound(axis, command, i, step, state, work)
                     if late > 0.0:
@@ -916,7 +914,7 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
 
 @inner
 def stateful_reading(axis: Axis, output: int, state: Any) -> float:
-    """What a sensor shows before delay and static errors: motion through play and filter."""
+    """Reading of a sensor before delay and static errors: motion through play and filter."""
     n = axis.inertia.shape[0]
     body = axis.outputs[output, BODY]
     position, velocity = state[FIRST + body], state[FIRST + n + body]
@@ -938,7 +936,7 @@ def stateful_reading(axis: Axis, output: int, state: Any) -> float:
 def measure(axis: Axis, state: Any, history: Any, noise: Any, reading: Any) -> None:
     """Read every sensor now: play and filter, delay, static errors, noise, quantisation."""
     n = axis.inertia.shape[0]
-    if axis.output_hooks.shape[0] > 0:  # after no time: only a start or an observer's correction shows
+    if axis.output_hooks.shape[0] > 0:  # without elapsed time: for a start or an observer's correction
         for i in range(n):
             settle_outputs(axis, state[FIRST + i], state[FIRST + n + i], i, 0.0, state)
     if history.shape[0] > 0:
@@ -966,12 +964,12 @@ def measure(axis: Axis, state: Any, history: Any, noise: Any, reading: Any) -> N
 
 @inner
 def recall(axis: Axis, output: int, time: float, state: Any, history: Any) -> Any:
-    """Motion and reading at an earlier time, by cubic Hermite interpolation of the kept motion."""
+    """Motion and reading at an earlier time, by cubic Hermite interpolation of the stored motion."""
     n = axis.inertia.shape[0]
     size = history.shape[0]
     body = axis.outputs[output, BODY]
     head = int(state[HEAD])
-    # entries back from the last one: younger than the time, and not younger (unless all are)
+    # Entries back from the last one: later than the time, and not later (unless all are).
     young, old = 0, max(int(state[COUNT]) - 1, 0)
     while old - young > 1:
         middle = (young + old) // 2
@@ -982,7 +980,7 @@ def recall(axis: Axis, output: int, time: float, state: Any, history: Any) -> An
     early, late = (head - old + size) % size, (head - young + size) % size
     t0, t1 = history[early, 0], history[late, 0]
     column = 1 + 3 * n + output
-    if t1 <= t0 or time <= t0:  # before the record: the oldest motion kept
+    if t1 <= t0 or time <= t0:  # before the record: the oldest stored motion
         return history[early, 1 + body], history[early, 1 + n + body], history[early, column]
     h = t1 - t0
     x = (time - t0) / h
@@ -990,7 +988,7 @@ def recall(axis: Axis, output: int, time: float, state: Any, history: Any) -> An
     h01, h11 = x * x * (3.0 - 2.0 * x), x * x * (x - 1.0)
     p0, p1 = history[early, 1 + body], history[late, 1 + body]
     v0, v1 = history[early, 1 + n + body], history[late, 1 + n + body]
-    # the derivative of the cubic, so that the acceleration may jump with the command
+    # The derivative of the cubic, so that the acceleration may be discontinuous with the command.
     position = h00 * p0 + h10 * h * v0 + h01 * p1 + h11 * h * v1
     velocity = (6.0 * x * x - 6.0 * x) / h * (p0 - p1) + (1.0 - x) * (1.0 - 3.0 * x) * v0 + x * (3.0 * x - 2.0) * v1
     stateful = False
@@ -1036,14 +1034,14 @@ def run_to(
 
 @entry
 def no_flow(bodies: int) -> Flow:
-    """For stretches that are short or never of the same length: all steps are Runge-Kutta's."""
+    """Flow without exact steps: all steps are Runge-Kutta steps."""
     n = bodies
     return Flow(np.zeros(2), np.zeros((0, 0, 0, 0)), np.zeros((5, 2 * n)), np.zeros((4, n)))
 
 
 @entry
 def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
-    """Flow over the even steps of a record, if it has any and its chain is faster than they are."""
+    """Flow over the even steps of a record, where there are any and the chain is faster than they are."""
     n = axis.inertia.shape[0]
     none = no_flow(n)
     if time.shape[0] < LEAST_SAMPLES or np.max(axis.output_delay) > 0.0:
@@ -1068,7 +1066,7 @@ def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
 
 @entry
 def exponentials(axis: Axis, duration: float, matrices: Any) -> None:
-    """Matrices of all levels: functions phi of the chain, by Taylor series of a small step, doubled up."""
+    """Matrices of all levels: phi functions of the chain, by Taylor series of a small step and doubling."""
     n = axis.inertia.shape[0]
     unit, chain = np.eye(2 * n), axis.chain
     halvings = LEVELS
@@ -1127,9 +1125,9 @@ def predict(
     """One-step predictor: the free run, corrected by ``gain @ innovation`` after each measurement.
 
     ``gain`` is (2n+1, p) on positions, velocities and the disturbance force, or several of these
-    one below the other; ``place`` says which of them serves each of the first measurements, its last
-    entry for all that follow. An output that is NaN corrects nothing. ``decay`` is the part of the
-    disturbance force that is expected to be left at the next measurement.
+    stacked; ``place`` is the index of the gain for each of the first measurements, its last entry
+    for all that follow. An output that is NaN is ignored. ``decay`` is the share of the disturbance
+    force that remains at the next measurement.
     """
     n = axis.inertia.shape[0]
     outputs = axis.outputs.shape[0]
@@ -1152,7 +1150,7 @@ def predict(
             for i in range(2 * n):
                 state[FIRST + i] += gain[first + i, j] * error
             state[DISTURBANCE] += gain[first + 2 * n, j] * error
-        # A predictor that has run away comes back from nowhere, and each of its steps takes long.
+        # A diverged predictor does not recover, and each of its steps takes long.
         if not abs(state[FIRST + n]) < RUN_AWAY:
             innovation[k:] = np.inf
             return
@@ -1190,11 +1188,11 @@ def balance(
     axis: Axis, time: Any, position: Any, velocity: Any, acceleration: Any, command_time: Any, command: Any,
     rest: float, state: Any, residual: Any, required: Any,
 ) -> None:  # fmt: skip
-    """Equation error: what the modelled forces leave unexplained of a measured motion.
+    """Equation error of a measured motion.
 
     ``residual`` (m, n) is J a minus all modelled forces. Below the speed ``rest`` a body counts
-    as standing: its dry friction takes what it needs up to the breakaway level.
-    ``required`` (m,) is the force that the drive must give on body 0 for the measured motion.
+    as standing: its dry friction balances the other forces up to the breakaway level.
+    ``required`` (m,) is the force of the drive on body 0 for the measured motion.
     """
     n = axis.inertia.shape[0]
     net = np.zeros(n)
@@ -1238,7 +1236,7 @@ def balance(
 
 @entry
 def breakaway_levels(axis: Axis, time: Any, position: Any, body: int, state: Any, levels: Any) -> None:
-    """Dry friction (m, 2) that holds a body against a push ahead and back, of an axis on which nothing else acts."""
+    """Breakaway levels (m, 2) of a body forwards and backwards, without transmitted torque."""
     for k in range(time.shape[0]):
         if axis.condition_hooks.shape[0] > 0:
             hold_conditions(axis, time[k], state)
@@ -1273,11 +1271,11 @@ def accelerations_along(
 
 @entry
 def run(axis: Axis, command_time: Any, command: Any, until: float, state: Any, history: Any, work: Any) -> None:
-    """Integrate to a time, for a machine that is stepped from outside."""
+    """Integrate to a time, for a machine that is stepped."""
     run_to(axis, command_time, command, until, state, history, work, no_flow(axis.inertia.shape[0]))
 
 
 @entry
 def read(axis: Axis, state: Any, history: Any, noise: Any, reading: Any) -> None:
-    """Read every sensor now, for a machine that is stepped from outside."""
+    """Read every sensor now, for a machine that is stepped."""
     measure(axis, state, history, noise, reading)
