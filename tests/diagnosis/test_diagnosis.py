@@ -7,7 +7,7 @@ import pytest
 
 from idloop.diagnosis import Ladder, add_effect, diagnose, refine
 from idloop.errors import InputError
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
@@ -48,11 +48,11 @@ def test_nothing_is_named_where_nothing_is_hidden(start: Model, disturbance: flo
 def test_what_the_noise_model_has_swallowed_is_named(start: Model) -> None:
     hidden = "velocity_filter@velocity[axis](time_constant=0.04)"
     record = record_of(load_model("axis").with_effects([hidden]), 1)
-    setting = prepare_setting(start, [record], "prediction")
-    parent = refit(setting, start)
+    estimation = prepare_estimation(start, [record], "prediction")
+    parent = refit(estimation, start)
     # This is what makes it hard: a whitening of many lags explains the effect, and nothing else does.
     assert max(parent.problem.orders) >= 10
-    assert parent.coloured > 0.5
+    assert parent.whitening_gain > 0.5
     found = diagnose(start, [record])
     assert found.best is not None
     assert found.best.name == hidden.split("(", maxsplit=1)[0]

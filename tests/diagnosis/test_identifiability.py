@@ -10,11 +10,10 @@ from idloop.diagnosis.identifiability import _reversals, gate, within
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.estimation.dataset import prepare
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.physics import load_model
 from idloop.records import Record
-from idloop.validation.operating_state import doing_of
-from idloop.validation.regions import since_reversal
+from idloop.validation.operating_state import doing_of, since_reversal
 
 from .conftest import record_of
 
@@ -46,9 +45,9 @@ def test_reversals_are_counted_as_a_comparison_counts_them(hidden: int | None, s
 
 
 @pytest.fixture(scope="module")
-def setting() -> Setting:
+def estimation() -> EstimationProblem:
     model = load_model("axis")
-    return prepare_setting(model, [record_of(model, 0, seconds=3.0)], "prediction")
+    return prepare_estimation(model, [record_of(model, 0, seconds=3.0)], "prediction")
 
 
 @pytest.mark.parametrize(
@@ -62,12 +61,12 @@ def setting() -> Setting:
     ),
 )
 def test_no_size_is_named_that_the_machine_cannot_have(
-    setting: Setting, name: str, size: dict[str, float], power: float, said: str
+    estimation: EstimationProblem, name: str, size: dict[str, float], power: float, said: str
 ) -> None:
     model = load_model("axis")
     (proposal,) = proposals(model, [name])
     trace = Trace([size], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 0)), np.zeros(0), power)
-    found = gate(model, setting, [Screened(proposal, [trace])], 9.0)
+    found = gate(model, estimation, [Screened(proposal, [trace])], 9.0)
     assert found.testable[name] == "no"
     assert said in found.why[name]
     assert ("this experiment cannot show it" in found.why[name]) == ("≥" not in found.why[name])
@@ -95,14 +94,14 @@ def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None
         ),
     ),
 )
-def test_what_is_as_quick_as_the_samples_must_show_to_be_ruled_out(setting, name, shape, shown, said):
+def test_what_is_as_quick_as_the_samples_must_show_to_be_ruled_out(estimation, name, shape, shown, said):
     """The trace of a delay of one sample, and of a joint that swings once in ten, weak and strong."""
     model = load_model("axis")
     (proposal,) = proposals(model, [name])
 
     def judged(power):
         trace = Trace([shape], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 1)), np.zeros(1), power, worth=1e6)
-        return gate(model, setting, [Screened(proposal, [trace])], 20.0)
+        return gate(model, estimation, [Screened(proposal, [trace])], 20.0)
 
     weak, strong = judged(1.0), judged(1e4)
     assert (weak.testable[name], strong.testable[name]) == ("no", "yes")

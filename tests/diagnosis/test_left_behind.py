@@ -4,7 +4,7 @@ import pytest
 
 from idloop.diagnosis import diagnose
 from idloop.diagnosis.search.non_local_search import left_behind
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
 
@@ -29,7 +29,7 @@ def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Mo
     axis = load_model("axis")
     machine = axis.with_effect("stribeck_friction", "axis", coulomb=0.2, static=0.4, velocity=0.7)
     record = record_of(machine.with_effect("input_delay", "input", delay=0.01), 1, seconds=10.0, disturbance=0.02)
-    plain = refit(prepare_setting(start, [record], "prediction"), start)
+    plain = refit(prepare_estimation(start, [record], "prediction"), start)
     assert plain.model.values["axis.inertia"] > 5.0 * axis.values["axis.inertia"]
     found = diagnose(start, [record], criterion="prediction")
     assert found.set == ("input_delay@input",)

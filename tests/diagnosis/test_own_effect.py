@@ -18,13 +18,13 @@ from idloop.diagnosis.ladder import Step
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.diagnosis.screening.typical_sizes import command_limit, dry_level
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.physics import Model, load_model
 from idloop.physics.document import page
 
 from .conftest import record_of
 
-HEAD = "import math\n\nfrom idloop.physics import Effect, ParameterSpec, hook\n\n\n@hook\ndef "
+HEAD = "import math\n\nfrom idloop.physics import Effect, EffectParameter, hook\n\n\n@hook\ndef "
 FILES = {
     # A constant at the input, in its own place of the chain.
     "leak": """command(value, velocity, sent, elapsed, state, parameters):
@@ -32,7 +32,7 @@ FILES = {
 
 
 EFFECT = Effect(
-    "leak", "input", "The amplifier leaks.", (ParameterSpec("size", "{input}"),), command=command, order=45,
+    "leak", "input", "The amplifier leaks.", (EffectParameter("size", "{input}"),), command=command, order=45,
     looks_like=("input_offset",), same_as=("load_torque",), by_hand={"load_torque": "measure the leak"},
 )
 """,
@@ -42,7 +42,7 @@ EFFECT = Effect(
 
 
 EFFECT = Effect(
-    "creep", "input", "It creeps.", (ParameterSpec("size", "{input}"),), command=command, order=48,
+    "creep", "input", "It creeps.", (EffectParameter("size", "{input}"),), command=command, order=48,
     same_as=("leak",),
 )
 """,
@@ -53,7 +53,7 @@ EFFECT = Effect(
 
 EFFECT = Effect(
     "soft_limit", "input", "It gives less and less.",
-    (ParameterSpec("most", "{input}", start=math.inf, neutral=math.inf, min=1e-3),),
+    (EffectParameter("most", "{input}", start=math.inf, neutral=math.inf, min=1e-3),),
     command=command, order=20, odd=True, everyday=True, command_limit="most",
     trials=lambda s: [[{"most": s.command_most}]],
 )
@@ -65,7 +65,7 @@ EFFECT = Effect(
 
 EFFECT = Effect(
     "tapered_friction", "body", "It rubs less at speed.",
-    (ParameterSpec("level", "{force}", min=0.0), ParameterSpec("taper", "s/{position}", min=0.0)),
+    (EffectParameter("level", "{force}", min=0.0), EffectParameter("taper", "s/{position}", min=0.0)),
     friction=friction, contains={"coulomb_friction": {"level": "level"}},
 )
 """,
@@ -75,7 +75,7 @@ EFFECT = Effect(
 
 
 EFFECT = Effect(
-    "weight", "body", "It hangs.", (ParameterSpec("moment", "{force}"),), force=force, needs_angle=True,
+    "weight", "body", "It hangs.", (EffectParameter("moment", "{force}"),), force=force, needs_angle=True,
     whole_turn=True, suggest_order=1,
 )
 """,
@@ -85,7 +85,7 @@ EFFECT = Effect(
 
 
 EFFECT = Effect(
-    "cut_off", "output", "It cuts off.", (ParameterSpec("step", "{output}", min=0.0),), reading=reading,
+    "cut_off", "output", "It cuts off.", (EffectParameter("step", "{output}", min=0.0),), reading=reading,
     final=True, resolution="step",
 )
 """,
@@ -105,10 +105,10 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Model:
 
 
 @pytest.fixture(scope="module")
-def setting(plain: Model) -> Setting:
+def estimation(plain: Model) -> EstimationProblem:
     """A record whose command has one size."""
     steps = np.random.default_rng(0).choice([-1.0, 1.0], size=40)
-    return prepare_setting(plain, [record_of(plain, 0, command=steps.repeat(40))], "prediction")
+    return prepare_estimation(plain, [record_of(plain, 0, command=steps.repeat(40))], "prediction")
 
 
 def groups(model: Model, *names: str) -> list[tuple[str, ...]]:
@@ -155,24 +155,24 @@ def test_it_takes_the_place_of_what_it_contains(plain: Model) -> None:
     assert command_limit(fuller) == 2.0
 
 
-def test_the_gate_judges_it_by_what_it_is(plain: Model, setting: Setting) -> None:
+def test_the_gate_judges_it_by_what_it_is(plain: Model, estimation: EstimationProblem) -> None:
     trace = Trace([{"most": 1.0}], 0.0, np.zeros(1), 1e6, 1.0, np.zeros((1, 0)), np.zeros(0), 1e6, worth=1e6)
     (limit,) = (Screened(one, [trace]) for one in proposals(plain, ["soft_limit"]))
-    one_size = gate(plain, setting, [limit], 9.0)
+    one_size = gate(plain, estimation, [limit], 9.0)
     assert one_size.testable == {"soft_limit@input": "no"}
     assert one_size.poor
-    several = prepare_setting(plain, [record_of(plain, 0, seconds=4.0)], "prediction")
+    several = prepare_estimation(plain, [record_of(plain, 0, seconds=4.0)], "prediction")
     assert gate(plain, several, [limit], 9.0).testable == {"soft_limit@input": "weak"}
     hung = replace(trace, trials=[{"moment": 0.01}])
     (weight,) = (Screened(one, [hung]) for one in proposals(plain, ["weight"]))
-    still = replace(setting, data=[replace(d, output=0.01 * d.output) for d in setting.data])
+    still = replace(estimation, data=[replace(d, output=0.01 * d.output) for d in estimation.data])
     assert gate(plain, still, [weight], 9.0).testable == {"weight@axis": "weak"}
 
 
 def test_its_step_is_read_off_the_data(plain: Model) -> None:
     only = replace(plain, outputs=plain.outputs[:1])
     record = record_of(only.with_effects(["cut_off@position[axis](step=0.02)"]), 1, seconds=4.0)
-    found = prepare_setting(only, [record], "prediction")
+    found = prepare_estimation(only, [record], "prediction")
     assert proposals(only, ["cut_off"]) == []
     assert "cut_off@position[axis]" in resolution_limits(only, found)
     (candidate,) = quantised(only, found, ["cut_off"])

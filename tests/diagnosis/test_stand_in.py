@@ -9,7 +9,7 @@ from idloop.diagnosis.evidence.predicted_motion import predicted_motion
 from idloop.diagnosis.residual_curves.curves import factor_shapes
 from idloop.diagnosis.residual_curves.learnt_curves import remaining
 from idloop.diagnosis.screening.score_test import Screen
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
 
@@ -68,8 +68,8 @@ def swept(time: np.ndarray) -> np.ndarray:
 def test_in_a_sweep_nothing_tells_time_from_frequency(start: Model, sweep: bool) -> None:
     time = np.arange(0.0, 20.0, 1.0 / RATE)
     record = record_of(load_model("axis"), 5, seconds=20.0, command=swept(time) if sweep else None)
-    setting = prepare_setting(start, [record], "prediction")
-    shapes = factor_shapes(Screen(setting, refit(setting, start), 0))
+    estimation = prepare_estimation(start, [record], "prediction")
+    shapes = factor_shapes(Screen(estimation, refit(estimation, start), 0))
     assert shapes
     assert any(shape.over == "time" for shape in shapes) is not sweep
 
@@ -103,16 +103,16 @@ def test_an_effect_beside_a_coefficient_that_changes_is_added_and_the_rest_told(
 def test_nothing_is_left_of_a_machine_that_the_model_describes() -> None:
     model = load_model("axis")
     for seed in range(8):
-        setting = prepare_setting(model, [record_of(model, seed, disturbance=0.05)], "prediction")
-        assert not remaining(Screen(setting, refit(setting, model), seed), 0.01)
+        estimation = prepare_estimation(model, [record_of(model, seed, disturbance=0.05)], "prediction")
+        assert not remaining(Screen(estimation, refit(estimation, model), seed), 0.01)
 
 
 @pytest.mark.parametrize("kind", ["prediction", "simulation"])
 def test_the_predicted_motion_is_that_of_the_machine(kind: str) -> None:
     model = load_model("axis")
     record = record_of(model, 2)
-    setting = prepare_setting(model, [record], kind)
-    motions = predicted_motion(refit(setting, model))
+    estimation = prepare_estimation(model, [record], kind)
+    motions = predicted_motion(refit(estimation, model))
     assert motions is not None
     (motion,) = motions
     settled = slice(200, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from idloop.estimation.direction import turned
+from idloop.estimation.direction import opposite_direction_warning
 from idloop.physics import Model, load_model
 
 
@@ -14,7 +14,7 @@ def with_gain(value: float, stderr: float | None = None) -> Model:
 
 @pytest.mark.parametrize(("value", "stderr"), [(-8.0, 0.1), (-8.0, None)])
 def test_a_gain_of_the_other_sign_is_told_with_what_to_do(value, stderr):
-    said = turned(with_gain(8.0), with_gain(value, stderr))
+    said = opposite_direction_warning(with_gain(8.0), with_gain(value, stderr))
     assert "drive.gain is -8 " in said
     assert "8 " in said
     assert "`scale: -1`" in said
@@ -22,9 +22,9 @@ def test_a_gain_of_the_other_sign_is_told_with_what_to_do(value, stderr):
 
 @pytest.mark.parametrize(("value", "stderr"), [(7.0, 0.1), (0.0, 0.1), (-0.1, 0.05)])
 def test_one_of_the_same_sign_or_that_may_be_is_not(value, stderr):
-    assert turned(with_gain(8.0), with_gain(value, stderr)) == ""
+    assert opposite_direction_warning(with_gain(8.0), with_gain(value, stderr)) == ""
 
 
 def test_a_negative_gain_of_the_model_is_none_that_turned():
-    assert turned(with_gain(-8.0), with_gain(-7.0)) == ""
-    assert turned(with_gain(-8.0), with_gain(7.0)) != ""
+    assert opposite_direction_warning(with_gain(-8.0), with_gain(-7.0)) == ""
+    assert opposite_direction_warning(with_gain(-8.0), with_gain(7.0)) != ""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idloop.estimation.exogenous_inputs import may_be_fed_back, signals_from_outside
+from idloop.estimation.feedback import exogenous_signals, feedback_possible
 from idloop.records import Record
 
 TIME = 0.01 * np.arange(1500)
@@ -31,14 +31,14 @@ def recorded(*, gain: float, reference: bool) -> Record:
 def test_a_loop_is_told_by_its_reference_or_by_the_noise_that_comes_back(
     gain: float, reference: bool, closed: bool
 ) -> None:
-    assert may_be_fed_back(recorded(gain=gain, reference=reference)) is closed
+    assert feedback_possible(recorded(gain=gain, reference=reference)) is closed
 
 
 def test_a_record_too_short_to_tell_counts_as_open() -> None:
-    assert not may_be_fed_back(recorded(gain=50.0, reference=False).cut(0.0, 0.05))
+    assert not feedback_possible(recorded(gain=50.0, reference=False).cut(0.0, 0.05))
 
 
 def test_only_what_moves_comes_from_outside() -> None:
-    assert signals_from_outside(recorded(gain=1.0, reference=False), TIME) == []
-    (asked,) = signals_from_outside(recorded(gain=1.0, reference=True), TIME)
+    assert exogenous_signals(recorded(gain=1.0, reference=False), TIME) == []
+    (asked,) = exogenous_signals(recorded(gain=1.0, reference=True), TIME)
     assert asked == pytest.approx(np.sin(TIME))

@@ -11,7 +11,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from idloop.estimation.black_box.method import Choices
 from idloop.estimation.black_box.methods import METHODS
 from idloop.estimation.black_box.sampled import SampledData
-from idloop.estimation.feedback import bears_feedback, loop_of, suitable
+from idloop.estimation.feedback import closed_loop_methods, detect_feedback, handles_feedback
 
 
 def looped(gain=0.5, noise=0.1, seed=0, samples=4000):
@@ -27,7 +27,7 @@ def looped(gain=0.5, noise=0.1, seed=0, samples=4000):
 
 
 def test_noise_that_comes_back_is_weighed():
-    loop = loop_of(looped())
+    loop = detect_feedback(looped())
     assert loop.closed
     assert loop.reference
     assert loop.depends
@@ -50,12 +50,12 @@ def test_slow_noise_that_comes_back_is_weighed_whole(pole, gain):
             clean = 0.95 * clean + 0.1 * u[k]
         commands.append((u, y))
     (u, y), (returned, _) = commands
-    loop = loop_of(SampledData("loop", u[:, None], y[:, None], 0.01, reference=r))
+    loop = detect_feedback(SampledData("loop", u[:, None], y[:, None], 0.01, reference=r))
     assert loop.fed_back == pytest.approx(np.var(returned) / np.var(u), rel=0.25)
 
 
 def test_a_quiet_loop_is_closed_but_nothing_comes_back():
-    loop = loop_of(looped(noise=1e-4))
+    loop = detect_feedback(looped(noise=1e-4))
     assert loop.closed
     assert loop.fed_back < 1e-6
 
@@ -64,7 +64,7 @@ def test_feedback_shows_without_a_record_of_the_reference():
     # A controller that works on the sample before.
     data = looped()
     late = replace(data, input=np.roll(data.input, 1, axis=0), reference=None).part(1, len(data))
-    loop = loop_of(late)
+    loop = detect_feedback(late)
     assert loop.depends
     assert not loop.reference
 
@@ -94,7 +94,7 @@ def test_an_open_loop_is_open_whatever_the_excitation_and_the_plant(kind, fricti
     y /= np.std(y)
     for noise in (1e-3, 0.1):
         data = SampledData("open", u[:, None], (y + noise * random.normal(size=samples))[:, None], 0.01)
-        assert not loop_of(data).closed
+        assert not detect_feedback(data).closed
 
 
 def test_a_plant_that_runs_away_in_open_loop_feeds_nothing_back():
@@ -109,19 +109,19 @@ def test_a_plant_that_runs_away_in_open_loop_feeds_nothing_back():
         output_names=("a", "b"),
         output_units=("-", "-"),
     )
-    assert not loop_of(data).closed
+    assert not detect_feedback(data).closed
 
 
 def test_too_little_data_tells_nothing_and_says_so():
-    loop = loop_of(looped(samples=60))
+    loop = detect_feedback(looped(samples=60))
     assert np.isnan(loop.fed_back)
     assert not loop.depends
 
 
 def test_methods_for_the_open_loop_are_known():
-    open_only = {name for name, method in METHODS.items() if not bears_feedback(method, Choices())}
+    open_only = {name for name, method in METHODS.items() if not handles_feedback(method, Choices())}
     assert {"spa", "welch", "etfe", "cra", "iv4", "oe", "n4sid", "moesp", "cva", "vodma-direct"} <= open_only
     assert not open_only & {"pbsid", "pem", "bj", "armax", "arx", "vodma", "indirect"}
-    assert bears_feedback(METHODS["iv4"], Choices(closed_loop=True))
-    assert not bears_feedback(METHODS["pem"], Choices(focus="simulation"))
-    assert "indirect" in suitable(loop_of(looped()))
+    assert handles_feedback(METHODS["iv4"], Choices(closed_loop=True))
+    assert not handles_feedback(METHODS["pem"], Choices(focus="simulation"))
+    assert "indirect" in closed_loop_methods(detect_feedback(looped()))

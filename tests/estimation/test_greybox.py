@@ -27,7 +27,7 @@ def test_a_long_record_fitted_from_its_opening_gives_what_all_of_it_gives(
 ) -> None:
     record, start = experiment(motor, samples=9000, seed=8), motor.with_values(WRONG)
     quick = fit(start, [record], "simulation")
-    monkeypatch.setattr("idloop.estimation.greybox.openings", lambda data: None)
+    monkeypatch.setattr("idloop.estimation.greybox.opening_segments", lambda data: None)
     plain = fit(start, [record], "simulation")
     assert quick.converged
     assert plain.converged

@@ -220,13 +220,13 @@ def identify_all(names: Sequence[str], data: Grids, choices: Choices, steps: int
 def loop_document(names: Iterable[str], data: Sequence[SampledData], choices: Choices) -> dict[str, Any]:
     """Whether the records come from a closed loop, and which of the methods are biased by it."""
     from idloop.estimation.black_box.methods import find_method
-    from idloop.estimation.feedback import bears_feedback, loop_of, suitable
+    from idloop.estimation.feedback import closed_loop_methods, detect_feedback, handles_feedback
 
-    loop = loop_of(data)
-    biased = [name for name in names if loop.closed and not bears_feedback(find_method(name), choices)]
+    loop = detect_feedback(data)
+    biased = [name for name in names if loop.closed and not handles_feedback(find_method(name), choices)]
     return loop.to_dict() | {
         "biased_methods": biased,
-        "suitable_methods": list(suitable(loop)) if loop.closed else [],
+        "suitable_methods": list(closed_loop_methods(loop)) if loop.closed else [],
         "note": loop_text(loop, biased),
     }
 

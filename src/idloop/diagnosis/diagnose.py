@@ -13,10 +13,10 @@ from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
 from idloop.diagnosis.options import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind, with_common_whitening
 from idloop.estimation.dataset import prepare
-from idloop.estimation.direction import turned
+from idloop.estimation.direction import opposite_direction_warning
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import refit, refit_or_none
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.statistics.undetermined import common_scale, effect_scales
@@ -83,7 +83,7 @@ def diagnose(
     if diagnosis.best is not None and diagnosis.best.model is not None:
         told += effect_scales(diagnosis.best.model, records)
     texts = [
-        "" if diagnosis.response.tells_nothing else turned(model, reached),
+        "" if diagnosis.response.tells_nothing else opposite_direction_warning(model, reached),
         *(one.text for one in told),
         *split_bodies(reached, [rung.added.name for rung in diagnosis.rungs]),
     ]
@@ -102,14 +102,14 @@ def _by_force(
     tell: Progress,
 ) -> Diagnosis | None:
     """By the force balance; None where another view is to decide."""
-    setting, asked = with_common_whitening(prepare_setting(model, records, "prediction")), criterion == FORCE
+    estimation, asked = with_common_whitening(prepare_estimation(model, records, "prediction")), criterion == FORCE
     forms: dict[int, WeakForm] = {}
-    views = None if asked else Views(model, setting, forms)
-    fit = asked_fit(model, setting, forms) if views is None else views.balance
+    views = None if asked else Views(model, estimation, forms)
+    fit = asked_fit(model, estimation, forms) if views is None else views.balance
     if fit is None:
         return None
     tell(0.3, "weighing effects")
-    step = ForceView(setting, level, least, effects, forms=forms).weigh(fit)
+    step = ForceView(estimation, level, least, effects, forms=forms).weigh(fit)
     shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
     if views is not None and ((shown is None and not views.blind) or (shown or fit).relative >= NOTHING):
         return None
@@ -117,27 +117,27 @@ def _by_force(
         return None
     found = diagnosis_of(step)
     if not asked and found.best is not None and found.pair is None and found.best.model is not None:
-        told = delay_or_lag(found.best.model, found.best.name, setting, level, seed)
+        told = delay_or_lag(found.best.model, found.best.name, estimation, level, seed)
         if told:
             names = tuple(one.name for one in told)
             found = replace(found, candidates=(*told, *(c for c in found.candidates if c.name not in names)), set=names)
         elif step.tied:
-            found = _valued(found, step.tied[0].fit, setting)
+            found = _valued(found, step.tied[0].fit, estimation)
     tell(1.0, "done")
     return found
 
 
-def _valued(found: Diagnosis, fit: WeakFit, setting: Setting) -> Diagnosis:
+def _valued(found: Diagnosis, fit: WeakFit, estimation: EstimationProblem) -> Diagnosis:
     """The same effects with the values that `fit` gives them: of predictions, where these are the finer ones."""
-    if fit.model_error_rules:
+    if fit.model_error_dominates:
         return found
     candidates = []
     for one in found.candidates:
         predicted = (
-            None if one.model is None or one.name not in found.set else refit_or_none(setting, one.model, near=True)
+            None if one.model is None or one.name not in found.set else refit_or_none(estimation, one.model, near=True)
         )
-        finer = predicted is not None and not fit.hides_from(predicted.model)
-        candidates.append(as_predicted(one, predicted, setting.records) if predicted is not None and finer else one)
+        finer = predicted is not None and not fit.contradicts(predicted.model)
+        candidates.append(as_predicted(one, predicted, estimation.records) if predicted is not None and finer else one)
     return replace(found, candidates=tuple(candidates))
 
 
@@ -152,8 +152,8 @@ def _by_errors(
     tell: Progress,
 ) -> Diagnosis:
     """By one-step or free-run errors."""
-    setting = with_common_whitening(prepare_setting(model, records, kind))
-    view = PredictionView(setting, model, level, least, effects, seed=seed, tell=tell)
-    found = diagnosis_of(view.weigh(refit(setting, model)))
+    estimation = with_common_whitening(prepare_estimation(model, records, kind))
+    view = PredictionView(estimation, model, level, least, effects, seed=seed, tell=tell)
+    found = diagnosis_of(view.weigh(refit(estimation, model)))
     tell(1.0, "done")
     return found

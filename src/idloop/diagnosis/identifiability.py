@@ -15,7 +15,7 @@ from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.screening.score_test import Screened
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.estimation.dataset import Data
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales
@@ -64,13 +64,13 @@ class Gate:
         }
 
 
-def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: float) -> Gate:
+def gate(model: Model, estimation: EstimationProblem, screened: Sequence[Screened], chance: float) -> Gate:
     """Judge what the data can show beside a fitted model.
 
     `chance` is the statistic that the best of the catalogue reaches by chance as often as the error rate allows.
     """
-    sizes = Sizes(model, setting)
-    findings, levels, turns = _excitation(model, setting, sizes)
+    sizes = Sizes(model, estimation)
+    findings, levels, turns = _excitation(model, estimation, sizes)
     testable, why, limits = {}, {}, {}
     for s in screened:
         name, scales = s.proposal.name, sizes.at(s.proposal.effect.site, s.proposal.at)
@@ -85,12 +85,12 @@ def gate(model: Model, setting: Setting, screened: Sequence[Screened], chance: f
                 testable[name], why[name] = "no", quicker
     from_a_level = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
     poor = any(s.proposal.effect.everyday and testable[s.proposal.name] == "no" for s in screened)
-    return Gate(findings, testable, why, from_a_level, limits | resolution_limits(model, setting), poor)
+    return Gate(findings, testable, why, from_a_level, limits | resolution_limits(model, estimation), poor)
 
 
-def excitation_findings(model: Model, setting: Setting) -> tuple[str, ...]:
+def excitation_findings(model: Model, estimation: EstimationProblem) -> tuple[str, ...]:
     """Facts about the excitation, one line each."""
-    return _excitation(model, setting, Sizes(model, setting))[0]
+    return _excitation(model, estimation, Sizes(model, estimation))[0]
 
 
 def reach_of(proposal: Proposal, limit: DetectionLimit, model: Model, scales: Scales) -> tuple[float, str]:
@@ -139,18 +139,18 @@ def _quicker(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
     return ""
 
 
-def _excitation(model: Model, setting: Setting, sizes: Sizes) -> tuple[tuple[str, ...], int, float]:
+def _excitation(model: Model, estimation: EstimationProblem, sizes: Sizes) -> tuple[tuple[str, ...], int, float]:
     """Facts about the excitation in words, levels of the command, and turns of the driven body."""
-    command = np.abs(np.concatenate([d.input for d in setting.data]))
+    command = np.abs(np.concatenate([d.input for d in estimation.data]))
     moving = command[command > 1e-3 * sizes.command_most]
     levels = len(np.unique(np.round(moving / (0.02 * sizes.command_most)))) if len(moving) else 0
-    reversals = sum(_reversals(model, data) for data in setting.data)
+    reversals = sum(_reversals(model, data) for data in estimation.data)
     speed, _, _, span = sizes.bodies[0]
     unit = model.units.position
     turns = span / (2.0 * np.pi) if unit == "rad" else 0.0
     reach = f"{turns:.2g} turns" if unit == "rad" else f"{span:.3g} {unit}"
     sentence = (
-        f"{sizes.duration:.3g} s in {len(setting.data)} record{'s' if len(setting.data) > 1 else ''}, "
+        f"{sizes.duration:.3g} s in {len(estimation.data)} record{'s' if len(estimation.data) > 1 else ''}, "
         f"command up to {sizes.command_most:.3g} {model.input.unit}, motion over {reach}, "
         f"speed {speed:.3g} {unit}/s rms, {reversals} reversals"
     )
@@ -164,10 +164,9 @@ def _excitation(model: Model, setting: Setting, sizes: Sizes) -> tuple[tuple[str
 
 def _reversals(model: Model, data: Data) -> int:
     """Reversals of the driven body above the noise of its sensors, as a comparison counts them."""
-    from idloop.validation.operating_state import doing_of
-    from idloop.validation.regions import since_reversal
+    from idloop.validation.operating_state import operating_state, since_reversal
 
-    direction = doing_of(model, data, model.bodies[0]).direction
+    direction = operating_state(model, data, model.bodies[0]).direction
     return 0 if direction is None else len(since_reversal(data.time, direction)[1])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.estimation.dataset import output_groups
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.statistics.whitening import Whitener
 
 PREDICTION, SIMULATION, FORCE = "prediction", "simulation", "force"
@@ -34,13 +34,13 @@ def check_numbers(level: float, minimum_improvement: float) -> None:
         )
 
 
-def with_common_whitening(setting: Setting) -> Setting:
-    """Give a setting of free runs no whitening at all; others keep each model's own.
+def with_common_whitening(estimation: EstimationProblem) -> EstimationProblem:
+    """Give a problem of free runs no whitening at all; others keep each model's own.
 
     Free-run errors are model error through and through: nothing in them is a noise model's to take, and their serial
     correlation is reckoned with where evidence is weighed.
     """
-    if setting.kind != SIMULATION:
-        return setting
-    sizes = [len(group) for group in output_groups(list(setting.data))]
-    return replace(setting, whiteners=tuple(Whitener(np.zeros((0, n, n))) for n in sizes))
+    if estimation.kind != SIMULATION:
+        return estimation
+    sizes = [len(group) for group in output_groups(list(estimation.data))]
+    return replace(estimation, whiteners=tuple(Whitener(np.zeros((0, n, n))) for n in sizes))

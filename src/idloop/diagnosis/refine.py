@@ -29,11 +29,10 @@ from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.climb import Climb
 from idloop.diagnosis.search.step import ADEQUATE, MISSING, FitT, View
 from idloop.estimation.dataset import prepare
-from idloop.estimation.direction import turned
+from idloop.estimation.direction import opposite_direction_warning
 from idloop.estimation.force_balance.weak_fit import LEAST_UNEXPLAINED, WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
-from idloop.estimation.likelihood.intervals import with_stderr
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.statistics.undetermined import common_scale, effect_scales
@@ -114,7 +113,7 @@ def refine(
         found = task.by_errors(start, ladder, kind if wanted == criterion else wanted)
     told = ([] if together is None else [together]) + effect_scales(found.model, records)
     texts = [
-        "" if found.response.tells_nothing else turned(start, found.model),
+        "" if found.response.tells_nothing else opposite_direction_warning(start, found.model),
         *(one.text for one in told),
         *split_bodies(found.model, found.added),
         views_apart(found),
@@ -156,17 +155,17 @@ class _Task:
         self, start: Model, ladder: Ladder | None, *, asked: bool
     ) -> tuple[Ladder, WeakFit] | tuple[Ladder | None, None]:
         """Climb by the force balance where it serves, to its last fit; as it was where that shows nothing."""
-        setting = with_common_whitening(prepare_setting(start, self.records, "prediction", self.validation))
+        estimation = with_common_whitening(prepare_estimation(start, self.records, "prediction", self.validation))
         forms: dict[int, WeakForm] = {}
-        views = None if asked else Views(start, setting, forms)
-        fit = asked_fit(start, setting, forms) if views is None else views.balance
+        views = None if asked else Views(start, estimation, forms)
+        fit = asked_fit(start, estimation, forms) if views is None else views.balance
         if views is not None and ladder is not None:
             # One that was interrupted has the values of the balance.
             ladder = self._as_predicted(ladder, -1, views.finer)
         if fit is None:
             return ladder, None
         held_out = prepare(start, self.validation, beside=self.records) if self.validation else []
-        view = ForceView(setting, self.level, self.least, self.effects, held_out, forms)
+        view = ForceView(estimation, self.level, self.least, self.effects, held_out, forms)
         found, last = self._climb(view, FORCE)(fit, ladder)
         if views is None:
             return found, last
@@ -182,55 +181,58 @@ class _Task:
         steps = list(ladder.steps)
         step = steps[place]
         added = None if step.added is None else as_predicted(step.added, fit, self.records)
-        model = with_stderr(fit, self.records) if added is None or added.model is None else added.model
+        model = fit.with_stderr() if added is None or added.model is None else added.model
         train, unseen = model_errors(model, self.records), model_errors(model, self.validation)
         steps[place] = replace(step, added=added, model=model, train=train, validation=unseen)
         return replace(ladder, steps=tuple(steps))
 
     def by_errors(self, start: Model, ladder: Ladder | None, kind: str, last: WeakFit | None = None) -> Ladder:
         """Climb by one criterion; on from what the force balance has found, whose error must not become larger."""
-        setting = with_common_whitening(prepare_setting(start, self.records, kind, self.validation))
+        estimation = with_common_whitening(prepare_estimation(start, self.records, kind, self.validation))
         held_out = None
         if self.validation:
-            held_out = replace(prepare_setting(start, self.validation, kind, self.records), whiteners=setting.whiteners)
+            held_out = replace(
+                prepare_estimation(start, self.validation, kind, self.records), whiteners=estimation.whiteners
+            )
         view = PredictionView(
-            setting, self.model, self.level, self.least, self.effects, held_out, self.seed, self.tell
+            estimation, self.model, self.level, self.least, self.effects, held_out, self.seed, self.tell
         )  # fmt: skip
         if ladder is None or last is None:
-            found, _ = self._climb(view, kind)(refit(setting, start), ladder)
+            found, _ = self._climb(view, kind)(refit(estimation, start), ladder)
         else:
-            found = self._go_on(view, self._told_apart(setting, ladder), last)
-        for candidate in quantised(found.model, setting, self.effects):
+            found = self._go_on(view, self._told_apart(estimation, ladder), last)
+        for candidate in quantised(found.model, estimation, self.effects):
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)
         return found
 
     def _go_on(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:
         """Climb on by predictions from what the force balance has found."""
-        fit = refit_or_none(view.setting, ladder.model, near=True)
-        if fit is not None and not fit.whitens_much:
-            fit = refit_or_none(view.setting, ladder.model)
+        fit = refit_or_none(view.estimation, ladder.model, near=True)
+        if fit is not None and not fit.many_lags:
+            fit = refit_or_none(view.estimation, ladder.model)
         if fit is None or self._blind(fit.model, ladder, last):
             return ladder
         # What a balance leaves beyond its noise predictions would take for noise: they weigh what it does not see.
         # Where they need not whiten anything they are the finer view of all.
-        ruled = last.serves and any(fit.problem.orders)
+        ruled = last.usable and any(fit.problem.orders)
         view = view.beside(ladder.model, balanced=ruled)
         if view.choices(ladder.model) == []:
             return ladder
-        ladder = self._as_predicted(ladder, -1, None if last.decides_against(fit.model) else fit)
+        trusted = not (last.model_error_dominates or last.contradicts(fit.model))
+        ladder = self._as_predicted(ladder, -1, fit if trusted else None)
         more, _ = replace(self._climb(view, PREDICTION), spoils=self._spoils)(fit, ladder)
         return ladder.seconded(more) if ruled and more.added == ladder.added else more
 
     def _climb(self, view: View[FitT], criterion: str) -> Climb[FitT]:
         return Climb(view, self.records, self.validation, criterion, self.level, self.most, self.tell, self.on_step)
 
-    def _told_apart(self, setting: Setting, ladder: Ladder) -> Ladder:
+    def _told_apart(self, estimation: EstimationProblem, ladder: Ladder) -> Ladder:
         """The ladder with a delay or lag of the drive as predictions tell it."""
         for step in ladder.steps[1:]:
             if step.added is None or step.chosen_by == "user":
                 continue
-            told = delay_or_lag(ladder.model, step.added.name, setting, self.level, self.seed)
+            told = delay_or_lag(ladder.model, step.added.name, estimation, self.level, self.seed)
             found = told[0] if told else step.added
             model = found.model
             if found is step.added or model is None or self._spoils(ladder.model, model):
@@ -244,7 +246,7 @@ class _Task:
 
     def _blind(self, predicted: Model, ladder: Ladder, last: WeakFit) -> bool:
         """Whether a free disturbance has taken a part of the force for its own: such predictions see no better."""
-        return self._spoils(ladder.model, predicted) if ladder.added else last.hides_from(predicted)
+        return self._spoils(ladder.model, predicted) if ladder.added else last.contradicts(predicted)
 
     def _spoils(self, before: Model, after: Model) -> bool:
         """Whether a model leaves more of the drive's force unexplained than another one.
@@ -317,16 +319,16 @@ def add_effect(
     if (criterion or ladder.criterion) == FORCE:
         return _added_by_force(ladder, name, at, values, records, validation)
     kind = first_kind(criterion or ladder.criterion)
-    setting = with_common_whitening(prepare_setting(model, records, kind))
-    parent = refit(setting, model)
+    estimation = with_common_whitening(prepare_estimation(model, records, kind))
+    parent = refit(estimation, model)
     trial = model.with_effect(name, at, **values)
-    if not values and any(p.name == f"{name}@{at}" for p in proposals(parent.model, None, setting.conditions)):
-        step = PredictionView(setting, model, ladder.level, 0.0, [f"{name}@{at}"], seed=seed).weigh(parent)
+    if not values and any(p.name == f"{name}@{at}" for p in proposals(parent.model, None, estimation.conditions)):
+        step = PredictionView(estimation, model, ladder.level, 0.0, [f"{name}@{at}"], seed=seed).weigh(parent)
         for found in step.weighed[:1]:
             model = step.reported(found.fit)
             return _chosen(ladder, candidate_of(step, found, 0, model), model, records, validation)
-    fit = refit(setting, trial, None, parent)
-    fitted = with_stderr(fit, setting.records)
+    fit = refit(estimation, trial, None, parent)
+    fitted = fit.with_stderr()
     effect = next(a.effect for a in fitted.effects if a.name == f"{name}@{at}")
     candidate = Candidate(
         effect=name,
@@ -350,12 +352,12 @@ def _added_by_force(
     validation: Sequence[Record],
 ) -> Ladder:
     """Add the user's own choice, fitted by the force balance from what the unexplained force promises."""
-    setting = prepare_setting(ladder.model, records, "prediction", validation)
-    parent = asked_fit(ladder.model, setting, {})
-    view = ForceView(setting, ladder.level, 0.0)
+    estimation = prepare_estimation(ladder.model, records, "prediction", validation)
+    parent = asked_fit(ladder.model, estimation, {})
+    view = ForceView(estimation, ladder.level, 0.0)
     found = None if values else view.best_with(parent, name, at)
     trial = ladder.model.with_effect(name, at, **values) if found is None else found.model
-    fit = asked_fit(trial, setting, {})
+    fit = asked_fit(trial, estimation, {})
     fitted, active = fitted_model(fit), trial.effects[-1]
     candidate = Candidate(
         effect=name,

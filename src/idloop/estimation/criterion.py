@@ -1,4 +1,4 @@
-"""What a criterion is: a rule that turns parameters into errors to be made small."""
+"""Interface of a criterion, a function from parameters to errors that a fit minimises; initial states as nuisance."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimation.dataset import Data, first_motion, travel
+from idloop.estimation.dataset import Data, initial_motion, travel
 
 if TYPE_CHECKING:
     from idloop.physics import Engine
@@ -19,34 +19,34 @@ Errors = list[list[Array]]
 
 
 class Criterion(Protocol):
-    """Errors of a model on its records, with nuisance parameters of its own."""
+    """Errors of a model on its records, with its own nuisance parameters."""
 
     name: str
-    # Whether the errors are whitened by an autoregression before they are weighed.
+    # Whether the errors are whitened by an autoregression before they are weighted.
     whiten: bool
 
     def retune(self, theta: Array) -> None:
-        """Adapt whatever depends on the parameters only slowly (gains, noise ratio)."""
+        """Update what depends weakly on the parameters, such as observer gains."""
 
     def nuisance(self) -> tuple[Array, Array, Array, Array]:
-        """Start, lower bound, upper bound and typical size of the nuisance parameters."""
+        """Values, lower bounds, upper bounds and typical sizes of the nuisance parameters."""
 
     def keep(self, nuisance: Array) -> None:
-        """Take over nuisance parameters that a search found."""
+        """Set the nuisance parameters."""
 
     def errors(self, theta: Array, nuisance: Array) -> Errors:
         """Errors at given parameters."""
 
 
 class InitialStates:
-    """Initial positions, velocities and disturbance force of every record as nuisance parameters.
+    """Initial positions, velocities and disturbance forces of all records as nuisance parameters.
 
     Parameters
     ----------
     engine : Engine
     data : list of Data
     force_scale : float, optional
-        Typical disturbance force; without one the disturbance is 0 and no parameter.
+        Typical disturbance force; when left out, the disturbance is 0 and no parameter.
     """
 
     def __init__(self, engine: Engine, data: list[Data], force_scale: float | None = None) -> None:
@@ -57,7 +57,7 @@ class InitialStates:
         self._disturbance = DISTURBANCE
         force = np.zeros(0) if force_scale is None else np.zeros(1)
         self.width = 2 * bodies + len(force)
-        self.values = np.concatenate([np.concatenate([*first_motion(model, d), force]) for d in data])
+        self.values = np.concatenate([np.concatenate([*initial_motion(model, d), force]) for d in data])
         sizes = []
         for d in data:
             span = travel(model, d)
@@ -71,7 +71,7 @@ class InitialStates:
         return nuisance[record * self.width : (record + 1) * self.width]
 
     def state(self, nuisance: Array, record: int, theta: Array) -> Array:
-        """State at the start of one record, for the simulator."""
+        """Initial state of one record, for the simulator."""
         part, n = self.part(nuisance, record), self.bodies
         state = self.engine.initial_state(part[:n], part[n : 2 * n], theta)
         if self.width > 2 * n:

@@ -1,19 +1,15 @@
-"""Which criterion suits the data, and why: the rule behind ``criterion="auto"``.
+"""Choice between the criteria, and its reason: the rule of ``criterion="auto"``.
 
-Where every body's motion is measured and the force balance of the fitted model leaves a part of the drive's force
-that sensor noise does not account for, model error is what limits the fit, and the balance is the better question: an
-observer would explain such an error as disturbance, so that friction comes out too small.
+Where the motion of all bodies is measured and the force balance leaves more unexplained force than the sensor noise,
+model error limits the fit, and the balance is used: an observer would explain a part of that force as disturbance, and
+underestimate friction.
 
-Everything else is fitted by prediction, and by free run to compare with. Were the
-noise model right, prediction would be the more precise of the two. Where its
-standard errors come out three times those of the free run on average, or eight
-times for one parameter, the disturbance and the whitening have taken model error
-for noise, and with it the trace of the parameters; if the free run then follows
-the data at all (an error below half of the measured spread, outputs averaged), its
-answer is the one to report. So it is where prediction cannot tell a parameter at all,
-being a thousand times less precise: a constant force may be the disturbance's own. Of
-parameters that neither can tell nothing is compared. A drive's gain that prediction cannot tell
-from zero, while the free run follows the command, is one that it is blind to.
+Otherwise the model is fitted by prediction, and by free run for comparison. With a correct noise model prediction is
+the more precise of the two. Where its standard errors are three times those of the free run on average, or eight times
+for one parameter, its noise model explains model error as noise. The free run is then used if its error is below half
+of the measured standard deviation, averaged over the outputs. It is also used where prediction does not determine a
+parameter at all, as with a constant force beside the disturbance, or a drive gain that may be zero. Parameters that
+neither determines are not compared.
 """
 
 from __future__ import annotations
@@ -34,36 +30,29 @@ PRECISION_RATIO = 3.0
 SINGLE_RATIO = 8.0
 BLIND_RATIO = 1e3
 LARGEST_FREE_RUN_ERROR = 0.5
-# A gain closer to zero than this many of its standard errors may be nothing.
+# A gain closer to zero than this many standard errors may be zero.
 _DEVIATIONS = 2.0
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A criterion's name and the reason for it, one sentence."""
+    """A criterion's name and the reason for it, in one sentence."""
 
     criterion: str
     why: str
 
 
 def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> Choice:
-    """Judge a fit by prediction against one by free run of the same model.
-
-    Parameters
-    ----------
-    prediction, simulation : FitResult
-    data : list of Data
-        The records of both.
-    """
+    """Choose between a fit by prediction and one by free run of the same model to the same records."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.log(prediction.stderr / simulation.stderr)
-    # What has no error by prediction has no trace left there beside the disturbance.
+    # A parameter without a standard error by prediction is explained by the disturbance.
     ratios = np.where(np.isnan(prediction.stderr) & np.isfinite(simulation.stderr), np.inf, ratios)
     hidden = ratios > np.log(BLIND_RATIO)
-    # Where the free run follows the command, a gain that may as well be nothing has not been seen.
-    nothing = np.abs(prediction.values) < _DEVIATIONS * prediction.stderr
-    moves = np.array([name == "drive.gain" for name in prediction.names])
-    hidden |= nothing & moves & (simulation.values != 0.0)
+    # Where the free run follows the command, prediction does not determine a gain that may be zero.
+    maybe_zero = np.abs(prediction.values) < _DEVIATIONS * prediction.stderr
+    is_gain = np.array([name == "drive.gain" for name in prediction.names])
+    hidden |= maybe_zero & is_gain & (simulation.values != 0.0)
     blind = [name for name, one in zip(prediction.names, hidden, strict=True) if one]
     ratios = ratios[np.isfinite(ratios) & ~hidden]
     ratio = float(np.exp(np.mean(ratios))) if len(ratios) else 1.0
@@ -72,18 +61,17 @@ def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> C
     measured = np.concatenate([d.output for d in data])
     seen = np.any(np.isfinite(measured), axis=0)
     left = np.sqrt(np.nanmean(error[:, seen] ** 2, axis=0))
-    spread = np.nanstd(measured[:, seen], axis=0)
-    follows = bool(np.mean(left / np.maximum(spread, 1e-300)) < LARGEST_FREE_RUN_ERROR)
+    deviation = np.nanstd(measured[:, seen], axis=0)
+    follows = bool(np.mean(left / np.maximum(deviation, 1e-300)) < LARGEST_FREE_RUN_ERROR)
     if blind and follows and simulation.converged:
         return Choice(
             "simulation",
-            f"prediction cannot tell {' and '.join(blind)} from a disturbance that its noise model allows; the free run"
-            " can",
+            f"prediction cannot tell {' and '.join(blind)} from the disturbance of its noise model; the free run can",
         )
     if (ratio > PRECISION_RATIO or largest > SINGLE_RATIO) and follows and simulation.converged:
         return Choice(
             "simulation",
-            f"prediction would be up to {largest:.0f} times less precise than the free run: its noise model takes "
-            "model error for noise, so something is missing from the model",
+            f"prediction would be up to {largest:.0f} times less precise than the free run: its noise model explains "
+            "model error as noise, so an effect is missing from the model",
         )
     return Choice("prediction", prediction.why)

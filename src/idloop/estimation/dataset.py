@@ -1,4 +1,4 @@
-"""Records as the criteria read them: arrays in one place, with what never changes during a fit."""
+"""Records as checked arrays for the criteria, with quantities that are constant in a fit."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Fewer samples than this carry no dynamics that could be fitted.
+# Least number of samples for a fit.
 _FEWEST_SAMPLES = 20
-# A record's opening is this part of it, and no shorter than this many samples.
+# The opening segment of a record is one in so many samples, and at least so many samples.
 _OPENING = 8
 _FEWEST_OPENING = 1000
 
 
 @dataclass(frozen=True)
 class Data:
-    """One record, contiguous and checked.
+    """One record as checked, contiguous arrays.
 
     Attributes
     ----------
@@ -43,9 +43,8 @@ class Data:
     sample_time : float
         Median step of `time` [s].
     gaps : array of int
-        First sample after each gap longer than 5 steps.
+        First sample after each gap of more than 5 steps.
     conditions : Conditions, optional
-        Where any were recorded.
     """
 
     name: str
@@ -58,12 +57,12 @@ class Data:
     conditions: Conditions | None = None
 
     def held_input(self) -> Array:
-        """Command that holds at each output instant, shape (n,)."""
+        """Command at each output instant, shape (n,)."""
         index = np.searchsorted(self.input_time, self.time + 1e-9, side="right") - 1
         return np.where(index >= 0, self.input[np.maximum(index, 0)], 0.0)
 
     def part(self, first: int, last: int) -> Data:
-        """From one sample up to another; the command that is held at the first stays known."""
+        """Samples of an index range, with the command that is held at the first."""
         time = self.time[first:last]
         begin = max(int(np.searchsorted(self.input_time, time[0], side="right")) - 1, 0)
         end = max(int(np.searchsorted(self.input_time, time[-1], side="right")), begin + 1)
@@ -78,9 +77,9 @@ class Data:
 def prepare(
     model: Model, records: Sequence[Record], *, beside: Sequence[Record] = (), every: bool = False
 ) -> list[Data]:
-    """Check records against a model and lay them out for the compiled simulator.
+    """Check records against a model and convert them to arrays for the compiled simulator.
 
-    A velocity that any of the records shows to be computed from the position counts as not measured
+    A velocity that is computed from the position in any of the records counts as not measured
     (`idloop.records.inspection.differenced`): it is no second sensor.
 
     Parameters
@@ -88,15 +87,15 @@ def prepare(
     model : Model
     records : sequence of Record
     beside : sequence of Record
-        Further records of the same sensors, that are to be read in the same way.
+        Further records of the same sensors, for the same check.
     every : bool
-        Keep a computed velocity as well.
+        Keep computed velocities.
 
     Raises
     ------
     InputError
-        If there is no record, or one is too short, has other outputs than the
-        model, carries infinite samples, or measures nothing.
+        If there is no record, or one is too short, has other outputs than the model, infinite samples, or no
+        measurement.
     """
     if len(records) == 0:
         raise InputError("no record to fit; give at least one bag")
@@ -109,7 +108,7 @@ def prepare(
 
 
 def _computed(records: Sequence[Record]) -> set[tuple[int, int]]:
-    """Columns of positions, and of the velocities that are computed from them."""
+    """Columns of positions and of the velocities computed from them."""
     from idloop.records.inspection.differenced import differenced
 
     pairs = set()
@@ -160,7 +159,7 @@ def _prepare(model: Model, record: Record) -> Data:
 
 
 def _conditions(model: Model, record: Record) -> Conditions | None:
-    """What was measured beside the axis, all that the effects of the model depend on among it."""
+    """Measured conditions of a record, checked against the effects of the model."""
     units = {one.name: one.unit for one in record.conditions}
     for active in (one for one in model.effects if one.effect.condition):
         name, unit = condition_name((active.at, active.effect.condition), units), active.effect.condition_unit
@@ -177,19 +176,16 @@ def _conditions(model: Model, record: Record) -> Conditions | None:
     return Conditions(record.conditions) if record.conditions else None
 
 
-def recorded(data: Sequence[Data]) -> dict[str, str]:
-    """Names and units of the conditions that all records hold."""
+def common_conditions(data: Sequence[Data]) -> dict[str, str]:
+    """Names and units of the conditions in all records."""
     several = [set() if d.conditions is None else set(d.conditions.units.items()) for d in data]
     return dict(sorted(set.intersection(*several))) if several else {}
 
 
-def openings(data: list[Data]) -> list[Data] | None:
-    """First part of every record, from the same initial states: on it a search comes near at a small part of the cost.
+def opening_segments(data: list[Data]) -> list[Data] | None:
+    """First segments of all records, on which a search comes near the optimum at low cost.
 
-    Returns
-    -------
-    list of Data or None
-        None where the records are short, or where the command does not change in what would be left of one.
+    None where the records are short, or the command does not change in a segment.
     """
     short = []
     for d in data:
@@ -208,15 +204,9 @@ def openings(data: list[Data]) -> list[Data] | None:
 
 
 def output_noise(model: Model, data: list[Data]) -> Array:
-    """Standard deviation of each output's measurement noise.
+    """Standard deviation of each output's measurement noise, shape (p,), positive.
 
-    Taken from the model file where that states it, from the data's high-frequency
-    part otherwise (median over the records).
-
-    Returns
-    -------
-    array, shape (p,)
-        In the outputs' units, positive.
+    From the model file, else the median over the records of `noise_std`.
     """
     values = np.empty(len(model.outputs))
     for column, output in enumerate(model.outputs):
@@ -230,10 +220,9 @@ def output_noise(model: Model, data: list[Data]) -> Array:
 
 
 def output_groups(data: list[Data]) -> list[list[int]]:
-    """Outputs that are measured at the same instants, as lists of columns.
+    """Groups of outputs that are measured at the same instants, as lists of columns.
 
-    Outputs of one group share a vector noise model; groups sampled at different
-    instants are treated as independent. Never measured outputs are in no group.
+    A group has one vector noise model; groups are treated as independent. Outputs without measurements are in no group.
     """
     known = np.concatenate([np.isfinite(d.output) for d in data])
     groups: list[list[int]] = []
@@ -241,7 +230,7 @@ def output_groups(data: list[Data]) -> list[list[int]]:
         if not np.any(known[:, column]):
             continue
         for group in groups:
-            # Outputs of one message miss the same samples; a stray NaN does not split them.
+            # Outputs of one message miss the same samples, up to single NaN.
             if np.mean(known[:, group[0]] != known[:, column]) < 0.02:
                 group.append(column)
                 break
@@ -250,13 +239,10 @@ def output_groups(data: list[Data]) -> list[list[int]]:
     return groups
 
 
-def first_motion(model: Model, data: Data) -> tuple[Array, Array]:
-    """Position and velocity of every body at the first sample, from the first few samples.
+def initial_motion(model: Model, data: Data) -> tuple[Array, Array]:
+    """Position and velocity (bodies,) at the first sample, from the first few samples.
 
-    Returns
-    -------
-    position, velocity : array, shape (bodies,)
-        Bodies without a sensor take the motion of the nearest body that has one.
+    Bodies without a sensor get the motion of the nearest body with one.
     """
     bodies = len(model.bodies)
     position, velocity = np.full(bodies, np.nan), np.full(bodies, np.nan)
@@ -275,7 +261,7 @@ def first_motion(model: Model, data: Data) -> tuple[Array, Array]:
             known = np.isfinite(y)
             if np.any(known):
                 velocity[body] = float(np.mean(y[known][:3]))
-    return _spread(position), _spread(velocity)
+    return _filled_from_nearest(position), _filled_from_nearest(velocity)
 
 
 def travel(model: Model, data: Data) -> float:
@@ -291,8 +277,8 @@ def travel(model: Model, data: Data) -> float:
     return max(spans)
 
 
-def _spread(values: Array) -> Array:
-    """Fill bodies without a value from the nearest one; 0 when none has one."""
+def _filled_from_nearest(values: Array) -> Array:
+    """Values of all bodies, NaN replaced by the nearest value; 0 when there is none."""
     known = np.flatnonzero(np.isfinite(values))
     if len(known) == 0:
         return np.zeros_like(values)
@@ -301,13 +287,7 @@ def _spread(values: Array) -> Array:
 
 
 def force_scale(engine: Engine, data: list[Data]) -> float:
-    """Typical drive force of the records: gain times the command's root mean square.
-
-    Returns
-    -------
-    float
-        Positive.
-    """
+    """Typical drive force of the records, positive: gain times the command's root mean square."""
     linear = engine.linearise(None)
     gain = float(np.linalg.norm(linear.B)) / max(float(np.linalg.norm(linear.G)), 1e-300)
     level = float(np.sqrt(np.mean(np.concatenate([d.input for d in data]) ** 2)))

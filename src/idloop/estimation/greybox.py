@@ -12,23 +12,22 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.criterion_choice import between
-from idloop.estimation.dataset import Data, openings, output_noise, prepare
-from idloop.estimation.direction import turned
+from idloop.estimation.dataset import Data, opening_segments, output_noise, prepare
+from idloop.estimation.direction import opposite_direction_warning
 from idloop.estimation.force_balance.weak_fit import WeakFit, fit_by_force
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.first_fit import first_fit
-from idloop.estimation.likelihood.intervals import parameter_covariance
 from idloop.estimation.likelihood.refit import Refit
 from idloop.estimation.observer.innovations import InnovationCriterion
-from idloop.estimation.optimisation.jacobian_check import is_rough
+from idloop.estimation.optimisation.jacobian_check import jacobian_unreliable
 from idloop.estimation.optimisation.levenberg import difference_jacobian
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.optimisation.solve import Solution, slopes_agree, solve, typical_size
 from idloop.estimation.result import FitResult, RecordResidual
 from idloop.estimation.simulation import SimulationCriterion
-from idloop.estimation.statistics.parameter_covariance import problem_covariance
-from idloop.estimation.statistics.uncertainty import bounded, findings, ties
+from idloop.estimation.statistics.covariance import estimate_covariance
+from idloop.estimation.statistics.uncertainty import at_bounds, ties, uncertainty_warnings
 from idloop.estimation.statistics.undetermined import common_scale, exactly_tied
 from idloop.records.inspection.checks import excites
 
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-# A loss that is larger by less than this is no other fit.
+# Ratio of losses above which a fit with one parameter held is worse.
 _NO_WORSE = 1.01
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
@@ -59,12 +58,11 @@ def fit(
     model : Model
         Structure, starting values, bounds and known parameters.
     records : sequence of Record
-        One experiment or several; all weigh by their samples.
+        One experiment or several, weighted by their samples.
     criterion : {"auto", "prediction", "simulation", "force"}
-        What is made small: one-step prediction errors of an observer with a
-        disturbance force, free-run errors, or the unexplained force along the
-        measured motion. ``auto`` follows the rule in `idloop.estimation.criterion_choice`
-        and says in the result why.
+        One-step prediction errors of an observer with a disturbance force, free-run errors, or the unexplained force
+        along the measured motion. ``auto`` follows the rule in `idloop.estimation.criterion_choice` and gives the
+        reason in the result.
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
@@ -75,8 +73,8 @@ def fit(
     Raises
     ------
     InputError
-        If a record does not suit the model, the command never changes, nothing
-        is free to estimate, or the criterion is unknown or impossible.
+        If a record does not match the model, the command never changes, no parameter is free, or the criterion is
+        unknown or impossible.
     IdloopError
         If the model cannot be simulated at its starting values.
     """
@@ -93,11 +91,11 @@ def fit(
     engine = RememberingEngine(model)
     scale = common_scale(engine, data)
     if scale is not None:
-        return scale.of_all(model, fit(scale.fixed(model), records, criterion, progress))
+        return scale.extended(model, fit(scale.fixed(model), records, criterion, progress))
     noise = output_noise(model, data)
     tell(0.0, "looking at the data")
     start = model.theta
-    # The balance is nearly linear in the parameters: a cheap start for every criterion, and often more than that.
+    # The balance is nearly linear in the parameters: a cheap start for every criterion, and often the best one itself.
     near = _balance(engine, data, start)
     balance = near if near is not None and (criterion == "force" or near.resolved) else None
     if criterion == "force" and balance is None:
@@ -112,17 +110,17 @@ def fit(
 
     if balance is not None and criterion == "force":
         return by_force(balance, "as asked")
-    if balance is not None and criterion == "auto" and balance.model_error_rules:
+    if balance is not None and criterion == "auto" and balance.model_error_dominates:
         return by_force(balance, _why_force(balance))
     chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as asked")
-    # Where noise rules it, too, a balance is nearer to the machine than starting values may be.
+    # Even with much noise a balance may be nearer to the optimum than the starting values.
     starts = [start] if near is None else [start, near.theta]
     tell(0.1, f"{chosen} criterion")
 
     def searched(name: str, reason: str) -> tuple[Array, FitResult]:
         if name == "prediction":
-            setting = prepare_setting(model, records, name)
-            ended = _of_refit(first_fit(setting, model))
+            estimation = prepare_estimation(model, records, name)
+            ended = _of_refit(first_fit(estimation, model))
         else:
             found = _search(engine, model, data, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
             ended = _of_solution(found)
@@ -134,12 +132,12 @@ def fit(
     except (IdloopError, np.linalg.LinAlgError) as error:
         if criterion != "auto" or isinstance(error, InputError):
             raise
-        # What cannot be predicted may still be simulated.
+        # A model without an observer can still be simulated.
         tell(0.1, "simulation criterion")
         chosen, reason = "simulation", str(error).partition(";")[0]
-        jacobian, result = searched(chosen, f"the prediction criterion cannot serve: {reason}")
-    if balance is not None and criterion == "auto" and balance.hides_from(result.model):
-        return by_force(balance, f"{chosen} errors take for a disturbance what the force balance shows to be a force")
+        jacobian, result = searched(chosen, f"the prediction criterion fails: {reason}")
+    if balance is not None and criterion == "auto" and balance.contradicts(result.model):
+        return by_force(balance, f"{chosen} explains a force as a disturbance, as the force balance shows")
     alone = _without_ties(model, records, criterion, tell, result, jacobian)
     if alone is not None:
         return alone
@@ -164,9 +162,9 @@ def _without_ties(
     result: FitResult,
     jacobian: Array,
 ) -> FitResult | None:
-    """The fit again with one of the parameters held that nothing tells apart; None without any, or where it is worse.
+    """The fit with one of the exactly tied parameters held; None without such, or where it is worse.
 
-    Along what changes nothing a search may have run far, to where rounding and bounds do.
+    Along a direction without influence a search may have gone far, to where rounding and bounds decide.
     """
     together = exactly_tied(model, jacobian)
     if together is None:
@@ -174,11 +172,11 @@ def _without_ties(
     settled = fit(together.fixed(model), records, criterion, lambda share, text: tell(0.8 + 0.2 * share, text))
     if settled.criterion == result.criterion and settled.loss > _NO_WORSE * result.loss:
         return None
-    return together.of_all(model, settled)
+    return together.extended(model, settled)
 
 
 def _search(engine: Engine, model: Model, data: list[Data], starts: list[Array], tell: Progress) -> Solution:
-    """Best free run from several starting points; the others are only tried when the first does not settle."""
+    """Best free run from several starting points, tried in turn until a search converges."""
     best: Solution | None = None
     ranked, exact_slopes = _nearer(engine, model, data, _ranked(SimulationCriterion(engine, data), starts))
     for trial in ranked:
@@ -194,11 +192,11 @@ def _search(engine: Engine, model: Model, data: list[Data], starts: list[Array],
 
 
 def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array]) -> tuple[list[Array], bool]:
-    """Starting points, and what a search over the openings of long records makes of the first of them.
+    """Starting points, with the result of a search over the beginnings of long records first.
 
-    And whether exact slopes serve from there.
+    Also whether sensitivity equations apply there (`slopes_agree`).
     """
-    short = openings(data)
+    short = opening_segments(data)
     if short is None:
         return ranked, False
     rule = SimulationCriterion(engine, short)
@@ -210,80 +208,97 @@ def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array])
 
 
 def _balance(engine: Engine, data: list[Data], start: Array) -> WeakFit | None:
-    """The fit by force balance, in whatever noise; None where there is none."""
+    """The fit by force balance at any noise level; None where there is none."""
     try:
-        return fit_by_force(engine, data, start, insist=True)
+        return fit_by_force(engine, data, start, accept_noise=True)
     except (IdloopError, np.linalg.LinAlgError):
         return None
 
 
 def _why_force(balance: WeakFit) -> str:
     return (
-        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force, which sensor noise does not "
-        "account for: model error limits the fit"
+        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force unexplained, much more than sensor"
+        " noise: model error limits the fit"
     )
 
 
 def _why_prediction(balance: WeakFit | None) -> str:
     if balance is None:
-        return "not every body's motion is measured so well that a force balance shows more than measurement noise"
+        return "no force balance above the measurement noise: not every body's motion is measured accurately enough"
     return (
-        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force, and measurement noise has too "
-        "large a part in that to say that model error limits the fit"
+        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force unexplained, but measurement noise"
+        " is too large a part of that to conclude that model error limits the fit"
     )
 
 
 def _conclude_force(model: Model, data: list[Data], fit: WeakFit, why: str, noise: Array) -> FitResult:
-    """What a fit by force balance returns."""
-    k, lower, upper = len(model.free), *model.bounds
-    tied, seen = ties(fit.slopes.T @ fit.slopes, k)
-    covariance = fit.covariance[:k, :k].copy()
-    covariance[~seen, :] = covariance[:, ~seen] = np.nan
-    for tie in tied:
-        if tie.exact:
-            covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
-    stderr = np.sqrt(np.diag(covariance))
-    warnings = findings(model.free, fit.theta, stderr, tied, seen)
-    limits = bounded(fit.theta, lower, upper, typical_size(fit.theta, lower, upper))
-    at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
-    warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
-    if not fit.converged:
-        warnings.append("the search stopped before it settled; try other starting values")
-    count = fit.form.starts[-1]
-    loss = float(np.prod(np.mean(fit.residual**2, axis=0)))
-    fitted = model.with_values(
-        dict(zip(model.free, (float(v) for v in fit.theta), strict=True)),
-        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
-    )
-    if other_way := turned(model, fitted):
-        warnings.append(other_way)
+    """Result of a fit by force balance."""
+    k, count = len(model.free), int(fit.form.starts[-1])
     names = tuple(f"force[{body}]" for body in model.bodies)
     times, edges = fit.form.along("time"), fit.form.starts
     residuals = tuple(
         RecordResidual(d.name, times[first:last], fit.residual[first:last], names)
         for d, first, last in zip(data, edges[:-1], edges[1:], strict=True)
     )
-    return FitResult(
-        model=fitted,
-        names=tuple(model.free),
-        values=fit.theta,
-        stderr=stderr,
-        covariance=covariance,
-        loss=loss,
-        fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12),
-        criterion="force",
-        why=why,
-        disturbance_intensity=None,
-        output_noise=noise,
+    loss = float(np.prod(np.mean(fit.residual**2, axis=0)))
+    return _result(
+        model, fit.theta, fit.covariance[:k, :k], fit.slopes, loss, count, fit.converged, [],
+        criterion="force", why=why, output_noise=noise, residuals=residuals, iterations=fit.iterations,
         command_shift=fit.shift if fit.form.free_timing else None,
-        residuals=residuals,
-        at_bound=at_bound,
-        warnings=tuple(warnings),
-        samples=int(count),
-        iterations=fit.iterations,
-        converged=fit.converged,
-        orders=(),
+    )  # fmt: skip
+
+
+def _result(
+    model: Model, theta: Array, covariance: Array, jacobian: Array, loss: float, count: int, converged: bool,
+    notes: list[str], *, intensity: float | None = None, **fields: Any,
+) -> FitResult:  # fmt: skip
+    """Result with standard errors and warnings; the other fields of `FitResult` are given.
+
+    Parameters
+    ----------
+    model : Model
+        Before the fit.
+    theta : array, shape (k,)
+    covariance : array, shape (k, k)
+    jacobian : array, shape (n, k + m)
+        Of the standardised errors, parameters first.
+    loss : float
+    count : int
+        Samples.
+    converged : bool
+    notes : list of str
+        Further warnings.
+    intensity : float, optional
+        Of a random-walk disturbance [force²/s].
+    """
+    k, (lower, upper) = len(theta), model.bounds
+    tied, seen = ties(jacobian.T @ jacobian, k)
+    covariance = covariance.copy()
+    covariance[~seen, :] = covariance[:, ~seen] = np.nan
+    for tie in tied:
+        if tie.exact:
+            covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
+    stderr = np.sqrt(np.diag(covariance))
+    limits = at_bounds(theta, lower, upper, typical_size(theta, lower, upper))
+    at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
+    warnings = uncertainty_warnings(model.free, theta, stderr, tied, seen)
+    warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
+    warnings += notes
+    if not converged:
+        warnings.append("the search did not converge; try other starting values")
+    fitted = model.with_values(
+        dict(zip(model.free, (float(v) for v in theta), strict=True)),
+        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
     )
+    if fields["criterion"] == "prediction":
+        fitted = replace(fitted, disturbance=None if intensity is None else float(np.sqrt(intensity)))
+    if opposite := opposite_direction_warning(model, fitted):
+        warnings.append(opposite)
+    return FitResult(
+        model=fitted, names=tuple(model.free), values=theta, stderr=stderr, covariance=covariance, loss=loss,
+        fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12), disturbance_intensity=intensity, at_bound=at_bound,
+        warnings=tuple(warnings), samples=count, converged=converged, **fields,
+    )  # fmt: skip
 
 
 def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
@@ -293,7 +308,7 @@ def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
     values = []
     for theta in starts:
         try:
-            problem = Problem(rule, len(theta))
+            problem = LeastSquaresProblem(rule, len(theta))
             problem.reweigh(np.concatenate([theta, rule.nuisance()[0]]), whiten=False)
             values.append(problem.objective if np.isfinite(problem.objective) else np.inf)
         except (IdloopError, np.linalg.LinAlgError):
@@ -303,11 +318,11 @@ def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
 
 @dataclass(frozen=True)
 class _Ended:
-    """Where a search by prediction or simulation ended, of k free parameters and m nuisance parameters.
+    """End of a search by prediction or simulation, with k free parameters and m nuisance parameters.
 
     Attributes
     ----------
-    problem : Problem
+    problem : LeastSquaresProblem
         With the weights of the solution.
     residual : callable
         From a point to the whitened errors in units of their standard deviation, shape (n,).
@@ -317,7 +332,7 @@ class _Ended:
     covariance : array, shape (k, k)
     """
 
-    problem: Problem
+    problem: LeastSquaresProblem
     residual: Callable[[Array], Array]
     point: Array
     lower: Array
@@ -333,7 +348,7 @@ def _of_refit(fit: Refit) -> _Ended:
     lower, upper = fit.model.bounds
     _, low, high, size = fit.criterion.nuisance()
     scale = np.concatenate([typical_size(fit.model.theta, lower, upper), size])
-    jacobian = fit.jacobian * ((np.arange(len(scale)) < fit.parameters) | fit.felt)
+    jacobian = fit.jacobian * ((np.arange(len(scale)) < fit.parameters) | fit.sensitive)
     return _Ended(
         problem=fit.problem,
         residual=fit.problem.frozen_residual,
@@ -342,7 +357,7 @@ def _of_refit(fit: Refit) -> _Ended:
         upper=np.concatenate([upper, high]),
         scale=scale,
         jacobian=jacobian,
-        covariance=parameter_covariance(fit),
+        covariance=fit.covariance,
         iterations=fit.rounds,
         converged=fit.settled,
     )
@@ -357,7 +372,7 @@ def _of_solution(solution: Solution) -> _Ended:
         jacobian, _ = difference_jacobian(
             problem.residual, point, residual, solution.lower, solution.upper, solution.step, solution.scale
         )
-    covariance = problem_covariance(problem, point, residual, jacobian)[:k, :k]
+    covariance = estimate_covariance(problem, point, residual, jacobian)[:k, :k]
     return _Ended(
         problem=problem,
         residual=problem.residual,
@@ -373,66 +388,24 @@ def _of_solution(solution: Solution) -> _Ended:
 
 
 def _conclude(model: Model, data: list[Data], ended: _Ended, why: str, noise: Array) -> FitResult:
-    """Covariance, warnings and residuals of a fit that has ended."""
-    problem, rule, point = ended.problem, ended.problem.criterion, ended.point
-    lower, upper = model.bounds
-    k = len(model.free)
-    theta, nuisance = point[:k], point[k:]
-    tied, seen = ties(ended.jacobian.T @ ended.jacobian, k)
-    covariance = ended.covariance.copy()
-    covariance[~seen, :] = np.nan
-    covariance[:, ~seen] = np.nan
-    for tie in tied:
-        if tie.exact:
-            covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
-    stderr = np.sqrt(np.diag(covariance))
-    warnings = findings(model.free, theta, stderr, tied, seen)
-    limits = bounded(theta, lower, upper, typical_size(theta, lower, upper))
-    at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
-    warnings += [f"{name} ended on its bound; its interval is one-sided at best" for name in at_bound]
-    strikes = any(active.effect.edge is not None for active in model.effects)
-    if strikes and is_rough(ended.residual, point, ended.lower, ended.upper, ended.scale, k):
-        warnings.append(
-            "the two sides of a gap strike so often that a thousandth more or less of a parameter is another motion: "
-            "values depend on where the fit starts and the intervals are too small; record a slower motion"
+    """Result of a search by prediction or simulation."""
+    problem, rule, point, k = ended.problem, ended.problem.criterion, ended.point, len(model.free)
+    notes = []
+    contacts = any(active.effect.edge is not None for active in model.effects)
+    if contacts and jacobian_unreliable(ended.residual, point, ended.lower, ended.upper, ended.scale, k):
+        notes.append(
+            "contacts in the backlash are so frequent that a change of a parameter by 0.1 % gives another motion: the "
+            "estimates depend on the starting values, and the intervals are too small; record a slower motion"
         )
-    if not ended.converged:
-        warnings.append("the search stopped before it settled; try other starting values")
-    count = problem.count(point)
-    loss = problem.loss
-    fitted = model.with_values(
-        dict(zip(model.free, (float(v) for v in theta), strict=True)),
-        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
-    )
-    intensity = None
-    if isinstance(rule, InnovationCriterion):
-        # What forgets quickly is no walk.
-        intensity = rule.intensity if rule.memory >= LONG_MEMORY else None
-        fitted = replace(fitted, disturbance=None if intensity is None else float(np.sqrt(intensity)))
-    other_way = turned(model, fitted)
-    if other_way:
-        warnings.append(other_way)
-    return FitResult(
-        model=fitted,
-        names=tuple(model.free),
-        values=theta,
-        stderr=stderr,
-        covariance=covariance,
-        loss=loss,
-        fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12),
-        criterion="prediction" if isinstance(rule, InnovationCriterion) else "simulation",
-        why=why,
-        disturbance_intensity=intensity,
-        output_noise=noise,
-        command_shift=None,
-        residuals=_residuals(model, data, rule, theta, nuisance),
-        at_bound=at_bound,
-        warnings=tuple(warnings),
-        samples=count,
-        iterations=ended.iterations,
-        converged=ended.converged,
+    predicted = isinstance(rule, InnovationCriterion)
+    return _result(
+        model, point[:k], ended.covariance, ended.jacobian, problem.loss, problem.count(point), ended.converged, notes,
+        # A disturbance of short memory is no random walk.
+        intensity=rule.intensity if isinstance(rule, InnovationCriterion) and rule.memory >= LONG_MEMORY else None,
+        criterion="prediction" if predicted else "simulation", why=why, output_noise=noise, command_shift=None,
+        residuals=_residuals(model, data, rule, point[:k], point[k:]), iterations=ended.iterations,
         orders=tuple(problem.orders),
-    )
+    )  # fmt: skip
 
 
 def _residuals(model: Model, data: list[Data], rule: Any, theta: Array, nuisance: Array) -> tuple[RecordResidual, ...]:

@@ -1,9 +1,8 @@
-"""Recursive estimator for the live case: one predictor, parameters that follow the data.
+"""Recursive estimator of a nonlinear model for live data.
 
-Recursive prediction error method (Ljung and Söderström, Theory and Practice of
-Recursive Identification, 1983) on the predictor of the prediction criterion. The
-slopes of the prediction come from a bank of predictors, one per parameter, each
-with that parameter moved a little; they see the same data and are run in blocks.
+Recursive prediction error method (Ljung and Söderström, Theory and Practice of Recursive Identification, 1983) on the
+one-step predictor of a stationary observer. The derivatives of the prediction come from a bank of predictors, one for
+each parameter with a small change of it, that run over blocks of the same data.
 """
 
 from __future__ import annotations
@@ -29,34 +28,33 @@ _RIVAL = 3.0
 
 
 class RecursiveEstimator:
-    """Predict every sample, and let the parameters follow block by block.
+    """Predict every sample, and update the parameters after every block.
 
     Parameters
     ----------
     model : Model
-        Start values, bounds and free parameters.
+        Starting values, bounds and free parameters.
     sample_time : float, optional
-        Nominal step [s]; from the first two samples when left out.
+        Nominal sample time [s]; from the first two samples when left out.
     forgetting_time : float
-        Time constant with which old data lose weight [s]; infinite keeps all.
+        Time constant of exponential forgetting [s]; infinite for none.
     block : int
         Samples between two parameter updates.
     prior : float
-        Standard deviation of the start values relative to their size.
+        Standard deviation of the starting values relative to their size.
     disturbance : float, optional
-        Intensity of the disturbance force to start from [force unit per √s]; from the
-        model file when left out, and without one 5 % of the drive force per √s. It then
-        follows the data: predictors with more and with less run along and are compared.
+        Initial intensity of the disturbance force [force unit per √s]; from the model file when left out, else 5 % of
+        the drive force per √s. It is adapted by comparison with predictors of higher and lower intensity.
     adapt : bool
-        False keeps the parameters and only predicts, at the cost of one simulation step a sample.
+        False keeps the parameters and only predicts, at the cost of one simulation step per sample.
 
     Attributes
     ----------
     innovation : array, shape (p,)
-        Of the newest sample; NaN where nothing was measured.
+        Of the latest sample; NaN where not measured.
     resets, late : int
-        How often the state was taken anew from a measurement (gap, clock reset,
-        lost predictor), and how many samples came with an old stamp and were left out.
+        Number of restarts from a measurement (gap, clock reset, divergence), and of samples that were dropped for an
+        old stamp.
     """
 
     def __init__(
@@ -82,7 +80,7 @@ class RecursiveEstimator:
         self._last: float | None = None
         self._innovations = InnovationCovariance(len(model.outputs))
         self._memory = self._unsettled = 0.0
-        # Outputs whose noise the model file leaves open weigh by this, until the data tell.
+        # Noise of outputs for which the model file has none, until it is estimated.
         self._noise = np.full(len(model.outputs), 1e-3)
         self._first_noise = np.zeros(len(model.outputs))
         self._disturbance = disturbance if disturbance is not None else model.disturbance
@@ -90,18 +88,16 @@ class RecursiveEstimator:
         self._outputs = len(model.outputs)
         self._clear(model)
 
-    # -- what it knows ----------------------------------------------------------------
-
     @property
     def model(self) -> Model:
-        """The model with the present parameters and standard errors."""
+        """The model with the current parameters and standard errors."""
         stderr = self.stderr
         errors = {n: float(s) for n, s in zip(self._model.free, stderr, strict=True) if np.isfinite(s)}
         return self._model.with_values(self.parameters, errors if self._updates else None)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Present value of every free parameter."""
+        """Current value of every free parameter."""
         return dict(zip(self._model.free, (float(v) for v in self.theta), strict=True))
 
     @property
@@ -114,16 +110,10 @@ class RecursiveEstimator:
         """Standard errors, shape (k,)."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
-    @property
-    def innovation_covariance(self) -> Array:
-        """Covariance of the innovations, shape (p, p); NaN before the first block."""
-        return np.array(self._innovations.value)
-
     def set_model(self, model: Model) -> None:
-        """Go on with another model or other values, as a window fit found them.
+        """Continue with another model or other values.
 
-        The motion carries over when the bodies are the same; information on the
-        parameters starts anew.
+        The state is kept when the bodies are the same; the information on the parameters is reset.
 
         Parameters
         ----------
@@ -147,57 +137,54 @@ class RecursiveEstimator:
             self._bank.take_over(old)
             self._unsettled = 0
 
-    # -- what it does -----------------------------------------------------------------
-
     def update(self, t: float, u: float, y: ArrayLike) -> Array:
-        """Take one sample.
+        """Process one sample.
 
         Parameters
         ----------
         t : float
             Time of the measurement [s].
         u : float
-            Command that takes effect at ``t``, after the measurement.
+            Command from ``t`` on, after the measurement.
         y : array, shape (p,)
             Measurement; not finite where there is none.
 
         Returns
         -------
         array, shape (p,)
-            Prediction of ``y`` from everything before; NaN for a sample that could
-            not be predicted (the first one, after a gap, or with an old stamp).
+            Prediction of ``y`` from all earlier samples; NaN for the first sample, after a gap, or for an old stamp.
         """
         row = np.reshape(np.asarray(y, dtype=float), (1, -1))
         return np.asarray(self.update_block(np.array([t]), np.array([u]), row)[0])
 
     def update_block(self, t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Array:
-        """Take a stretch of samples at once.
+        """Process several samples.
 
         Parameters
         ----------
         t, u : array, shape (n,)
-            Times [s] and commands that take effect there.
+            Times [s] and commands from there on.
         y : array, shape (n, p)
             Measurements; not finite where there is none.
 
         Returns
         -------
         array, shape (n, p)
-            Predictions, as `update` returns them.
+            Predictions, as of `update`.
         """
         times = np.array(t, dtype=float)
         commands = np.ascontiguousarray(u, dtype=float)
         measured = np.array(y, dtype=float, order="C")
-        # A reading without a size says nothing, as if there was none.
+        # An infinite reading counts as missing.
         measured[~np.isfinite(measured)] = np.nan
         prediction = np.full(measured.shape, np.nan)
         if not np.isfinite(self._origin) and len(times):
             self._origin = float(times[0])
-        # Stamps of the present epoch would cost the simulator its nanoseconds.
+        # Absolute stamps would lose nanoseconds to rounding.
         times -= self._origin
         start = 0
         while start < len(times):
-            stop = self._stretch(times, start)
+            stop = self._segment_end(times, start)
             if stop == start:
                 start += 1
                 continue
@@ -208,8 +195,8 @@ class RecursiveEstimator:
             self.innovation = measured[-1] - prediction[-1]
         return prediction
 
-    def _stretch(self, times: Array, start: int) -> int:
-        """End of the samples that follow without gap and fit in the block; deals with the rest."""
+    def _segment_end(self, times: Array, start: int) -> int:
+        """End of the next samples without a gap and within the block; handles gaps and old stamps."""
         first = times[start]
         if not np.isfinite(first):
             self.late += 1
@@ -217,13 +204,13 @@ class RecursiveEstimator:
         if self._last is not None:
             step = self.sample_time or np.inf
             if first <= self._last:
-                # A slightly old stamp is a straggler; a clock that went back is a new beginning.
+                # A slightly old stamp is a late sample, an older one a clock reset.
                 if first > self._last - max(1.0, 100.0 * step):
                     self.late += 1
                     return start
-                self._forget_motion()
+                self._restart()
             elif np.isfinite(step) and first - self._last > max(20.0 * step, 0.05):
-                self._forget_motion()
+                self._restart()
         room = self.block - self._bank.waiting
         stop = min(start + max(room, 1), len(times))
         if self._last is None:
@@ -235,7 +222,7 @@ class RecursiveEstimator:
 
     def _run(self, t: Array, u: Array, y: Array, prediction: Array) -> None:
         if self._last is None:
-            # The first sample gives the state; there is nothing to predict it from.
+            # The first sample gives the initial state.
             self._bank.start(t[0], u[0], y[0])
             self._last = float(t[0])
             self._unsettled = self._memory
@@ -248,25 +235,23 @@ class RecursiveEstimator:
         innovation = self._bank.advance(t, u, y)
         self._last = float(t[-1])
         prediction[:] = y - innovation
-        if self._lost(innovation):
-            self._forget_motion()
+        if self._diverged(innovation):
+            self._restart()
             return
         if self._bank.waiting >= self.block:
             used = self._unsettled <= 0.0
             self._unsettled -= self._bank.waiting
             if used or not self._innovations.known:
-                self._innovations.note(self._bank.seen())
-            self._learn(used)
+                self._innovations.update(self._bank.seen())
+            self._update_parameters(used)
 
-    def _forget_motion(self) -> None:
+    def _restart(self) -> None:
         self.resets += 1
         self._last = None
         self._bank.drop()
 
-    def _lost(self, innovation: Array) -> bool:
-        return not np.all(np.isfinite(self._bank.motion)) or self._innovations.lost(innovation)
-
-    # -- learning ---------------------------------------------------------------------
+    def _diverged(self, innovation: Array) -> bool:
+        return not np.all(np.isfinite(self._bank.motion)) or self._innovations.diverged(innovation)
 
     def _clear(self, model: Model) -> None:
         self._model = model
@@ -288,7 +273,7 @@ class RecursiveEstimator:
         self.innovation = np.full(self._outputs, np.nan)
 
     def _design(self) -> None:
-        """Observer gains for the present parameters: the main one and its two rivals."""
+        """Observer gains for the current parameters: of the main predictor and of its two rivals."""
         step = self.sample_time or 0.0
         linear = self._bank.engine.linearise(self.theta)
         noise = np.array([o.noise or np.nan for o in self._model.outputs], dtype=float)
@@ -315,7 +300,7 @@ class RecursiveEstimator:
         self._bank.place(self.theta, self._steps())
 
     def _tune(self, innovation: Array) -> bool:
-        """Compare the noise models on the newest block; True when a rival takes over."""
+        """Compare the disturbance intensities on the latest block; True when that of a rival is adopted."""
         rows = [innovation, *self._bank.rivals()]
         size = self._innovations.size**2
         self._rival_age += 1
@@ -326,7 +311,7 @@ class RecursiveEstimator:
         if self._rival_age < 10:
             return False
         best = int(np.argmin(self._rival_cost))
-        # A change must be worth half a per cent of innovation power, or it would wander.
+        # A change must reduce the innovation power by 0.5 %, or the intensity would drift.
         better = self._rival_cost[best] < 0.995 * self._rival_cost[0]
         self._rival_cost[:] = 0.0
         self._rival_age = 2
@@ -336,26 +321,26 @@ class RecursiveEstimator:
         return True
 
     def _steps(self) -> Array:
-        """Difference steps: a tenth of a standard error, within sense for the parameter's size."""
+        """Difference steps: a tenth of a standard error, within limits relative to the parameter's size."""
         size = np.where(np.isfinite(self._size), self._size, 1e-3)
         if not self.adapt:
             return np.zeros(0)
         step = np.clip(0.1 * self.stderr, 1e-5 * size, 1e-2 * size)
         return np.where(self.theta + step > self._upper, -step, step)
 
-    def _learn(self, used: bool) -> None:
-        """Run the moved predictors over the block and take one Gauss-Newton step."""
+    def _update_parameters(self, used: bool) -> None:
+        """Run the moved predictors over the block and make one Gauss-Newton step."""
         if not self.adapt or len(self.theta) == 0:
             self._bank.drop()
             return
-        self._size_up()
+        self._find_sizes()
         if self._updates == 0:
             self._first_noise = np.array([noise_std(column) for column in self._bank.measured().T])
         retune = self._tune(self._bank.seen()) if self._innovations.known else False
         innovation, slope = self._bank.slopes()
         samples = len(innovation)
         if self._updates == 0 and self._disturbance is None and self._bank.command_rms() > 0.0:
-            # Now the size of the command is known, and with it that of a likely disturbance.
+            # The first block gives the size of the command, and with it that of a typical disturbance.
             self._command_size = self._bank.command_rms()
             self._noise = np.where(self._first_noise > 0.0, self._first_noise, self._noise)
             self._updates = 1
@@ -366,16 +351,16 @@ class RecursiveEstimator:
             return
         weight, scaled = self._innovations.weigh(innovation)
         slope = np.where(np.isfinite(slope), slope, 0.0)
-        # As products of matrices: a sum over three arrays at once takes twenty times as long, and a sample waits.
+        # Matrix products are twenty times faster than one einsum of three arrays.
         rows = slope.reshape(-1, slope.shape[2])
         gradient = rows.T @ scaled.ravel()
         hessian = rows.T @ (weight @ slope).reshape(rows.shape)
         if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
-            self._forget_motion()
+            self._restart()
             return
         keep = np.exp(-samples * (self.sample_time or 0.0) / self.forgetting_time)
         floor = np.diag(1.0 / (self.prior * self._size) ** 2)
-        # Forgetting stops at the prior, so that a quiet machine does not blow the covariance up.
+        # Forgetting stops at the prior: without excitation the covariance stays bounded.
         self._information = floor + keep * (self._information - floor) + hessian
         scale = 1.0 / np.sqrt(np.diag(self._information))
         move = scale * np.linalg.solve(
@@ -383,7 +368,7 @@ class RecursiveEstimator:
         )
         size = np.maximum(self._size, np.abs(self.theta))
         largest = float(np.max(np.abs(move) / size))
-        # One block may move no parameter by more than a fifth of its size.
+        # A block changes no parameter by more than a fifth of its size.
         move *= min(1.0, 0.2 / max(largest, 1e-300))
         self.theta = np.clip(self.theta + move, self._lower + self._margin(self._lower), self._upper)
         self._updates += 1
@@ -393,12 +378,12 @@ class RecursiveEstimator:
             self._bank.place(self.theta, self._steps())
 
     def _margin(self, lower: Array) -> Array:
-        """Distance from a lower bound of 0 that keeps inertia and stiffness positive."""
+        """Least value of inertia and stiffness with a lower bound of 0, which must stay positive."""
         keeps_positive = np.array([n.endswith((".inertia", ".stiffness")) for n in self._model.free])
         return np.where((lower == 0.0) & keeps_positive, 1e-3 * np.nan_to_num(self._size, nan=1.0), 0.0)
 
-    def _size_up(self) -> None:
-        """Find the size of parameters that start at 0 from what they do to the first block."""
+    def _find_sizes(self) -> None:
+        """Typical size of parameters that start at 0, from their influence on the first block."""
         for index in np.flatnonzero(~np.isfinite(self._size)):
             self._size[index] = self._bank.probe(int(index), self._innovations.size, float(self._upper[index]))
             self._information[index, index] = 1.0 / (self.prior * self._size[index]) ** 2

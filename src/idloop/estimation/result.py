@@ -1,4 +1,4 @@
-"""What a fit returns: the fitted model, how sure it is, and what it leaves over."""
+"""Result of a fit: fitted model, uncertainty and residuals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RecordResidual:
-    """What the fitted model leaves over of one record.
+    """Residuals of a fitted model on one record.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class RecordResidual:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Quotient of two parameters that the data tell although they tell neither of the two.
+    """Ratio of two parameters that the data determine, although they determine neither of them.
 
     Attributes
     ----------
@@ -73,14 +73,13 @@ class FitResult:
     names : tuple of str
         Free parameters.
     values, stderr : array, shape (k,)
-        Estimates and standard errors; NaN where the data say nothing.
+        Estimates and standard errors; NaN where not determined.
     covariance : array, shape (k, k)
-        Covariance that holds under coloured residuals: HAC sandwich, widened where the
-        inverse Hessian or a block jackknife is wider.
+        Valid under coloured residuals: HAC sandwich, widened to inverse Hessian and block jackknife.
     loss, fpe : float
         Determinant of the residual covariance and Akaike's final prediction error.
     criterion, why : str
-        Which criterion was minimised and the reason.
+        The minimised criterion, and the reason for it.
     disturbance_intensity : float or None
         Intensity of the disturbance force's random walk [force²/s] (prediction only).
     output_noise : array, shape (p,)
@@ -96,9 +95,9 @@ class FitResult:
     samples, iterations : int
     converged : bool
     orders : tuple of int
-        Of the autoregressions that whiten the errors.
+        Orders of the autoregressions that whiten the errors.
     ratios : tuple of Ratio
-        What is known of parameters that the data tell only together.
+        Ratios of parameters that are determined only up to a common factor.
     """
 
     model: Model
@@ -236,7 +235,7 @@ class FitResult:
             axis.set_ylabel(column)
             axis.axhline(0.0, color="0.5", linewidth=0.6)
         axes[0].legend(loc="upper right", frameon=False)
-        axes[0].set_title(f"{self.model.name}: what the {self.criterion} criterion leaves over")
+        axes[0].set_title(f"{self.model.name}: residuals of the {self.criterion} criterion")
         axes[-1].set_xlabel("time [s]")
         return axes
 

@@ -1,4 +1,4 @@
-"""Which output measures what of which body."""
+"""Outputs that measure position and velocity of the bodies."""
 
 from __future__ import annotations
 
@@ -9,13 +9,7 @@ if TYPE_CHECKING:
 
 
 def body_sensors(model: Model) -> list[tuple[int | None, int | None]]:
-    """For every body the output that measures its position and its velocity.
-
-    Returns
-    -------
-    list of (int or None, int or None)
-        Indices into the model's outputs, in the order of ``model.bodies``.
-    """
+    """Indices of the outputs that measure position and velocity of every body of the model; None without a sensor."""
     found: dict[str, list[int | None]] = {body: [None, None] for body in model.bodies}
     for row, output in enumerate(model.outputs):
         kind = 0 if output.field == "position" else 1
@@ -25,12 +19,6 @@ def body_sensors(model: Model) -> list[tuple[int | None, int | None]]:
 
 
 def lagging_sensors(model: Model) -> set[int]:
-    """Outputs that, as the model has it, show another motion than that of the moment.
-
-    Returns
-    -------
-    set of int
-        Indices into the model's outputs.
-    """
+    """Indices of the outputs with a delay or lag in the model."""
     sites = {active.at for active in model.effects if active.effect.site == "output" and active.effect.lags}
     return {row for row, output in enumerate(model.outputs) if output.site in sites}

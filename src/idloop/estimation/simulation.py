@@ -1,4 +1,4 @@
-"""Free-run criterion: the output error of a simulation from the record's start."""
+"""Criterion of free-run errors: measured minus simulated outputs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class SimulationCriterion:
         self._memory: dict[tuple[int, bytes], Array] = {}
 
     def retune(self, theta: Array) -> None:
-        """Nothing depends on the parameters here."""
+        """Nothing to update."""
 
     def nuisance(self) -> tuple[Array, Array, Array, Array]:
         """Initial states, unbounded."""
@@ -47,12 +47,12 @@ class SimulationCriterion:
         return values, -unbounded, unbounded, self.initial.scale
 
     def keep(self, nuisance: Array) -> None:
-        """Start the next search from these initial states."""
+        """Set the initial states."""
         self.initial.values = nuisance.copy()
 
     def simulated(self, theta: Array, nuisance: Array, record: int) -> Array:
         """Free-run output of one record, shape (n, p)."""
-        # A difference step in one record's initial state leaves the other records as they were.
+        # Cached: a difference step in one record's initial state does not change the others.
         key = (record, theta.tobytes() + self.initial.part(nuisance, record).tobytes())
         if key not in self._memory:
             if len(self._memory) > 4 * len(self.data):
@@ -65,19 +65,19 @@ class SimulationCriterion:
         return self._memory[key]
 
     def slopes(self, theta: Array, nuisance: Array, change: Array) -> Errors | None:
-        """Slopes of the errors by parameters and nuisance, exact ones.
+        """Derivatives of the errors by parameters and nuisance parameters, by sensitivity equations.
 
         Parameters
         ----------
         theta : array, shape (k,)
         nuisance : array, shape (q,)
         change : array, shape (k,)
-            Small changes of the parameters, to the side that is open.
+            Small changes of the parameters within their bounds.
 
         Returns
         -------
         list of list of array, shape (k + q, samples, outputs), or None
-            By group and record; NaN for what has no exact slopes. None where nothing has.
+            By group and record; NaN where the equations do not apply. None where they never apply.
         """
         k, width = len(theta), self.initial.width
         found: Errors = [[] for _ in self.groups]
@@ -104,6 +104,6 @@ class SimulationCriterion:
 
 
 def _known(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
-    """Rows in which these outputs are measured; None where the errors are taken as they are."""
+    """Rows with measurements of these outputs; None for all rows and outputs."""
     known = np.all(np.isfinite(data.output[:, group]), axis=1)
     return None if np.all(known) and group == list(range(data.output.shape[1])) else known

@@ -9,7 +9,7 @@ from idloop.diagnosis.ladder import Ladder
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.step import SAY_NOISE
-from idloop.estimation.direction import AGAINST
+from idloop.estimation.direction import OPPOSITE_DIRECTION
 from idloop.reporting.terms import effect_words
 from idloop.spelling import joined_names
 
@@ -28,7 +28,7 @@ MISSING = "an effect is missing"
 UNEXPLAINED = "something that no effect of the catalogue explains"
 # The same where the reader has named the effects to choose from: of the others the data were not asked.
 UNEXPLAINED_BY_THESE = "something that none of the effects looked for explains"
-_TELLS_NOTHING = "the measured motion does not follow the command, so that this data tells nothing of the axis"
+_TELLS_NOTHING = "the measured motion does not follow the command: this data says nothing about the axis"
 _OF_THESE = {
     **VERDICTS,
     "adequate": "nothing significant is left of what was looked for",
@@ -70,42 +70,26 @@ def conclusion(ladder: Ladder, left: Sequence[ResidualFinding] = (), only: str =
     names = confounding_effects(ladder)
     if names:
         return (
-            f"{something} is missing: {joined_names(names)} {'stand' if len(names) > 1 else 'stands'} in for it one"
-            f" step ahead and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
+            f"{something} is missing: {joined_names(names)} {'take' if len(names) > 1 else 'takes'} its place in the"
+            f" one-step prediction and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
         )
     follows = [one for one in left if not one.test.input_free]
     if follows:
-        return f"{something} is left, for the errors still follow the {follows[0].drive}; {of_these}{end}"
+        return f"{something} is left: the errors still follow the {follows[0].drive}; {of_these}{end}"
     return end
 
 
 def ending(verdict: str, only: str = "", response: CommandResponse = CommandResponse.FOLLOWS) -> str:
-    """What a verdict says by itself.
-
-    Parameters
-    ----------
-    verdict : str
-        Of a ladder, or of a diagnosis that has found nothing missing.
-    only : str
-        As for `conclusion`.
-    response : CommandResponse
-        How the motion follows the command.
-    """
+    """What the verdict of a ladder says by itself, or of a diagnosis that found nothing missing; `only` as above."""
     plain = (_OF_THESE if only else VERDICTS).get(verdict, verdict)
     end = f"{plain}: {only}" if only else plain
     if response is CommandResponse.REVERSED:
-        return f"{AGAINST}: turn one of the two, then ask again"
+        return f"{OPPOSITE_DIRECTION}: turn one of the two, then ask again"
     return f"{_TELLS_NOTHING}; {end}" if response.tells_nothing else end
 
 
 def unexplained_cause(only: str) -> str:
-    """What to call that which is missing and no effect explains: of the catalogue, or of the few that were tried.
-
-    Parameters
-    ----------
-    only : str
-        As for `conclusion`.
-    """
+    """What to call that which no effect explains: none of the catalogue, or none of the few that `only` names."""
     return UNEXPLAINED_BY_THESE if only else UNEXPLAINED
 
 
@@ -117,29 +101,12 @@ def confounding_effects(ladder: Ladder) -> list[str]:
 
 
 def explained_of(criterion: str) -> str:
-    """Of what a share of the error is one: "explains 40 % of ...".
-
-    Parameters
-    ----------
-    criterion : str
-        Of the diagnosis or the ladder.
-    """
+    """Of what a share of the error is one under a criterion: "explains 40 % of ..."."""
     return f"the power of {_LEFT.get(criterion, 'the errors that the model without it leaves')}"
 
 
 def basis(lacking: Sequence[str]) -> str:
-    """Which model a list of what the data cannot show, or would, belongs to.
-
-    Parameters
-    ----------
-    lacking : sequence of str
-        Effects that were found missing from the model that was judged; empty where it is the last one.
-
-    Returns
-    -------
-    str
-        Words to begin a sentence with; empty where nothing is missing.
-    """
+    """Say which model a list of what the data cannot show belongs to, where effects are `lacking`; else empty."""
     return (
         f"as long as {joined_names(list(lacking))} {'are' if len(lacking) > 1 else 'is'} not in the model, "
         if lacking

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimation.exogenous_inputs import exogenous_signals, feedback_possible
+from idloop.estimation.feedback import exogenous_signals, feedback_possible
 from idloop.estimation.sensors import body_sensors
 from idloop.validation.measures import fit_percent, measures, nrmse, rmse
 from idloop.validation.operating_state import error_share, motion_regions, smooth_velocity

@@ -14,7 +14,7 @@ from idloop.diagnosis.evidence.force_view import ForceView, unbalanced
 from idloop.diagnosis.residual_curves.periods import harmonics
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.estimation.dataset import prepare
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import Model, load_model
 from idloop.physics.model_file import build_model
 from idloop.physics.schema import read_model_file
@@ -59,8 +59,8 @@ def simulated(machine: Model, time: np.ndarray, command: np.ndarray) -> np.ndarr
 
 
 def weighed(model: Model, record: Record, effects: list[str] | None = None) -> force_view.ForceStep:
-    setting = prepare_setting(model, [record], "prediction")
-    step = ForceView(setting, 0.01, 0.01, effects).weigh(asked_fit(model, setting, {}))
+    estimation = prepare_estimation(model, [record], "prediction")
+    step = ForceView(estimation, 0.01, 0.01, effects).weigh(asked_fit(model, estimation, {}))
     assert isinstance(step, force_view.ForceStep)
     return step
 
@@ -70,8 +70,10 @@ def test_what_acts_on_a_body_without_a_drive_is_worth_naming():
     step = weighed(gear(), turned(machine), ["imbalance", "coulomb_friction", "load_torque"])
     assert step.names == ("imbalance@load",)
     best = step.tied[0]
-    assert best.fit.relatives[0] == pytest.approx(step.parent.relatives[0], abs=1e-3)  # nothing changes at the motor
-    assert best.fit.relatives[1] < 0.2 * step.parent.relatives[1]
+    assert best.fit.relative_by_body[0] == pytest.approx(
+        step.parent.relative_by_body[0], abs=1e-3
+    )  # nothing changes at the motor
+    assert best.fit.relative_by_body[1] < 0.2 * step.parent.relative_by_body[1]
     assert best.fit.model.values["imbalance@load.amplitude"] == pytest.approx(0.1, rel=0.02)
 
 
@@ -95,8 +97,8 @@ def test_a_wave_shorter_than_three_windows_is_found():
     record = turned(machine, rate=250.0)
     speed = float(np.sqrt(np.mean(record.output[:, 1] ** 2)))
     assert 1.0 < 2.0 * np.pi / 14 / speed * 250.0 / 7 < 3.0  # windows that a period lasts at the speed of the motion
-    setting = prepare_setting(load_model("axis"), [record], "prediction")
-    found, tried = harmonics(asked_fit(load_model("axis"), setting, {}), 0)
+    estimation = prepare_estimation(load_model("axis"), [record], "prediction")
+    found, tried = harmonics(asked_fit(load_model("axis"), estimation, {}), 0)
     assert found[0] == 14
     assert tried >= 13
 
@@ -130,9 +132,11 @@ def test_held_out_records_that_move_otherwise_do_not_hide_an_effect():
     """Their errors are larger, for the model lacks more there; they are smaller with the effect all the same."""
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
     rough = machine.with_effects(["coulomb_friction@axis(level=0.03)"])
-    setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
+    estimation = prepare_estimation(load_model("axis"), [turned(machine, 1)], "prediction")
     held_out = prepare(load_model("axis"), [turned(rough, 2)])
-    step = ForceView(setting, 0.01, 0.01, ["load_torque"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
+    step = ForceView(estimation, 0.01, 0.01, ["load_torque"], held_out).weigh(
+        asked_fit(load_model("axis"), estimation, {})
+    )
     assert step.names == ("load_torque@axis",)
     assert step.tied[0].held_out is not None
     assert step.tied[0].held_out > 0.0
@@ -140,20 +144,24 @@ def test_held_out_records_that_move_otherwise_do_not_hide_an_effect():
 
 def test_an_effect_that_held_out_records_do_not_have_is_not_named():
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
-    setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
+    estimation = prepare_estimation(load_model("axis"), [turned(machine, 1)], "prediction")
     held_out = prepare(load_model("axis"), [turned(load_model("axis"), 2)])
-    step = ForceView(setting, 0.01, 0.01, ["load_torque"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
+    step = ForceView(estimation, 0.01, 0.01, ["load_torque"], held_out).weigh(
+        asked_fit(load_model("axis"), estimation, {})
+    )
     assert not step.tied
     assert "does not carry over" in step.passed_over["load_torque@axis"]
 
 
 def test_a_limit_that_held_out_records_do_not_reach_is_judged_without_them():
     machine = load_model("axis").with_effects(["saturation@input(limit=1.2)"])
-    setting = prepare_setting(load_model("axis"), [turned(machine, 1)], "prediction")
+    estimation = prepare_estimation(load_model("axis"), [turned(machine, 1)], "prediction")
     gentle = turned(machine, 2)
     gentle = replace(gentle, input=0.5 * gentle.input, output=simulated(machine, gentle.time, 0.5 * gentle.input))
     held_out = prepare(load_model("axis"), [gentle])
-    step = ForceView(setting, 0.01, 0.01, ["saturation"], held_out).weigh(asked_fit(load_model("axis"), setting, {}))
+    step = ForceView(estimation, 0.01, 0.01, ["saturation"], held_out).weigh(
+        asked_fit(load_model("axis"), estimation, {})
+    )
     assert step.names == ("saturation@input",)
     assert step.tied[0].held_out is None
 
@@ -161,11 +169,11 @@ def test_a_limit_that_held_out_records_do_not_reach_is_judged_without_them():
 def test_a_pair_whose_second_effect_takes_the_place_of_the_first_acts_on_held_out_records():
     model = load_model("axis")
     machine = model.with_effects(["coulomb_friction@axis(level=0.1)"])
-    setting = prepare_setting(model, [turned(machine, 1)], "prediction")
-    parent = asked_fit(model, setting, {})
-    weigher = force_view._Weigher(setting, parent, parent, prepare(model, [turned(machine, 2)]))
+    estimation = prepare_estimation(model, [turned(machine, 1)], "prediction")
+    parent = asked_fit(model, estimation, {})
+    weigher = force_view._Weigher(estimation, parent, parent, prepare(model, [turned(machine, 2)]))
     (first,) = proposals(model, ["coulomb_friction"])
     (second,) = proposals(first.model({"level": 0.1}), ["asymmetric_friction"])
-    fit = asked_fit(second.model({"level": 0.1, "ratio": 0.1}), setting, {})
+    fit = asked_fit(second.model({"level": 0.1, "ratio": 0.1}), estimation, {})
     assert "coulomb_friction@axis" not in fit.model.effect_names
     assert weigher._acts((first, second), fit)

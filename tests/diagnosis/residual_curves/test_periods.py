@@ -8,7 +8,7 @@ from idloop.diagnosis import diagnose
 from idloop.diagnosis.residual_curves.curves import CURVES, CurveProposal
 from idloop.diagnosis.residual_curves.periods import remaining_period
 from idloop.diagnosis.residual_curves.unknown_structure import KNOTS
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import Model, load_model
 
 PERIOD, AMPLITUDE = 2.0 * np.pi / 7.5, 0.05
@@ -25,8 +25,8 @@ def repeating() -> Model:
 
 def test_the_period_of_a_remaining_force_is_found() -> None:
     model = load_model("axis")
-    setting = prepare_setting(model, [record_of(repeating(), 5), record_of(repeating(), 6)], "prediction")
-    found = remaining_period(model, setting)
+    estimation = prepare_estimation(model, [record_of(repeating(), 5), record_of(repeating(), 6)], "prediction")
+    found = remaining_period(model, estimation)
     assert found is not None
     length, tried = found
     assert length == pytest.approx(PERIOD, rel=0.01)
@@ -52,6 +52,6 @@ def test_too_short_a_travel_holds_no_period() -> None:
     model = load_model("axis").with_effects(["cable_spring@axis(stiffness=20.0)"])
     record = record_of(model, 5)
     assert np.ptp(record.output[:, 0]) < 1.0
-    setting = prepare_setting(model, [record], "prediction")
-    found = remaining_period(model, setting)
+    estimation = prepare_estimation(model, [record], "prediction")
+    found = remaining_period(model, estimation)
     assert found is None or found[0] < np.ptp(record.output[:, 0])

@@ -11,7 +11,7 @@ from tests.diagnosis.conftest import record_of
 from idloop.diagnosis import Ladder, diagnose, refine
 from idloop.diagnosis.screening.command_response import CommandResponse, follows, response_of
 from idloop.diagnosis.search.step import NOT_EXCITED
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
 from idloop.records import Record
@@ -35,7 +35,7 @@ def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
     assert found.verdict == NOT_EXCITED
     assert found.response is CommandResponse.UNMOVED
     assert found.response.text in found.gate.findings
-    assert "tells nothing of the axis" in ending(found.verdict, "", found.response)
+    assert "says nothing about the axis" in ending(found.verdict, "", found.response)
 
 
 def test_a_ladder_climbs_nothing_on_them(start):
@@ -102,20 +102,20 @@ def test_whether_a_fit_is_of_related_data_is_told(start, turn):
 @pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])
 def test_a_machine_under_command_follows_by_every_criterion(start, kind):
     record = record_of(start.with_effects([FRICTION]), 3, disturbance=0.02)
-    setting = prepare_setting(start, [record], kind)
-    assert follows(setting, refit(setting, start))
+    estimation = prepare_estimation(start, [record], kind)
+    assert follows(estimation, refit(estimation, start))
 
 
 def test_steps_from_rest_are_followed_though_each_has_one_command(start):
     records = [record_of(start, seed, command=np.full(300, float(seed))) for seed in (1, 2, 3)]
-    setting = prepare_setting(start, records, "prediction")
-    assert follows(setting, refit(setting, start))
+    estimation = prepare_estimation(start, records, "prediction")
+    assert follows(estimation, refit(estimation, start))
 
 
 def test_a_disturbance_as_strong_as_the_command_hides_nothing_of_it(start):
     record = record_of(start, 3, seconds=20.0, disturbance=1.0)
-    setting = prepare_setting(start, [record], "prediction")
-    assert follows(setting, refit(setting, start))
+    estimation = prepare_estimation(start, [record], "prediction")
+    assert follows(estimation, refit(estimation, start))
     found = diagnose(start, [record], effects=["coulomb_friction"])
     assert not found.response.tells_nothing
 
@@ -126,7 +126,7 @@ def test_the_model_with_the_missing_effect_may_be_the_first_that_follows(start):
     machine = start.with_effects(["input_delay@input(delay=0.4)"])
     command = np.random.default_rng(5).normal(size=600).repeat(4)
     record = record_of(machine, 5, command=command)
-    setting = prepare_setting(start, [record], "prediction")
-    plain = refit(setting, start)
-    assert not follows(setting, plain)
-    assert follows(setting, refit(setting, machine, None, plain))
+    estimation = prepare_estimation(start, [record], "prediction")
+    plain = refit(estimation, start)
+    assert not follows(estimation, plain)
+    assert follows(estimation, refit(estimation, machine, None, plain))

@@ -9,7 +9,7 @@ from tests.diagnosis.conftest import record_of
 from idloop.diagnosis.evidence.predictive import Evidence
 from idloop.diagnosis.screening.innovation_scores import InnovationScores
 from idloop.diagnosis.screening.proposals import proposals
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit
 from idloop.physics import Model, load_model
 
@@ -19,14 +19,14 @@ OFFSET = {"torque": 0.01}
 
 def fits(start: Model, machine: Model, seed: int, name: str, values: dict[str, float]) -> tuple[Refit, Refit]:
     """Of records of a machine, without an effect and with it."""
-    setting = setting_of(start, machine, seed)
-    parent = refit(setting, start)
+    estimation = estimation_of(start, machine, seed)
+    parent = refit(estimation, start)
     (proposal,) = proposals(parent.model, [f"{name}@axis"])
-    return parent, refit(setting, proposal.model(values), None, parent)
+    return parent, refit(estimation, proposal.model(values), None, parent)
 
 
-def setting_of(start: Model, machine: Model, seed: int) -> Setting:
-    return prepare_setting(start, [record_of(machine, seed, seconds=6.0, disturbance=0.02)], "prediction")
+def estimation_of(start: Model, machine: Model, seed: int) -> EstimationProblem:
+    return prepare_estimation(start, [record_of(machine, seed, seconds=6.0, disturbance=0.02)], "prediction")
 
 
 def evidence(parent: Refit, fit: Refit) -> Evidence:
@@ -46,7 +46,7 @@ def test_a_hidden_effect_shows_and_an_idle_one_does_not(start: Model) -> None:
 
 
 def test_a_fold_is_scored_by_the_other_ones(start: Model) -> None:
-    parent = refit(setting_of(start, load_model("axis"), 2), start)
+    parent = refit(estimation_of(start, load_model("axis"), 2), start)
     scores = InnovationScores(parent)
     unseen = float(np.sum(scores.scores().log_density))
     own = InnovationScores(parent)
@@ -57,7 +57,7 @@ def test_a_fold_is_scored_by_the_other_ones(start: Model) -> None:
 
 
 def test_columns_that_the_errors_follow_are_learnt_beside_the_parameters(start: Model) -> None:
-    parent = refit(setting_of(start, load_model("axis"), 3), start)
+    parent = refit(estimation_of(start, load_model("axis"), 3), start)
     scores = InnovationScores(parent)
     rng = np.random.default_rng(0)
     column = rng.normal(size=(len(scores.errors), 1))
@@ -69,8 +69,8 @@ def test_columns_that_the_errors_follow_are_learnt_beside_the_parameters(start: 
 
 @pytest.mark.parametrize("lags", [0, 3])
 def test_instants_without_a_past_count_as_average_ones(start: Model, lags: int) -> None:
-    setting = setting_of(start, load_model("axis"), 4)
-    fit = refit(setting, start, orders=[lags])
+    estimation = estimation_of(start, load_model("axis"), 4)
+    fit = refit(estimation, start, orders=[lags])
     scores = InnovationScores(fit).scores()
     assert len(scores.log_density) == sum(len(errors) for group in fit.problem.errors(fit.point) for errors in group)
     assert sorted(np.concatenate(scores.blocks)) == list(range(len(scores.log_density)))

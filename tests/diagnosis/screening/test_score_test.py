@@ -6,7 +6,7 @@ from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screen
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
@@ -23,8 +23,8 @@ def screen() -> Screen:
     output = simulate(model, time, command, time, noise=noise).output
     names, units = tuple(o.name for o in model.outputs), tuple(o.unit for o in model.outputs)
     record = Record("run", time, command, time, output, "axis.effort", model.input.unit, names, units)
-    setting = prepare_setting(model, [record], "prediction")
-    return Screen(setting, refit(setting, model), seed=0)
+    estimation = prepare_estimation(model, [record], "prediction")
+    return Screen(estimation, refit(estimation, model), seed=0)
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "dead_zone", "quadratic_drag", "input_delay", "gain_asymmetry"])
@@ -64,9 +64,9 @@ def test_a_trace_counts_by_what_is_its_own_however_much_the_parameters_could_do(
 def test_where_nothing_disturbs_the_disturbances_strength_takes_no_direction(seed: int) -> None:
     # Its slope there is that of a bound, along which the errors lie: what was projected on it looked like effects.
     model = load_model("axis").with_effects(["dead_zone@input(width=0.1)"])
-    setting = prepare_setting(model, [record_of(model, seed, seconds=8.0)], "prediction")
-    parent = refit(setting, model)
-    screen = Screen(setting, parent, 0)
+    estimation = prepare_estimation(model, [record_of(model, seed, seconds=8.0)], "prediction")
+    parent = refit(estimation, model)
+    screen = Screen(estimation, parent, 0)
     disturbed = parent.criterion.exponent > -5.0
     assert screen.basis.shape[1] <= parent.parameters + 2 * disturbed
     if not disturbed:

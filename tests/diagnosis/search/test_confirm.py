@@ -12,8 +12,8 @@ from idloop.diagnosis import diagnose
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screen
 from idloop.diagnosis.search.confirm import confirm_behind_noise
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
-from idloop.estimation.likelihood.refit import FAN, refit
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
+from idloop.estimation.likelihood.refit import STRENGTH_FACTORS, refit
 from idloop.physics import Model, catalogue, load_model
 
 
@@ -29,12 +29,12 @@ def test_a_constant_force_is_found_behind_a_walk(start: Model, offset: float) ->
 def test_a_filter_that_the_noise_model_imitates_is_found_with_the_noise_held_down(start: Model) -> None:
     hidden = "velocity_filter@velocity[axis]"
     machine = load_model("axis").with_effects([f"{hidden}(time_constant=0.04)"])
-    setting = prepare_setting(start, [record_of(machine, 3, seconds=8.0)], "prediction")
-    parent = refit(setting, start)
-    assert parent.coloured > 1.0
+    estimation = prepare_estimation(start, [record_of(machine, 3, seconds=8.0)], "prediction")
+    parent = refit(estimation, start)
+    assert parent.whitening_gain > 1.0
     names = [hidden, "sensor_delay@velocity[axis]", "actuator_lag@input", "coulomb_friction@axis"]
-    screened = Screen(setting, parent, 0).all(proposals(parent.model, names), lambda share, text: None)
-    found = confirm_behind_noise(setting, parent, screened)
+    screened = Screen(estimation, parent, 0).all(proposals(parent.model, names), lambda share, text: None)
+    found = confirm_behind_noise(estimation, parent, screened)
     assert found[0].proposal.name == hidden
     assert found[0].fit.model.values[f"{hidden}.time_constant"] == pytest.approx(0.04, rel=0.01)
 
@@ -48,7 +48,7 @@ def test_a_search_for_a_play_starts_near_any_gap(twist: float, gap: float) -> No
     tried = [trial["gap"] for alternative in effect.trials(Sizes(twist, travel)) for trial in alternative]
     reach = (0.1 * twist, 10.0 * twist * 1.4**8)
     if reach[0] <= gap <= reach[1]:
-        around = [share * trial for trial in tried for share in (1.0, *FAN)]
+        around = [share * trial for trial in tried for share in (1.0, *STRENGTH_FACTORS)]
         assert min(abs(np.log(gap / place)) for place in around) < np.log(1.3)
 
 

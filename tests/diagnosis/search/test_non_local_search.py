@@ -7,7 +7,7 @@ import pytest
 
 from idloop.diagnosis import refine
 from idloop.diagnosis.search.non_local_search import far_searches
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
 from idloop.physics.effect import catalogue
@@ -107,10 +107,10 @@ def test_a_coupling_that_always_slips_is_found_behind_the_damper_that_it_looks_l
     names, units = tuple(o.name for o in model.outputs), ("rad", "rad")
     record = Record("run", time, command, time, output, "motor.effort", "N·m", names, units)
     start = model.with_values({p.name: 0.8 * p.value for p in model.parameters if p.free})
-    setting = prepare_setting(start, [record], "prediction")
-    parent = refit(setting, start)
+    estimation = prepare_estimation(start, [record], "prediction")
+    parent = refit(estimation, start)
     assert parent.model.values["motor-load.stiffness"] < 0.2 * start.values["motor-load.stiffness"]
-    best = far_searches(setting, parent, start)[0]
+    best = far_searches(estimation, parent, start)[0]
     assert best.proposal.name == "slip@motor-load"
     assert best.gain > 100.0
     assert best.fit.model.values["slip@motor-load.limit"] == pytest.approx(0.15, rel=1e-2)

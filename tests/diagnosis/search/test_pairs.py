@@ -8,10 +8,10 @@ from idloop.diagnosis.diagnosis import tied_members
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.score_test import Screen, Screened, Trace
 from idloop.diagnosis.search.pairs import MOST_TRACES, Pairs
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
-from idloop.physics.effect import BODY, Effect, ParameterSpec
+from idloop.physics.effect import BODY, Effect, EffectParameter
 from idloop.physics.simulation import simulate
 from idloop.records import Record
 
@@ -20,7 +20,7 @@ ROWS = 400
 
 def an_effect(name: str, one_sided: bool = False, **more: object) -> Effect:
     low = 0.0 if one_sided else -np.inf
-    return Effect(name, BODY, "It is there.", (ParameterSpec("size", "-", min=low),), **more)  # type: ignore[arg-type]
+    return Effect(name, BODY, "It is there.", (EffectParameter("size", "-", min=low),), **more)  # type: ignore[arg-type]
 
 
 def screened(
@@ -205,8 +205,8 @@ def test_the_ladder_takes_both_steps_and_keeps_both(start: Model, compensated: R
 
 
 def test_sketches_say_what_the_traces_themselves_do(start: Model, compensated: Record) -> None:
-    setting = prepare_setting(start, [compensated], "prediction")
-    screen = Screen(setting, refit(setting, start), seed=0)
+    estimation = prepare_estimation(start, [compensated], "prediction")
+    screen = Screen(estimation, refit(estimation, start), seed=0)
     names = ["coulomb_friction", "quadratic_drag", "gain_asymmetry", "load_torque", "dead_zone", "input_delay"]
     traces = screen.all(proposals(screen.parent.model, names))
     for trace in (t for s in traces for t in s.traces if len(t.scores) == len(t.trials) == 1):

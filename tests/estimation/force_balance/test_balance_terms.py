@@ -7,7 +7,7 @@ import pytest
 from tests.physics.test_effects import STRONG
 
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.balance_terms import BalanceTerms, WholeBalance, balance_of
+from idloop.estimation.force_balance.balance_terms import BalanceTerms, WholeBalance, balance_terms
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.physics import Model, load_model
@@ -69,7 +69,7 @@ def form(machine: Model) -> WeakForm:
 
 
 def balances(model: Model, form: WeakForm) -> tuple[BalanceTerms, WholeBalance]:
-    return balance_of(model, form._along), WholeBalance(model, form._along)
+    return balance_terms(model, form._along), WholeBalance(model, form._along)
 
 
 @pytest.mark.parametrize("friction", [False, True], ids=["", "with dry friction"])

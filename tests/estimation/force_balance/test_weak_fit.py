@@ -153,9 +153,9 @@ def test_a_prediction_that_has_the_force_in_its_disturbance_is_told() -> None:
     plain = load_model("axis")
     balance = fit_by_force(RememberingEngine(plain), prepare(plain, [recorded(MACHINE)]), plain.theta)
     assert balance is not None
-    assert balance.serves
-    assert not balance.hides_from(balance.model)
-    assert balance.hides_from(plain.with_values({"axis.inertia": 30.0 * balance.model.values["axis.inertia"]}))
+    assert balance.usable
+    assert not balance.contradicts(balance.model)
+    assert balance.contradicts(plain.with_values({"axis.inertia": 30.0 * balance.model.values["axis.inertia"]}))
 
 
 def held_at_two_speeds(seed: int) -> Record:

@@ -128,8 +128,8 @@ def test_stretches_have_the_windows_of_the_record_that_they_are_cut_from() -> No
     machine = load_model("axis")
     form = form_of(machine, recorded(machine, seconds=40.0))
     most = int(form.starts[-1]) // 5
-    some = form.thinned(most)
-    assert form.thinned(int(form.starts[-1])) is form
+    some = form.subsampled(most)
+    assert form.subsampled(int(form.starts[-1])) is form
     assert some.starts[-1] == pytest.approx(most, rel=0.1)
     moved = machine.theta * 1.1
     place = np.searchsorted(form.along("time"), some.along("time") - 1e-9)
@@ -140,7 +140,7 @@ def test_stretches_have_the_windows_of_the_record_that_they_are_cut_from() -> No
 def test_stretches_of_a_model_with_a_memory_are_led_in() -> None:
     machine = load_model("axis").with_effect("actuator_lag", "input", time_constant=0.004)
     form = form_of(machine, recorded(machine, seconds=40.0))
-    some = form.thinned(int(form.starts[-1]) // 5)
+    some = form.subsampled(int(form.starts[-1]) // 5)
     place = np.searchsorted(form.along("time"), some.along("time") - 1e-9)
     whole = form.residual(machine.theta, 0.0)[place]
     assert some.residual(machine.theta, 0.0) == pytest.approx(
@@ -151,4 +151,4 @@ def test_stretches_of_a_model_with_a_memory_are_led_in() -> None:
 def test_the_turned_command_turns_the_drive() -> None:
     machine = load_model("axis")
     form = form_of(machine, recorded(machine))
-    assert form.turned().drive(machine.theta, 0.0) == pytest.approx(-form.drive(machine.theta, 0.0))
+    assert form.with_reversed_command().drive(machine.theta, 0.0) == pytest.approx(-form.drive(machine.theta, 0.0))

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
-from idloop.estimation.force_balance.zero_phase import zero_phase
+from idloop.estimation.force_balance.motion import zero_phase
 
 
 @given(st.integers(0, 999), st.floats(1e-3, 0.44), st.integers(40, 400), st.integers(1, 39), st.integers(1, 3))

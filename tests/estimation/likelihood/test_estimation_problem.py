@@ -8,7 +8,7 @@ from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.errors import IdloopError
-from idloop.estimation.likelihood.estimation_problem import FrugalEngine, prepare_setting
+from idloop.estimation.likelihood.estimation_problem import BoundedRateEngine, prepare_estimation
 from idloop.physics import load_model
 
 STEP = 0.002
@@ -17,7 +17,7 @@ STEP = 0.002
 def test_effects_may_be_as_quick_as_the_stiff_chain_that_they_sit_in() -> None:
     # A gap between nut and stage takes shorter steps than the samples, but no shorter ones than the screw's own modes.
     gap = load_model("lead_screw").with_effects(["backlash@nut-stage(gap=0.01)"])
-    assert FrugalEngine(gap, STEP, speed=10.0).layout(None).axis.coupling_hooks.shape[0] == 1
+    assert BoundedRateEngine(gap, STEP, speed=10.0).layout(None).axis.coupling_hooks.shape[0] == 1
 
 
 def test_a_chain_at_its_limit_leaves_room_for_an_effect() -> None:
@@ -27,15 +27,15 @@ def test_a_chain_at_its_limit_leaves_room_for_an_effect() -> None:
     for _ in range(60):
         middle = float(np.sqrt(low * high))
         try:
-            FrugalEngine(plain.with_values({"motor-load1.stiffness": middle}), STEP, 1.0).layout(None)
+            BoundedRateEngine(plain.with_values({"motor-load1.stiffness": middle}), STEP, 1.0).layout(None)
             low = middle
         except IdloopError:
             high = middle
     stiff = plain.with_values({"motor-load1.stiffness": low})
     slipping = stiff.with_effects(["slip@load2-load3(limit=0.1)"])
-    assert FrugalEngine(slipping, STEP, 1.0).layout(None).axis.coupling_hooks.shape[0] == 1
+    assert BoundedRateEngine(slipping, STEP, 1.0).layout(None).axis.coupling_hooks.shape[0] == 1
     with pytest.raises(IdloopError, match="faster than the samples"):
-        FrugalEngine(slipping.with_values({"motor-load1.stiffness": 1.1 * low}), STEP, 1.0).layout(None)
+        BoundedRateEngine(slipping.with_values({"motor-load1.stiffness": 1.1 * low}), STEP, 1.0).layout(None)
 
 
 def test_the_speed_of_a_body_is_known_from_its_position_where_its_velocity_is_left_out() -> None:
@@ -44,7 +44,7 @@ def test_the_speed_of_a_body_is_known_from_its_position_where_its_velocity_is_le
     place = np.round(record.output[:, 0], 4)
     computed = np.column_stack([place, np.gradient(place, record.time)])
     whole, left = (
-        Sizes(model, prepare_setting(model, [one], "simulation")).bodies[0]
+        Sizes(model, prepare_estimation(model, [one], "simulation")).bodies[0]
         for one in (record, replace(record, output=computed))
     )
     assert left == pytest.approx(whole, rel=0.05)

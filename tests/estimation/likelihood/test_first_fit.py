@@ -6,7 +6,7 @@ from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis import diagnose, refine
 from idloop.estimation import fit
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import load_model
 
 
@@ -27,13 +27,13 @@ def test_fit_and_the_first_rung_agree_to_the_last_digit(factor: float) -> None:
 def test_a_setting_is_thinned_to_stretches_of_its_records() -> None:
     machine = load_model("axis")
     records = [record_of(machine, seed, seconds=10.0, name=f"run {seed}") for seed in (1, 2)]
-    setting = prepare_setting(machine, records, "prediction")
-    total = sum(len(one.time) for one in setting.data)
-    some = setting.thinned(total // 5)
-    assert setting.thinned(total) is setting
+    estimation = prepare_estimation(machine, records, "prediction")
+    total = sum(len(one.time) for one in estimation.data)
+    some = estimation.subsampled(total // 5)
+    assert estimation.subsampled(total) is estimation
     assert sum(len(one.time) for one in some.data) == pytest.approx(total / 5, rel=0.01)
     for stretch, record in zip(some.data, some.records, strict=True):
-        whole = next(one for one in setting.data if one.name == stretch.name)
+        whole = next(one for one in estimation.data if one.name == stretch.name)
         place = np.searchsorted(whole.time, stretch.time)
         np.testing.assert_array_equal(whole.output[place], stretch.output)
         np.testing.assert_array_equal(whole.held_input()[place], stretch.held_input())

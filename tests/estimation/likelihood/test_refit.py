@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
-from idloop.estimation.likelihood.refit import Refit, _disturbance_elsewhere, refit, transfer
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
+from idloop.estimation.likelihood.refit import Refit, _other_disturbance, refit, transfer
 from idloop.estimation.observer.innovations import WALK, WHITE
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
@@ -36,29 +36,29 @@ def start() -> Model:
     return model.with_values({p.name: 0.7 * p.value for p in model.parameters if p.free})
 
 
-def under_both(start: Model, seed: int) -> dict[str, Setting]:
+def under_both(start: Model, seed: int) -> dict[str, EstimationProblem]:
     """The same run under two disturbances: forgotten at once, and never."""
     shocks = np.random.default_rng(seed).normal(size=600)
     forces = {"white": 0.05 * shocks, "walk": 0.01 * np.cumsum(shocks)}
     return {
-        name: prepare_setting(start, [disturbed(load_model("axis"), force, seed + 50)], "prediction")
+        name: prepare_estimation(start, [disturbed(load_model("axis"), force, seed + 50)], "prediction")
         for name, force in forces.items()
     }
 
 
 @pytest.fixture(scope="module")
-def settings(start: Model) -> dict[str, Setting]:
+def problems(start: Model) -> dict[str, EstimationProblem]:
     return under_both(start, 4)
 
 
 @pytest.fixture(scope="module")
-def found(start: Model, settings: dict[str, Setting]) -> dict[str, Refit]:
-    return {name: refit(setting, start) for name, setting in settings.items()}
+def found(start: Model, problems: dict[str, EstimationProblem]) -> dict[str, Refit]:
+    return {name: refit(estimation, start) for name, estimation in problems.items()}
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_white_disturbance_ends_with_a_short_memory_and_a_walk_with_a_long_one(start: Model, seed: int) -> None:
-    fits = {name: refit(setting, start) for name, setting in under_both(start, seed).items()}
+    fits = {name: refit(estimation, start) for name, estimation in under_both(start, seed).items()}
     assert fits["white"].criterion.memory < SHORT_MEMORY
     assert fits["walk"].criterion.memory >= LONG_MEMORY
     for fit in fits.values():
@@ -72,24 +72,29 @@ def test_an_observer_elsewhere_is_told_of_a_walk_only(found: dict[str, Refit]) -
 
 @pytest.mark.parametrize(("name", "exponent", "memory"), [("white", -8.0, WALK), ("walk", 2.0, WHITE)])
 def test_a_search_beside_a_model_of_quite_another_disturbance_finds_its_own(
-    name: str, exponent: float, memory: float, start: Model, settings: dict[str, Setting], found: dict[str, Refit]
+    name: str,
+    exponent: float,
+    memory: float,
+    start: Model,
+    problems: dict[str, EstimationProblem],
+    found: dict[str, Refit],
 ) -> None:
     fit = found[name]
     neighbour = replace(fit, point=np.array([*fit.point[: fit.parameters], exponent, memory]))
-    again = refit(settings[name], start, None, neighbour)
+    again = refit(problems[name], start, None, neighbour)
     assert again.log_likelihood == pytest.approx(fit.log_likelihood, abs=5.0)
     assert (again.criterion.memory >= LONG_MEMORY) == (name == "walk")
 
 
 @pytest.mark.parametrize("name", ["white", "walk"])
 def test_no_other_disturbance_explains_the_record_better(
-    name: str, settings: dict[str, Setting], found: dict[str, Refit]
+    name: str, problems: dict[str, EstimationProblem], found: dict[str, Refit]
 ) -> None:
     fit = found[name]
     theta, values = fit.point[: fit.parameters], []
     for exponent in np.arange(-8.0, 3.0, 1.0):
         for memory in (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0):
-            other = transfer(settings[name], replace(fit, point=np.array([*theta, exponent, memory])))
+            other = transfer(problems[name], replace(fit, point=np.array([*theta, exponent, memory])))
             assert other is not None
             values.append(other.log_likelihood)
     assert max(values) < fit.log_likelihood + 0.5
@@ -99,22 +104,22 @@ def test_no_other_disturbance_explains_the_record_better(
 
 @pytest.mark.parametrize(("name", "exponent", "memory"), [("white", -4.0, WALK), ("walk", 0.0, WHITE)])
 def test_a_search_that_ended_at_the_next_best_disturbance_goes_on_from_the_best(
-    name: str, exponent: float, memory: float, settings: dict[str, Setting], found: dict[str, Refit]
+    name: str, exponent: float, memory: float, problems: dict[str, EstimationProblem], found: dict[str, Refit]
 ) -> None:
     fit = found[name]
     stuck = replace(fit, point=np.array([*fit.point[: fit.parameters], exponent, memory]))
-    elsewhere = _disturbance_elsewhere(settings[name], stuck)
+    elsewhere = _other_disturbance(problems[name], stuck)
     assert elsewhere is not None
     assert (elsewhere.nuisance[1] >= LONG_MEMORY) == (name == "walk")
     # And what is the best already is left alone.
-    assert _disturbance_elsewhere(settings[name], fit) is None
+    assert _other_disturbance(problems[name], fit) is None
 
 
 def test_an_effect_that_begins_where_it_does_nothing_is_still_fitted(start: Model) -> None:
     machine = load_model("axis").with_effect("saturation", "input", limit=1.0)
     guess = start.with_effect("saturation", "input", limit=4.5)
-    setting = prepare_setting(guess, [disturbed(machine, np.zeros(1200), 3)], "prediction")
-    assert refit(setting, guess).model.values["saturation@input.limit"] == pytest.approx(1.0, abs=0.01)
+    estimation = prepare_estimation(guess, [disturbed(machine, np.zeros(1200), 3)], "prediction")
+    assert refit(estimation, guess).model.values["saturation@input.limit"] == pytest.approx(1.0, abs=0.01)
 
 
 def test_several_waves_are_refitted_from_the_plain_machine(start: Model) -> None:
@@ -124,6 +129,6 @@ def test_several_waves_are_refitted_from_the_plain_machine(start: Model) -> None
         hidden = hidden.with_effect("cogging", "axis", amplitude=amplitude, harmonic=harmonic, phase=phase)
         near = near.with_effect("cogging", "axis", amplitude=1.3 * amplitude, harmonic=harmonic, phase=phase)
     record = disturbed(hidden, np.zeros(1000), 0)
-    fit = refit(prepare_setting(near, [record], "prediction"), near)
+    fit = refit(prepare_estimation(near, [record], "prediction"), near)
     for (amplitude, _, _), name in zip(waves, fit.model.effect_names, strict=True):
         assert abs(fit.model.values[f"{name}.amplitude"]) == pytest.approx(amplitude, rel=0.05)

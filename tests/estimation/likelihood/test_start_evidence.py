@@ -7,9 +7,9 @@ import pytest
 from tests.diagnosis.conftest import RATE
 
 from idloop.diagnosis import diagnose
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
+from idloop.estimation.likelihood.log_likelihood import weigh
 from idloop.estimation.likelihood.refit import refit
-from idloop.estimation.likelihood.weighing import weigh
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
@@ -42,11 +42,11 @@ def test_a_constant_far_above_what_a_walk_begins_with_is_named(one_sensor: Model
 
 
 def test_the_start_weighs_most_where_the_force_is_missing(one_sensor: Model) -> None:
-    setting = prepare_setting(one_sensor, [beside_a_walk(0.15, 0.01, 1)], "prediction")
-    without = refit(setting, one_sensor)
-    beside = refit(setting, one_sensor.with_effects(["load_torque@axis(torque=0.15)"]), None, without)
+    estimation = prepare_estimation(one_sensor, [beside_a_walk(0.15, 0.01, 1)], "prediction")
+    without = refit(estimation, one_sensor)
+    beside = refit(estimation, one_sensor.with_effects(["load_torque@axis(torque=0.15)"]), None, without)
     assert any(without.problem.orders)
-    assert beside.at_start - without.at_start > 10.0
+    assert beside.initial_log_likelihood - without.initial_log_likelihood > 10.0
     # Without whitening no instant is spent on a past, and the likelihood says all.
     weigh(without.problem, without.point, [0] * len(without.problem.orders))
-    assert replace(without).at_start == 0.0
+    assert replace(without).initial_log_likelihood == 0.0

@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.observer.innovations import InnovationCriterion
 from idloop.physics import Engine, load_model, simulate
 from idloop.physics.engine import Linear
@@ -94,15 +94,15 @@ def records(lengths: list[int], gap: int | None = None) -> list[Record]:
 
 
 def criterion(lengths: list[int], gap: int | None = None) -> InnovationCriterion:
-    setting = prepare_setting(load_model("dc_motor"), records(lengths, gap), "prediction")
-    made = setting.criterion(load_model("dc_motor"))
+    estimation = prepare_estimation(load_model("dc_motor"), records(lengths, gap), "prediction")
+    made = estimation.criterion(load_model("dc_motor"))
     assert isinstance(made, InnovationCriterion)
     return made
 
 
 def test_a_glimpse_is_the_middle_of_each_record() -> None:
     whole = criterion([8000, 4000], gap=3900)
-    short = whole.glimpse(3000)
+    short = whole.subset(3000)
     assert short is not None
     assert [len(d.time) for d in short.data] == [2000, 1000]
     assert [d.time[0] for d in short.data] == [whole.data[0].time[3000], whole.data[1].time[1500]]
@@ -113,4 +113,4 @@ def test_a_glimpse_is_the_middle_of_each_record() -> None:
 
 
 def test_short_records_have_no_glimpse() -> None:
-    assert criterion([3000]).glimpse(2000) is None
+    assert criterion([3000]).subset(2000) is None

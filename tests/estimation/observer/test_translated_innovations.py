@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.observer.translated_innovations import TranslatedCriterion
 from idloop.physics import load_model, simulate
 from idloop.records import Record
@@ -38,8 +38,8 @@ def record_of(model, rng, pause=False):
 def criterion_of(name, pause=False, effect=None):
     model = load_model(name)
     truth = model if effect is None else model.with_effect(*effect[:2], **effect[2])
-    setting = prepare_setting(model, [record_of(truth, np.random.default_rng(5), pause)], "prediction")
-    criterion = setting.criterion(truth)
+    estimation = prepare_estimation(model, [record_of(truth, np.random.default_rng(5), pause)], "prediction")
+    criterion = estimation.criterion(truth)
     criterion.retune(truth.theta)
     return criterion, truth.theta
 

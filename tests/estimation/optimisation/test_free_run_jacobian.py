@@ -5,20 +5,20 @@ import pytest
 
 from idloop.estimation.dataset import prepare
 from idloop.estimation.greybox import fit
-from idloop.estimation.optimisation.free_run_jacobian import FreeRunSlopes
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.free_run_jacobian import FreeRunJacobian
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.physics import Engine, load_model
 
 
 def slopes_of(model, record):
     criterion = SimulationCriterion(Engine(model), prepare(model, [record]))
-    problem = Problem(criterion, len(model.theta))
+    problem = LeastSquaresProblem(criterion, len(model.theta))
     point = np.concatenate([model.theta, criterion.nuisance()[0]])
     problem.reweigh(point, False)
     scale = np.maximum(np.abs(point), 0.1)
     unbounded = np.full(len(point), np.inf)
-    return FreeRunSlopes(problem, -unbounded, unbounded, scale, 1e-4 * scale), point
+    return FreeRunJacobian(problem, -unbounded, unbounded, scale, 1e-4 * scale), point
 
 
 def test_what_agrees_with_differences_is_taken(motor, experiment):

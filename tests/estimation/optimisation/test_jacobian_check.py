@@ -1,4 +1,4 @@
-"""Errors that are smooth, and those of a machine that rattles in its gap."""
+"""Errors that are smooth, and those of a machine that chatters in its backlash."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idloop.estimation import fit
-from idloop.estimation.optimisation.jacobian_check import is_rough
+from idloop.estimation.optimisation.jacobian_check import jacobian_unreliable
 from idloop.physics.model_file import from_text
 from idloop.physics.simulation import simulate
 from idloop.records.from_model import record_from_model
@@ -38,7 +38,7 @@ def test_changes_that_are_noise_are_rough(grain, rough):
         return 1e4 * sensitivity @ point + 500.0 * (sensitivity @ point) ** 2 + grain * chance.normal(size=500)
 
     box = np.full(3, 10.0)
-    assert is_rough(residual, np.array([1.0, 2.0, 0.5]), -box, box, np.ones(3), 3) == rough
+    assert jacobian_unreliable(residual, np.array([1.0, 2.0, 0.5]), -box, box, np.ones(3), 3) == rough
 
 
 @pytest.mark.parametrize(("damping", "hold", "rattles"), [(0.01, 0.05, True), (0.3, 0.5, False)])
@@ -51,4 +51,4 @@ def test_the_intervals_of_a_machine_that_rattles_are_not_to_be_trusted(damping, 
     output = simulate(model, time, command, time).output
     record = record_from_model("run", model, time, command, output + NOISE * chance.normal(size=output.shape))
     found = fit(model, [record], criterion="prediction")
-    assert any("strike so often" in warning for warning in found.warnings) == rattles
+    assert any("contacts in the backlash" in warning for warning in found.warnings) == rattles

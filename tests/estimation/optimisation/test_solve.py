@@ -3,10 +3,10 @@ import pytest
 
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.optimisation.solve import solve
 from idloop.estimation.simulation import SimulationCriterion
-from idloop.estimation.statistics.parameter_covariance import problem_covariance
+from idloop.estimation.statistics.covariance import estimate_covariance
 from idloop.physics import Engine
 
 START = {"drive.gain": 6.0, "motor.viscous_friction": 3.0, "coulomb_friction@motor.level": 0.5}
@@ -23,7 +23,7 @@ def test_a_draft_is_within_a_standard_error(motor, criterion):
     assert whole.converged
     point = np.concatenate([whole.theta, whole.nuisance])
     residual = whole.problem.residual(point)
-    spread = np.sqrt(np.diag(problem_covariance(whole.problem, point, residual, whole.jacobian)))[: len(start)]
+    spread = np.sqrt(np.diag(estimate_covariance(whole.problem, point, residual, whole.jacobian)))[: len(start)]
     simulated = criterion.simulated
     criterion.simulated = lambda *given: evaluations.append(0) or simulated(*given)
     draft = solve(criterion, start, *motor.bounds, draft=True)
@@ -34,7 +34,7 @@ def test_a_draft_is_within_a_standard_error(motor, criterion):
 
 
 def test_a_jacobian_is_carried_to_other_weights(motor, criterion):
-    problem = Problem(criterion, len(motor.theta))
+    problem = LeastSquaresProblem(criterion, len(motor.theta))
     point = np.concatenate([motor.with_values(START).theta, criterion.nuisance()[0]])
 
     def slopes():
@@ -45,7 +45,7 @@ def test_a_jacobian_is_carried_to_other_weights(motor, criterion):
     before, weights = slopes(), problem.weights
     problem.reweigh(np.concatenate([motor.theta, criterion.nuisance()[0]]), whiten=False)
     assert not np.allclose(problem.weights[0], weights[0], rtol=0.5)
-    assert problem.carried(before, weights) == pytest.approx(slopes(), rel=1e-6, abs=1e-5)
+    assert problem.reweighted_jacobian(before, weights) == pytest.approx(slopes(), rel=1e-6, abs=1e-5)
 
 
 def test_a_model_that_only_runs_at_its_start_is_said(motor, criterion):

@@ -8,7 +8,7 @@ from idloop.errors import InputError
 from idloop.estimation.black_box.identification import identify
 from idloop.estimation.black_box.method import Choices
 from idloop.estimation.black_box.sampled import SampledData
-from idloop.estimation.statistics.collinear import move_together
+from idloop.estimation.statistics.collinear import any_collinear
 
 
 @pytest.mark.parametrize("factor", [2.0, -3.0, 1e-9])
@@ -27,10 +27,10 @@ def test_outputs_of_one_signal_are_refused(factor: float) -> None:
 
 def test_one_signal_or_noise_beside_it_moves_by_itself() -> None:
     one = np.random.default_rng(0).normal(size=(500, 1))
-    assert not move_together(one)
-    assert not move_together(np.hstack([one, np.zeros((500, 1))]))
-    assert not move_together(np.hstack([one, 2.0 * one + 1e-6 * np.random.default_rng(1).normal(size=(500, 1))]))
-    assert move_together(np.hstack([one, 2.0 * one]))
+    assert not any_collinear(one)
+    assert not any_collinear(np.hstack([one, np.zeros((500, 1))]))
+    assert not any_collinear(np.hstack([one, 2.0 * one + 1e-6 * np.random.default_rng(1).normal(size=(500, 1))]))
+    assert any_collinear(np.hstack([one, 2.0 * one]))
 
 
 METHODS = ("arx", "iv4", "armax", "oe", "bj", "n4sid", "moesp", "cva", "pbsid", "pem", "rarx")

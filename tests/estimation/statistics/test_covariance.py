@@ -6,8 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from idloop.estimation.statistics.covariance import jackknife, long_run_covariance, sandwich, white_covariance, widest
-from idloop.estimation.statistics.parameter_covariance import problem_covariance
+from idloop.estimation.statistics.covariance import (
+    estimate_covariance,
+    jackknife,
+    long_run_covariance,
+    sandwich,
+    white_covariance,
+    widest,
+)
 
 
 def test_long_run_variance_of_an_autoregression() -> None:
@@ -21,9 +27,9 @@ def test_a_parameter_that_moves_nothing_has_no_standard_error() -> None:
     jacobian, residual = rng.normal(size=(400, 3)), rng.normal(size=400)
     jacobian[:, 1] = 0.0
     rows = np.array_split(np.arange(400), 40)
-    problem = SimpleNamespace(scores=lambda _, e, j: [j * e[:, None]], stretches=lambda _, count: rows)
-    covariance = problem_covariance(problem, np.zeros(3), residual, jacobian)
-    alone = problem_covariance(problem, np.zeros(2), residual, jacobian[:, [0, 2]])
+    problem = SimpleNamespace(scores=lambda _, e, j: [j * e[:, None]], segments=lambda _, count: rows)
+    covariance = estimate_covariance(problem, np.zeros(3), residual, jacobian)
+    alone = estimate_covariance(problem, np.zeros(2), residual, jacobian[:, [0, 2]])
     assert np.isnan(covariance[1]).all()
     assert np.isnan(covariance[:, 1]).all()
     assert covariance[np.ix_([0, 2], [0, 2])] == pytest.approx(alone)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, force_scale, output_groups, output_noise
 from idloop.estimation.observer.innovations import LEAST_EXPONENT, MOST_EXPONENT, InnovationCriterion
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.statistics.whitening import Whitener, choose_order, fit_whitener
 
@@ -88,7 +88,7 @@ def common_noise(models: Sequence[Model], data: list[Data]) -> Noise:
             exponent = float(np.clip(tried, LEAST_EXPONENT, MOST_EXPONENT))
             criterion = InnovationCriterion(engine, data, sensors, force, exponent)
             point = np.concatenate([model.theta, [exponent, criterion.memory]])
-            problem = Problem(criterion, len(model.theta))
+            problem = LeastSquaresProblem(criterion, len(model.theta))
             try:
                 problem.reweigh(point, whiten=False)
             except (IdloopError, np.linalg.LinAlgError):

@@ -18,7 +18,7 @@ from idloop.diagnosis.design.suggest import Suggestion, suggest
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.errors import InputError
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -78,7 +78,7 @@ def effect_rivals(model: Model, effect: str, records: Sequence[Record], limits: 
         Of the experiment to come.
     """
     proposal = find_proposal(model, effect)
-    sizes = Sizes(model, prepare_setting(model, records, "prediction"))
+    sizes = Sizes(model, prepare_estimation(model, records, "prediction"))
     scales = _allowed_scales(sizes.at(proposal.effect.site, proposal.at), limits.completed(model, records))
     choices = [proposal.model(group[0]) for group in proposal.alternatives(scales) if group]
     costs = [drawback(model, choice, records) for choice in choices]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from idloop.diagnosis.design.rival_view import Difference
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
-from idloop.estimation.force_balance.weak_fit import fit_by_force, model_error_rules
+from idloop.estimation.force_balance.weak_fit import fit_by_force, model_error_dominates
 from idloop.estimation.force_balance.weak_form import NARROWEST, WeakForm, weak_form
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.statistics.whitening import Whitener, choose_order, fit_whitener
@@ -146,7 +146,7 @@ def force_decides(model: Model, data: Sequence[Data]) -> bool:
     if form is None:
         return False
     shift = _best_shift(form, model.theta)
-    return model_error_rules(form, model.theta, shift)
+    return model_error_dominates(form, model.theta, shift)
 
 
 def force_views(models: Sequence[Model], data: Sequence[Data]) -> list[ForceView] | None:
@@ -161,7 +161,7 @@ def force_views(models: Sequence[Model], data: Sequence[Data]) -> list[ForceView
     engines = [RememberingEngine(model) for model in models]
     if any(engine.layout(None).bodies != len(model.bodies) for engine, model in zip(engines, models, strict=True)):
         return None
-    fitted = fit_by_force(engines[0], data, models[0].theta, insist=True)
+    fitted = fit_by_force(engines[0], data, models[0].theta, accept_noise=True)
     if fitted is None:
         return None
     form, step = fitted.form, float(np.median([d.sample_time for d in data]))

@@ -204,7 +204,7 @@ def _suggestion(
     )
 
 
-def loop_of(
+def detect_feedback(
     model: Model, records: Sequence[Record], adds_to: str | None = None
 ) -> tuple[str, Mapping[str, Any] | None]:
     """What an experiment is added to, and the controller that is at work then.
@@ -287,7 +287,7 @@ def _setup(
     adds_to: str | None,
     seed: int,
 ) -> Setup:
-    target, controller = loop_of(model, records, adds_to)
+    target, controller = detect_feedback(model, records, adds_to)
     step = float(np.median([record.sample_time for record in records]))
     complete = limits.completed(model, records)
     if start is None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.force_error import balance_of, thin
+from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.physics.effect import BODY, COUPLING, INPUT
 from idloop.physics.kernel import GAIN
@@ -89,7 +89,7 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
     """Force, command or torque along the measured motion, in the band in which forces are compared."""
     data = prepare(model, [record])[0]
     engine, plain = RememberingEngine(model), RememberingEngine(without)
-    balance = balance_of(engine, data)
+    balance = record_balance(engine, data)
     if balance is None:
         return None
     kind, motion, units = model.site_kind(active.at), balance.motion, model.units
@@ -99,7 +99,7 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
 
     def unexplained(*along: Any, **conditions: Any) -> list[Array]:
         """Of the force on the body, without the effect and with it."""
-        return [one.equation_error(None, *along, **conditions)[:, body] for one in (plain, engine)]
+        return [one.balance(None, *along, **conditions).residual[:, body] for one in (plain, engine)]
 
     command = balance.command(0.0)
     along = (motion.position, motion.velocity, motion.acceleration, motion.time, command, motion.time)

@@ -9,10 +9,9 @@ from functools import cached_property
 
 from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.errors import InputError
-from idloop.estimation.force_balance.weak_fit import WeakFit, draft_of, fit_anew, fit_by_force
+from idloop.estimation.force_balance.weak_fit import WeakFit, draft_windows, fit_by_force, fit_from_two_starts
 from idloop.estimation.force_balance.weak_form import WeakForm
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
-from idloop.estimation.likelihood.intervals import with_stderr
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit_or_none
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.physics.model import Model
@@ -36,14 +35,14 @@ class Views:
     command is turned, and where what it shows is a feedback. Windows that are made anew are added to `forms`.
     """
 
-    def __init__(self, model: Model, setting: Setting, forms: dict[int, WeakForm]) -> None:
-        self.model, self.setting = model, setting
-        fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms)
+    def __init__(self, model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> None:
+        self.model, self.estimation = model, estimation
+        fit = fit_by_force(RememberingEngine(model), estimation.data, model.theta, forms)
         serves = (
             fit is not None
-            and fit.serves
+            and fit.usable
             and fit.form.left_out <= _LEFT_OUT
-            and setting.shows(fit.model)
+            and estimation.resolves(fit.model)
             and not _against_the_command(fit)
         )
         self.balance = fit if serves else None
@@ -51,12 +50,12 @@ class Views:
     @cached_property
     def predicted(self) -> Refit | None:
         """The model fitted to prediction errors; None where it cannot be."""
-        return refit_or_none(self.setting, self.model)
+        return refit_or_none(self.estimation, self.model)
 
     @cached_property
-    def _begun(self) -> tuple[Setting, Refit | None] | None:
+    def _begun(self) -> tuple[EstimationProblem, Refit | None] | None:
         """How long records begin, and the model fitted to that by prediction errors; None where they are short."""
-        part = _beginnings(self.setting, self.model)
+        part = _beginnings(self.estimation, self.model)
         return None if part is None else (part, refit_or_none(part, self.model))
 
     @cached_property
@@ -65,7 +64,7 @@ class Views:
         if self.balance is None:
             return False
         predicted = self.predicted if self._begun is None else self._begun[1]
-        return predicted is None or self.balance.hides_from(predicted.model)
+        return predicted is None or self.balance.contradicts(predicted.model)
 
     @property
     def finer(self) -> Refit | None:
@@ -74,7 +73,7 @@ class Views:
         if balance is None:
             return self.predicted
         # Where model error rules, predictions are not asked: they may take minutes.
-        return None if balance.model_error_rules or self.blind else self.predicted
+        return None if balance.model_error_dominates or self.blind else self.predicted
 
     def contradict(self, found: Model, level: float) -> bool:
         """Whether predictions of the next sample are no better for what the balance has found.
@@ -87,21 +86,21 @@ class Views:
         # How long records begin mostly says enough; where it does not, all of them are asked.
         if self._begun is not None and not _denies(self._begun[1], found, self._begun[0], level):
             return False
-        return _denies(self.predicted, found, self.setting, level)
+        return _denies(self.predicted, found, self.estimation, level)
 
 
 def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) -> Candidate:
     """A candidate with the values of a fit to prediction errors, of the model that has it."""
-    model = with_stderr(fit, records)
+    model = fit.with_stderr()
     return replace(candidate, model=model, parameters=effect_parameters(model, candidate.name))
 
 
-def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> WeakFit:
+def asked_fit(model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> WeakFit:
     """The model fitted by its force balance, which was asked for: it decides wherever it can be evaluated.
 
     Raises `InputError` where it cannot be.
     """
-    fit = fit_by_force(RememberingEngine(model), setting.data, model.theta, forms, insist=True)
+    fit = fit_by_force(RememberingEngine(model), estimation.data, model.theta, forms, accept_noise=True)
     if fit is None:
         raise InputError(
             "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "
@@ -110,25 +109,25 @@ def asked_fit(model: Model, setting: Setting, forms: dict[int, WeakForm]) -> Wea
     return fit
 
 
-def _beginnings(setting: Setting, start: Model) -> Setting | None:
-    """How the records begin, as a setting of its own; None where they are short, or begin without a motion."""
-    samples = sum(len(record.time) for record in setting.records)
+def _beginnings(estimation: EstimationProblem, start: Model) -> EstimationProblem | None:
+    """How the records begin, as a problem of its own; None where they are short, or begin without a motion."""
+    samples = sum(len(record.time) for record in estimation.records)
     if samples < 2 * _BEGINNINGS:
         return None
-    ends = [record.time[(len(record.time) - 1) * _BEGINNINGS // samples] for record in setting.records]
+    ends = [record.time[(len(record.time) - 1) * _BEGINNINGS // samples] for record in estimation.records]
     try:
-        cut = [record.cut(None, float(end)) for record, end in zip(setting.records, ends, strict=True)]
-        return prepare_setting(start, cut, setting.kind)
+        cut = [record.cut(None, float(end)) for record, end in zip(estimation.records, ends, strict=True)]
+        return prepare_estimation(start, cut, estimation.kind)
     except InputError:
         return None
 
 
-def _denies(plain: Refit | None, found: Model, setting: Setting, level: float) -> bool:
+def _denies(plain: Refit | None, found: Model, estimation: EstimationProblem, level: float) -> bool:
     if plain is None:
         return False
     # One search from the values of the balance mostly shows that predictions are better for it.
     for near in (True, False):
-        after = refit_or_none(setting, found, near=near)
+        after = refit_or_none(estimation, found, near=near)
         if after is not None and after.log_likelihood - plain.log_likelihood >= math.log(1.0 / level):
             return False
     return after is not None
@@ -136,4 +135,7 @@ def _denies(plain: Refit | None, found: Model, setting: Setting, level: float) -
 
 def _against_the_command(fit: WeakFit) -> bool:
     """Whether the same model explains far more of the force with the sign of the command turned."""
-    return fit_anew(draft_of(fit.form).turned(), fit.point).relative < _FAR_LESS * fit.relative
+    return (
+        fit_from_two_starts(draft_windows(fit.form).with_reversed_command(), fit.point).relative
+        < _FAR_LESS * fit.relative
+    )

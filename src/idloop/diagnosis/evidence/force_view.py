@@ -19,10 +19,10 @@ from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.diagnosis.search.step import ADEQUATE, FAR_MORE, UNKNOWN, Step, View, Weighed
 from idloop.errors import IdloopError
-from idloop.estimation.dataset import Data, recorded
+from idloop.estimation.dataset import Data, common_conditions
 from idloop.estimation.force_balance.weak_fit import (
     MOST_ITERATIONS,
-    RANKING,
+    RANKING_TOLERANCE,
     TOLERANCE,
     WeakFit,
     cost_at,
@@ -31,7 +31,7 @@ from idloop.estimation.force_balance.weak_fit import (
     with_rest_speed,
 )
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
-from idloop.estimation.likelihood.estimation_problem import ENOUGH, Setting
+from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.physics.effect import INPUT, OUTPUT
@@ -76,7 +76,7 @@ _LEAST_PROMISE = 2.0
 class ForceStep(Step[WeakFit]):
     """What one step has weighed by the balance of forces."""
 
-    thinned: WeakFit = field(kw_only=True)  # the parent, fitted to the windows in which the effects are weighed
+    subsampled: WeakFit = field(kw_only=True)  # the parent, fitted to the windows in which the effects are weighed
     # The same effects beside a curve that explains far more than any of them; empty where there is none.
     beside: tuple[Weighed[WeakFit], ...] = ()
 
@@ -90,7 +90,7 @@ class ForceStep(Step[WeakFit]):
 
         The user looks at the unexplained part of the drive's force: what shrinks both alike explains nothing.
         """
-        relative = 1.0 - math.exp(_typical(one.fit.relatives) - _typical(self.thinned.relatives))
+        relative = 1.0 - math.exp(_typical(one.fit.relative_by_body) - _typical(self.subsampled.relative_by_body))
         return min(one.evidence.improvement, relative)
 
     def worth(self, one: Weighed[WeakFit]) -> bool:
@@ -138,13 +138,13 @@ class ForceStep(Step[WeakFit]):
         fit = self.parent
         if self.structure is not None:
             return UNKNOWN, ()
-        worst = int(np.argmax(fit.relatives))
-        if fit.relatives[worst] < _ADEQUATE or not fit.model_error_rules:
+        worst = int(np.argmax(fit.relative_by_body))
+        if fit.relative_by_body[worst] < _ADEQUATE or not fit.model_error_dominates:
             return ADEQUATE, ()
         force = "drive force" if worst == 0 else f"force on {fit.model.bodies[worst]}"
         text = (
-            f"{100.0 * fit.relatives[worst]:.3g} % of the {force} stays unexplained, which sensor noise does not "
-            "account for: no effect that was looked for explains more of it on samples that the fit has not seen"
+            f"{100.0 * fit.relative_by_body[worst]:.3g} % of the {force} stays unexplained, which sensor noise does not"
+            " account for: no effect that was looked for explains more of it on samples that the fit has not seen"
         )
         return UNKNOWN, (text,)
 
@@ -165,22 +165,22 @@ class ForceView(View[WeakFit]):
 
     def __init__(
         self,
-        setting: Setting,
+        estimation: EstimationProblem,
         level: float,
         least: float,
         effects: Sequence[str] | None = None,
         held_out: Sequence[Data] = (),
         forms: dict[int, WeakForm] | None = None,
     ) -> None:
-        self.setting, self.level, self.least, self.effects = setting, level, least, effects
+        self.estimation, self.level, self.least, self.effects = estimation, level, least, effects
         self.held_out, self._forms = tuple(held_out), {} if forms is None else forms
 
     def weigh(self, parent: WeakFit) -> Step[WeakFit]:
         """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
-        whole, parent = parent, parent.thinned(ENOUGH)
-        model, glance = parent.model, parent.thinned(_GLANCE)
-        screen = _Screen(self.setting, parent, glance)
-        asked = proposals(model, self.effects, self.setting.conditions)
+        whole, parent = parent, parent.subsampled(ENOUGH)
+        model, glance = parent.model, parent.subsampled(_GLANCE)
+        screen = _Screen(self.estimation, parent, glance)
+        asked = proposals(model, self.effects, self.estimation.conditions)
         choices = [one for one in asked if _balances(one)]
         screened = list(in_parallel(screen, choices))
         promising = [found for found in screened if found.starts]
@@ -189,10 +189,10 @@ class ForceView(View[WeakFit]):
         chosen = promising[:_FEWEST] + [found for found in promising[_FEWEST:FITTED] if found.promise >= worth]
         parts = {part for found in chosen for part in found.proposal.effect.contains}
         chosen += [found for found in promising if found.proposal.effect.name in parts and found not in chosen]
-        weigher = _Weigher(self.setting, parent, glance, self.held_out)
+        weigher = _Weigher(self.estimation, parent, glance, self.held_out)
         weighed = weigher(in_parallel(partial(_fitted, glance), chosen), self.level)
         step = ForceStep(
-            whole, tuple(weighed), len(choices) + screen.waves, self.level, self.least, tuple(asked), thinned=parent
+            whole, tuple(weighed), len(choices) + screen.waves, self.level, self.least, tuple(asked), subsampled=parent
         )
         design = min((one.evidence.design_effect for one in weighed), default=1.0)
         testable, why = _testable(asked, screened, design * step.threshold())
@@ -202,15 +202,15 @@ class ForceView(View[WeakFit]):
         return replace(
             step,
             weighed=(*weighed, *pairs),
-            gate=Gate(excitation_findings(model, self.setting), testable, why),
+            gate=Gate(excitation_findings(model, self.estimation), testable, why),
             structures=tuple(curves),
             beside=tuple(beside),
         )
 
     def best_with(self, parent: WeakFit, name: str, at: str) -> WeakFit | None:
         """The model with one effect, from where the unexplained force promises most of it; None where it does not."""
-        screen = _Screen(self.setting, parent, parent)
-        for proposal in proposals(parent.model, [f"{name}@{at}"], self.setting.conditions):
+        screen = _Screen(self.estimation, parent, parent)
+        for proposal in proposals(parent.model, [f"{name}@{at}"], self.estimation.conditions):
             fitted = _fitted(parent, screen(proposal)) if _balances(proposal) else None
             if fitted is not None:
                 return fitted[1]
@@ -221,14 +221,14 @@ class ForceView(View[WeakFit]):
         form = fit.form
         # The less a model leaves, the wider are the windows in which sensor noise is a small part of that.
         found = fit_by_force(
-            form.engine, self.setting.data, fit.theta, self._forms, insist=True, rest_speed=form.rest_speed,
+            form.engine, self.estimation.data, fit.theta, self._forms, accept_noise=True, rest_speed=form.rest_speed,
             narrowest=form.width,
         )  # fmt: skip
         return found or fit
 
     def without(self, fit: WeakFit, name: str) -> WeakFit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
-        fit = fit.thinned(ENOUGH)
+        fit = fit.subsampled(ENOUGH)
         smaller = fit_in(fit.form, fit.model.without_effect(name), fit.shift)
         if smaller is None:
             return None
@@ -302,10 +302,10 @@ class _Screen:
     Traces are computed in the windows of `parent`, some of those of `whole`.
     """
 
-    def __init__(self, setting: Setting, whole: WeakFit, parent: WeakFit) -> None:
+    def __init__(self, estimation: EstimationProblem, whole: WeakFit, parent: WeakFit) -> None:
         self.parent, self.model = parent, (model := parent.model)
         self._share = len(parent.rows) / len(whole.rows)
-        self.sizes = Sizes(model, setting)
+        self.sizes = Sizes(model, estimation)
         _, slopes = parent.linear
         self._size = np.sqrt(np.mean(parent.residual**2, axis=0))
         self.errors = (parent.residual / self._size).ravel()
@@ -408,7 +408,7 @@ def _starts(proposal: Proposal, trials: Sequence[Trial], size: Array) -> list[Tr
 
 
 def fit_in(
-    form: WeakForm, model: Model, shift: float, tolerance: float = RANKING, rounds: int = MOST_ITERATIONS
+    form: WeakForm, model: Model, shift: float, tolerance: float = RANKING_TOLERANCE, rounds: int = MOST_ITERATIONS
 ) -> WeakFit | None:
     """A model fitted in the windows of another one, from its values and a time from stamp to action [s].
 
@@ -442,11 +442,11 @@ def _fitted(parent: WeakFit, promising: _Promising) -> _Fitted | None:
     if not best.converged:
         best = _again(best, form) or best
     if promising.proposal.effect.friction is not None:
-        best = with_rest_speed(best, RANKING)
+        best = with_rest_speed(best, RANKING_TOLERANCE)
     return (promising.proposal,), best
 
 
-def _again(fit: WeakFit, form: WeakForm, tolerance: float = RANKING) -> WeakFit | None:
+def _again(fit: WeakFit, form: WeakForm, tolerance: float = RANKING_TOLERANCE) -> WeakFit | None:
     """The model of a fit, fitted on from there in other windows."""
     return fit_in(form.with_rest_speed(fit.form.rest_speed), fit.model, fit.shift, tolerance)
 
@@ -454,11 +454,13 @@ def _again(fit: WeakFit, form: WeakForm, tolerance: float = RANKING) -> WeakFit 
 class _Weigher:
     """Weighs fitted models against one without what they have: at a glance all, in all windows the best of them."""
 
-    def __init__(self, setting: Setting, parent: WeakFit, glance: WeakFit, held_out: Sequence[Data]) -> None:
-        self.setting, self.parent, self.base = setting, parent, scores_of(parent)
+    def __init__(
+        self, estimation: EstimationProblem, parent: WeakFit, glance: WeakFit, held_out: Sequence[Data]
+    ) -> None:
+        self.estimation, self.parent, self.base = estimation, parent, scores_of(parent)
         self.glance = glance
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
-        self._held_out = None if form is None else form.thinned(ENOUGH)
+        self._held_out = None if form is None else form.subsampled(ENOUGH)
         self._before = self._typical_error(parent)
 
     def _typical_error(self, fit: WeakFit) -> float:
@@ -497,7 +499,7 @@ class _Weigher:
     def _weigh(self, scored: _Scored) -> Weighed[WeakFit] | None:
         chosen, fit, scores_of_fit = scored
         gain = fit.log_likelihood - self.parent.log_likelihood
-        if gain < _LEAST_PROMISE or not self.setting.shows(fit.model):
+        if gain < _LEAST_PROMISE or not self.estimation.resolves(fit.model):
             return None
         try:
             scores = scores_of_fit(fit)
@@ -540,7 +542,7 @@ def _pair(parent: WeakFit, pair: tuple[Weighed[WeakFit], Weighed[WeakFit]]) -> _
     one, other = pair
     first = one.fit.model
     (wanted,) = other.proposals
-    for proposal in proposals(first, [wanted.name], recorded(parent.form.data)):
+    for proposal in proposals(first, [wanted.name], common_conditions(parent.form.data)):
         alone = other.fit.model
         prefix = f"{wanted.name}."
         values = {n[len(prefix) :]: v for n, v in alone.values.items() if n.startswith(prefix)}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.search.confirm import points
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.likelihood_difference import beyond_chance, distinguishable
 from idloop.estimation.likelihood.refit import Refit, refit_or_none, transfer
 
 
-def holds(held_out: Setting, parent: Refit, proposal: Proposal, fit: Refit) -> bool:
+def holds(held_out: EstimationProblem, parent: Refit, proposal: Proposal, fit: Refit) -> bool:
     """Whether an effect does no harm on records that the fits, without it and with it, did not see.
 
     No when the log-likelihood there falls by more than chance and the effect does not show there by itself.

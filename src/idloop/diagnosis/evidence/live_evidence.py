@@ -25,7 +25,7 @@ from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
-from idloop.estimation.likelihood.estimation_problem import prepare_setting
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -125,12 +125,12 @@ class LiveEvidence:
         Raises InputError where the balance of forces cannot be evaluated on the earlier samples, and IdloopError where
         the stretch is too short for windows as wide as the noise asks for.
         """
-        setting = prepare_setting(self.model, earlier, "prediction")
+        estimation = prepare_estimation(self.model, earlier, "prediction")
         forms: dict[int, WeakForm] = {}
-        parent = asked_fit(self.model, setting, forms)
-        step = ForceView(setting, self.level, self.least, self.effects or None, forms=forms).weigh(parent)
+        parent = asked_fit(self.model, estimation, forms)
+        step = ForceView(estimation, self.level, self.least, self.effects or None, forms=forms).weigh(parent)
         # Beside the earlier samples, which tell what the usual commands are.
-        data = [*setting.data, *prepare(self.model, [new], beside=earlier)]
+        data = [*estimation.data, *prepare(self.model, [new], beside=earlier)]
         form = weak_form(parent.form.engine, data, parent.form.width)
         if form is None:
             seconds = 4 * parent.form.width * parent.form.sample_time

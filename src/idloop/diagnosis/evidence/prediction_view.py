@@ -31,11 +31,10 @@ from idloop.diagnosis.search.pairs import confirmed_pairs
 from idloop.diagnosis.search.step import ADEQUATE, NOT_EXCITED, UNKNOWN, Step, View, Weighed
 from idloop.errors import IdloopError
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
-from idloop.estimation.likelihood.estimation_problem import ENOUGH, Setting
-from idloop.estimation.likelihood.intervals import with_stderr
+from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import MANY_LAGS, Refit, refit, refit_or_none
-from idloop.estimation.likelihood.restarts import has_contacts, searched_anew
+from idloop.estimation.likelihood.restarts import has_contacts, search_repeatedly
 from idloop.estimation.observer.innovations import InnovationCriterion
 from idloop.estimation.statistics.whitening import choose_order
 from idloop.physics.effect import INPUT, OUTPUT
@@ -51,9 +50,9 @@ _Fitted = tuple[tuple[Proposal, ...], Refit]
 class PredictionStep(Step[Refit]):
     """What one step has weighed by one-step or free-run errors."""
 
-    setting: Setting = field(kw_only=True)  # what was fitted
+    estimation: EstimationProblem = field(kw_only=True)  # what was fitted
     unseen: tuple[Record, ...] = field(kw_only=True)  # their free run tells whether an effect is worth a name
-    whole: Setting | None = None  # all samples, where effects were weighed in some of them only
+    whole: EstimationProblem | None = None  # all samples, where effects were weighed in some of them only
     response: CommandResponse = CommandResponse.FOLLOWS  # of the motion to the command
     # Fits with the part by which each makes errors smaller, and with whether each holds on the held-out records.
     known: dict[int, tuple[Refit, float]] = field(default_factory=dict, compare=False)
@@ -62,14 +61,14 @@ class PredictionStep(Step[Refit]):
     @property
     def criterion(self) -> str:
         """What the models are measured by."""
-        return self.setting.kind
+        return self.estimation.kind
 
     def smaller(self, one: Weighed[Refit]) -> float:
         """Part by which an effect makes errors smaller: those one sample ahead, or those of the free run."""
         if id(one.fit) not in self.known:
             part = one.evidence.improvement
             splits = any(proposal.effect.splits for proposal in one.proposals)
-            if not splits and same_motion(one.fit.model, self.parent.model, self.setting.records):
+            if not splits and same_motion(one.fit.model, self.parent.model, self.estimation.records):
                 part = 0.0
             elif not part >= self.least:
                 part = max(part, self._of_the_free_run(one.fit.model))
@@ -116,10 +115,10 @@ class PredictionStep(Step[Refit]):
 
     def reported(self, fit: Refit) -> Model:
         """A fitted model with its standard errors; what was weighed in some samples is fitted to all first."""
-        setting = self.setting if self.whole is None else self.whole
+        estimation = self.estimation if self.whole is None else self.whole
         if self.whole is not None and any(fit is one.fit for one in self.weighed):
-            fit = refit_or_none(setting, fit.model, None, self.parent) or fit
-        return with_stderr(fit, setting.records)
+            fit = refit_or_none(estimation, fit.model, None, self.parent) or fit
+        return fit.with_stderr()
 
     def verdict(self) -> tuple[str, tuple[str, ...]]:
         """What is left when no effect is named."""
@@ -138,12 +137,12 @@ class PredictionView(View[Refit]):
     shows: this is not weighed again.
     """
 
-    setting: Setting
+    estimation: EstimationProblem
     start: Model  # as the user gave it
     level: float
     least: float
     effects: Sequence[str] | None = None  # to choose from
-    held_out: Setting | None = None
+    held_out: EstimationProblem | None = None
     seed: int = 0
     tell: Progress = lambda share, text: None
     weighed: Model | None = None
@@ -156,48 +155,48 @@ class PredictionView(View[Refit]):
         """What there is to choose from beside a model; None for the whole catalogue."""
         if self.weighed is None:
             return self.effects
-        return unbalanced(model, self.effects, self.setting.conditions, self.weighed)
+        return unbalanced(model, self.effects, self.estimation.conditions, self.weighed)
 
     def weigh(self, parent: Refit) -> Step[Refit]:
         """Weigh the effects of the catalogue that a score test finds promising, and pairs of them."""
-        some = self.setting.thinned(ENOUGH)
-        fit = parent if some is self.setting else refit_or_none(some, parent.model, None, parent)
+        some = self.estimation.subsampled(ENOUGH)
+        fit = parent if some is self.estimation else refit_or_none(some, parent.model, None, parent)
         if fit is None or fit is parent:
             return self._in_all(parent)
-        step = PredictionView._in_all(replace(self, setting=some), fit)
-        return replace(step, parent=parent, whole=self.setting)
+        step = PredictionView._in_all(replace(self, estimation=some), fit)
+        return replace(step, parent=parent, whole=self.estimation)
 
     def _in_all(self, parent: Refit) -> PredictionStep:
         """The same in all samples."""
         effects = self.choices(parent.model)
-        asked = proposals(parent.model, effects, self.setting.conditions)
-        screen = Screen(self.setting, parent, self.seed)
+        asked = proposals(parent.model, effects, self.estimation.conditions)
+        screen = Screen(self.estimation, parent, self.seed)
         screened = screen.all(asked, self._part(0.15, 0.4, "screening"))
         bar = 2.0 * math.log(max(len(asked), 1) / self.level)
         confirmed = self._confirmed(parent, screened, bar)
-        confirmed += far_searches(self.setting, parent, self.start, effects, self.seed)
+        confirmed += far_searches(self.estimation, parent, self.start, effects, self.seed)
         confirmed = _best_of_each(confirmed)
         weigher = _Weigher(parent)
         # What has gained less than two units of log-likelihood is not worth weighing.
         singles = weigher([((one.proposal,), one.fit) for one in confirmed if one.gain >= 2.0])
         step = PredictionStep(
             parent, tuple(singles), len(asked), self.level, self.least, tuple(asked),
-            gate(parent.model, self.setting, screened, bar), setting=self.setting,
-            unseen=(self.setting if self.held_out is None else self.held_out).records,
+            gate(parent.model, self.estimation, screened, bar), estimation=self.estimation,
+            unseen=(self.estimation if self.held_out is None else self.held_out).records,
         )  # fmt: skip
-        moved = follows(self.setting, parent)
+        moved = follows(self.estimation, parent)
         step = self._judged(step, moved)
         left = remaining(screen, self.level)
         step = replace(step, structures=tuple(LearntCurve.weighed(screen, left, weigher.innovations)))
-        if self.setting.kind == PREDICTION and self.weighed is None and not step.tied and not step.stand_ins:
+        if self.estimation.kind == PREDICTION and self.weighed is None and not step.tied and not step.stand_ins:
             pairs = weigher(self._pairs(screen, screened, confirmed, bar))
             step = self._with_first(self._judged(replace(step, weighed=(*step.weighed, *pairs)), moved), weigher)
         if moved or step.tied:
             return step
         response = CommandResponse.UNMOVED
-        if reversed_command(self.setting, parent, self.start):
+        if reversed_command(self.estimation, parent, self.start):
             response = CommandResponse.REVERSED
-        elif foretells(self.setting.records, self.seed):
+        elif foretells(self.estimation.records, self.seed):
             response = CommandResponse.OTHERWISE
         # A force over the motion says nothing where it is not the command that moves the axis.
         turned = response is CommandResponse.REVERSED
@@ -217,10 +216,10 @@ class PredictionView(View[Refit]):
         chosen = promising(screened, chance) if swallowed else promising(screened, bar, fewest=0)
         chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
         telling = self._part(0.55, 0.2, "refitting with")
-        found = confirm(self.setting, parent, chosen, telling, lambda first: swallowed or _may_decide(first, bar))
+        found = confirm(self.estimation, parent, chosen, telling, lambda first: swallowed or _may_decide(first, bar))
         if swallowed and (not found or _swallowed(found[0].fit)):
             telling = self._part(0.75, 0.1, "looking behind noise:")
-            found = _best_of_each([*found, *confirm_behind_noise(self.setting, parent, screened, telling)])
+            found = _best_of_each([*found, *confirm_behind_noise(self.estimation, parent, screened, telling)])
         return found
 
     def _pairs(self, screen: Screen, screened: list[Screened], confirmed: list[Confirmed], bar: float) -> list[_Fitted]:
@@ -229,7 +228,7 @@ class PredictionView(View[Refit]):
         found: list[_Fitted] = [((one.beside, one.proposal), one.fit) for one in both if one.beside is not None]
         for bare in () if white(screen.parent) else confirmed:
             if not bare.proposal.effect.parameters:
-                beside = beside_bare(self.setting, bare.fit, self.effects, self.seed)
+                beside = beside_bare(self.estimation, bare.fit, self.effects, self.seed)
                 found += [((bare.proposal, one.proposal), one.fit) for one in beside]
         return found
 
@@ -240,7 +239,7 @@ class PredictionView(View[Refit]):
         first, best = step.tied[0].proposals[0], step.tied[0].fit
         prefix = f"{first.name}."
         own = {name.removeprefix(prefix): v for name, v in best.model.values.items() if name.startswith(prefix)}
-        fit = refit_or_none(self.setting, first.model(own), None, step.parent)
+        fit = refit_or_none(self.estimation, first.model(own), None, step.parent)
         return step if fit is None else replace(step, weighed=(*step.weighed, *weigher([((first,), fit)])))
 
     def _judged(self, step: PredictionStep, moved: bool) -> PredictionStep:
@@ -256,38 +255,38 @@ class PredictionView(View[Refit]):
             return why
         if proposal.replaces is None and (effect.site == OUTPUT or effect.hidden_by_start):
             without = model.without_effect(proposal.name)
-            if effect.site == OUTPUT and within_rounding(model, without, proposal.at, self.setting.records):
+            if effect.site == OUTPUT and within_rounding(model, without, proposal.at, self.estimation.records):
                 return "it moves the reading by less than half a step of its rounding"
-            if effect.hidden_by_start and same_from_another_start(model, without, self.setting.records):
+            if effect.hidden_by_start and same_from_another_start(model, without, self.estimation.records):
                 return "another start does the same"
         if self.held_out is not None:
             if id(fit) not in step.held:
                 step.held[id(fit)] = fit, holds(self.held_out, step.parent, proposal, fit)
             if not step.held[id(fit)][1]:
                 return "it does harm on the unseen data"
-        if not moved and not follows(self.setting, fit):
+        if not moved and not follows(self.estimation, fit):
             return "with it, too, the motion does not follow the command"
         return ""
 
     def again(self, fit: Refit) -> Refit:
         """The same model, with the order of whitening that suits it."""
-        if self.setting.kind != PREDICTION:
+        if self.estimation.kind != PREDICTION:
             return fit
         # The order of the whitening that suited the model before need not suit it now.
-        fit = refit(self.setting, fit.model, None, fit, reconsider=True)
-        return searched_anew(self.setting, fit) if has_contacts(fit.model) else fit
+        fit = refit(self.estimation, fit.model, None, fit, choose_orders=True)
+        return search_repeatedly(self.estimation, fit) if has_contacts(fit.model) else fit
 
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
         # Once a body is split the balance along its measured motion is no longer that of the machine.
         balanced = self.weighed is not None and not fit.model.inner_couplings
-        if self.setting.kind != PREDICTION or balanced:
+        if self.estimation.kind != PREDICTION or balanced:
             # Where model error is what is left, a step that helped stays for the reader to see.
             return None
         smaller, scores = fit.model.without_effect(name), InnovationScores(fit).scores()
         # A search from the fit's own noise mostly ends far behind; where it does not, one that begins anew decides.
         for beside in (fit, None):
-            found = refit_or_none(self.setting, smaller, None, beside)
+            found = refit_or_none(self.estimation, smaller, None, beside)
             if found is None:
                 continue
             evidence = scores.against(InnovationScores(found).scores())
@@ -326,7 +325,9 @@ class _Weigher:
         return scores if np.all(np.isfinite(scores.log_density)) else None
 
 
-def delay_or_lag(model: Model, name: str, setting: Setting, level: float, seed: int) -> tuple[Candidate, ...]:
+def delay_or_lag(
+    model: Model, name: str, estimation: EstimationProblem, level: float, seed: int
+) -> tuple[Candidate, ...]:
     """What predictions name in the place of an effect before the drive that a force balance has found, best first.
 
     A window of a balance sees a delay and a lag alike: by what they make of quick changes of the command. Empty where
@@ -335,10 +336,10 @@ def delay_or_lag(model: Model, name: str, setting: Setting, level: float, seed: 
     active = next((active for active in model.effects if active.name == name), None)
     if active is None or active.effect.site != INPUT or not active.effect.lags:
         return ()
-    bare = refit_or_none(setting, model.without_effect(name))
+    bare = refit_or_none(estimation, model.without_effect(name))
     if bare is None:
         return ()
-    step = PredictionView(setting, model, level, 0.0, [name, *active.effect.looks_like], seed=seed).weigh(bare)
+    step = PredictionView(estimation, model, level, 0.0, [name, *active.effect.looks_like], seed=seed).weigh(bare)
     if not step.tied or step.names == (name,):
         return ()
     return tuple(candidate_of(step, one, 0, step.reported(one.fit)) for one in step.tied)
@@ -392,8 +393,8 @@ def _swallowed(fit: Refit) -> bool:
     """
     if not isinstance(fit.criterion, InnovationCriterion):
         return False
-    if fit.coloured <= 0.05 or fit.coloured > 2.5:
-        return fit.coloured > 2.5
+    if fit.whitening_gain <= 0.05 or fit.whitening_gain > 2.5:
+        return fit.whitening_gain > 2.5
     return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
 
 

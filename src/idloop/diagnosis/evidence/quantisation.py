@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnosis.candidate import Candidate
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.observer.sensor_noise import resolution
 from idloop.physics.effect import OUTPUT, Effect, catalogue
 from idloop.physics.model import Model, effect_name
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 _MOST_BEND = 1.35
 
 
-def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = None) -> list[Candidate]:
+def quantised(model: Model, estimation: EstimationProblem, effects: Sequence[str] | None = None) -> list[Candidate]:
     """Outputs whose readings are multiples of a quantum coarser than their noise, which the model does not say.
 
     Coarsest first, of some effects only where these are given.
@@ -34,9 +34,9 @@ def quantised(model: Model, setting: Setting, effects: Sequence[str] | None = No
             continue
         effect = next((one for one in _rounding(model, output.field) if _asked(one, output.site, effects)), None)
         # A velocity computed from rounded positions has no converter of its own.
-        if effect is None or not any(np.any(np.isfinite(d.output[:, column])) for d in setting.data):
+        if effect is None or not any(np.any(np.isfinite(d.output[:, column])) for d in estimation.data):
             continue
-        step = rounding_step(setting.records, column)
+        step = rounding_step(estimation.records, column)
         if step <= 0.0:
             continue
         candidate = Candidate(
@@ -63,10 +63,10 @@ def _rounding(model: Model, field: str) -> list[Effect]:
     return [effect for effect in known if effect.site == OUTPUT and effect.resolution and field in effect.outputs]
 
 
-def resolution_limits(model: Model, setting: Setting) -> dict[str, DetectionLimit]:
+def resolution_limits(model: Model, estimation: EstimationProblem) -> dict[str, DetectionLimit]:
     """From which resolution on each output's rounding would show beside its noise, by effect and site."""
     limits = {}
-    for output, noise in zip(model.outputs, setting.noise, strict=True):
+    for output, noise in zip(model.outputs, estimation.noise, strict=True):
         least = math.sqrt(12.0 / math.pi) / _MOST_BEND * float(noise)
         for effect in _rounding(model, output.field):
             limits[effect_name(effect.name, output.site)] = DetectionLimit(effect.resolution, output.unit, least, least)

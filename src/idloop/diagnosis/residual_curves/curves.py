@@ -26,7 +26,7 @@ from idloop.diagnosis.residual_curves.unknown_structure import (
     coefficient_units,
 )
 from idloop.diagnosis.screening.proposals import Proposal
-from idloop.physics.effect import BODY, INPUT, Effect, ParameterSpec
+from idloop.physics.effect import BODY, INPUT, Effect, EffectParameter
 from idloop.physics.hooks import hook
 from idloop.physics.model import ActiveEffect, Model
 from idloop.physics.parameter import Parameter
@@ -94,9 +94,9 @@ def over_command(value: float, velocity: float, sent: float, elapsed: float, sta
 
 
 _SPECS = (
-    ParameterSpec("low", "-", held=True),
-    ParameterSpec("width", "-", start=1.0, held=True),
-    *(ParameterSpec(f"knot{i}", "-") for i in range(KNOTS)),
+    EffectParameter("low", "-", held=True),
+    EffectParameter("width", "-", start=1.0, held=True),
+    *(EffectParameter(f"knot{i}", "-") for i in range(KNOTS)),
 )
 
 
@@ -131,12 +131,12 @@ class CurveProposal(Proposal):
 
 def force_shapes(screen: Screen) -> list[Shape]:
     """A force over velocity, position or a period of it, and the command over itself, in the range of the records."""
-    setting, sizes, model = screen.setting, screen.sizes, screen.parent.model
+    estimation, sizes, model = screen.estimation, screen.sizes, screen.parent.model
     units, body = model.units, model.bodies[0]
     _, fastest, middle, span = sizes.bodies[0]
 
     def shape(name: str, over: str, unit: str, middle: float, reach: float, tried: int = 1) -> Shape:
-        of, of_unit, at, size = "force", units.force, body, setting.force
+        of, of_unit, at, size = "force", units.force, body, estimation.force
         if name == "command":
             of, of_unit, at, size = "command", units.input, INPUT, sizes.command
         low, width = middle - 0.5 * reach, reach / (KNOTS - 1)
@@ -151,7 +151,7 @@ def force_shapes(screen: Screen) -> list[Shape]:
         shape("position", f"{body}.position", units.position, middle, span),
         shape("command", "command", units.input, 0.0, 2.0 * sizes.command_most),
     ]
-    period = remaining_period(model, setting)
+    period = remaining_period(model, estimation)
     if period is not None:
         shapes.append(shape("period", f"{body}.position", units.position, middle, *period))
     return shapes
@@ -208,7 +208,7 @@ def factor_shapes(screen: Screen) -> list[Shape]:
             size = float(np.sqrt(np.mean(np.concatenate(push(force, np.full(hats.shape[1], little))) ** 2))) / little
             # An inertia does not drift.
             if np.isfinite(size) and size > 0.0 and (of, over) != ("inertia", "time"):
-                step = 0.01 * screen.setting.force / size
+                step = 0.01 * screen.estimation.force / size
                 shapes.append(Shape(of, units[of], over, unit, knots, closed, step, partial(change, force)))
         return shapes
 

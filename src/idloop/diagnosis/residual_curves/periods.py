@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimation.force_balance.force_error import balance_of
+from idloop.estimation.force_balance.force_error import record_balance
 from idloop.estimation.force_balance.weak_fit import WeakFit
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.statistics.student import weights
 from idloop.physics.model import Model
@@ -20,7 +20,7 @@ _MOST = 400
 _STEP = 0.25
 
 
-def remaining_period(model: Model, setting: Setting) -> tuple[float, int] | None:
+def remaining_period(model: Model, estimation: EstimationProblem) -> tuple[float, int] | None:
     """Period over the driven body's position with which the force that a fitted model lacks repeats most.
 
     With the number of periods that were looked at. None where the motion of some body is not measured, or the travel
@@ -31,20 +31,19 @@ def remaining_period(model: Model, setting: Setting) -> tuple[float, int] | None
     # The force balance along the measured motion leaves a force at every instant; its spectrum over position, against
     # what neighbouring frequencies have, shows what repeats. Linear in the number of samples.
     engine, runs, strides = RememberingEngine(model), [], []
-    for data in setting.data:
+    for data in estimation.data:
         with np.errstate(all="ignore"):
-            narrow = balance_of(engine, data)
+            narrow = record_balance(engine, data)
             if narrow is None:
                 return None
             # The force is wanted up to beyond what the motion is excited to.
             cutoff = min(4.0 * narrow.motion.cutoff, 0.2 / narrow.motion.sample_time)
-            balance = balance_of(engine, data, max(cutoff, narrow.motion.cutoff))
+            balance = record_balance(engine, data, max(cutoff, narrow.motion.cutoff))
         if balance is None:
             return None
         m = balance.motion
         along = (m.position, m.velocity, m.acceleration, m.time, balance.command(0.0), m.time)
-        applied, required = engine.drive_force(None, *along, conditions=balance.conditions)
-        place, force = m.position[:, 0], applied - required
+        place, force = m.position[:, 0], -engine.balance(None, *along, conditions=balance.conditions).residual[:, 0]
         known = np.isfinite(place) & np.isfinite(force)
         if not np.any(known):
             return None

@@ -18,8 +18,8 @@ import numpy as np
 
 from idloop.diagnosis.screening.granger_test import foretells
 from idloop.errors import IdloopError
-from idloop.estimation.direction import AGAINST, TURN
-from idloop.estimation.likelihood.estimation_problem import Setting, prepare_setting
+from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.likelihood_difference import distinguishable
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none, transfer
 from idloop.physics.model import Model
@@ -56,31 +56,33 @@ _SENTENCES = {
         "the command than without. What lies between the two is missing, or the values of the model file are far from "
         "the machine's"
     ),
-    CommandResponse.REVERSED: f"{AGAINST}: with the sign of the command turned the model predicts it. {TURN}",
+    CommandResponse.REVERSED: (
+        f"{OPPOSITE_DIRECTION}: with the sign of the command turned the model predicts it. {REVERSE_ADVICE}"
+    ),
 }
 
 
-def follows(setting: Setting, fit: Refit) -> bool:
+def follows(estimation: EstimationProblem, fit: Refit) -> bool:
     """Whether a fitted model predicts the motion better with the command than without, or that cannot be computed."""
     # Of steps from rest, each a constant command, the mean of its own would be the command itself.
-    means = [float(np.mean(one.input)) for one in setting.data]
-    if all(np.ptp(one.input) == 0.0 for one in setting.data):
+    means = [float(np.mean(one.input)) for one in estimation.data]
+    if all(np.ptp(one.input) == 0.0 for one in estimation.data):
         # A step of one level began from none.
         means = [float(np.mean(means)) if np.ptp(means) > 0.0 else 0.0] * len(means)
     still = tuple(
-        replace(one, input=np.full_like(one.input, mean)) for one, mean in zip(setting.data, means, strict=True)
+        replace(one, input=np.full_like(one.input, mean)) for one, mean in zip(estimation.data, means, strict=True)
     )
-    without = transfer(replace(setting, data=still), fit, own_disturbance=True)
+    without = transfer(replace(estimation, data=still), fit, own_disturbance=True)
     return without is None or distinguishable(fit, without)
 
 
-def reversed_command(setting: Setting, fit: Refit, start: Model) -> bool:
+def reversed_command(estimation: EstimationProblem, fit: Refit, start: Model) -> bool:
     """Whether a model that does not follow the command would follow one of the other sign.
 
     The fit to the turned command begins at `start`: the values found may be far from any machine's.
     """
-    records = [replace(one, input=-one.input) for one in setting.records]
-    turned = prepare_setting(start, records, setting.kind)
+    records = [replace(one, input=-one.input) for one in estimation.records]
+    turned = prepare_estimation(start, records, estimation.kind)
     other = refit_or_none(turned, start)
     return other is not None and other.log_likelihood > fit.log_likelihood and follows(turned, other)
 
@@ -92,11 +94,11 @@ def response_of(start: Model, records: Sequence[Record]) -> CommandResponse:
     In whatever way it follows, and where that cannot be computed, it counts as following.
     """
     try:
-        setting = prepare_setting(start, records, "prediction")
-        found = refit(setting, start)
-        if follows(setting, found):
+        estimation = prepare_estimation(start, records, "prediction")
+        found = refit(estimation, start)
+        if follows(estimation, found):
             return CommandResponse.FOLLOWS
-        if reversed_command(setting, found, start):
+        if reversed_command(estimation, found, start):
             return CommandResponse.REVERSED
     except (IdloopError, np.linalg.LinAlgError):
         return CommandResponse.FOLLOWS

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predictive import FOLDS, Rows, Scores, deal, others
 from idloop.estimation.likelihood.refit import Refit
-from idloop.estimation.likelihood.weighing import residual_or_infinite
 from idloop.estimation.optimisation.levenberg import box_step
 from idloop.estimation.statistics.student import log_density, scale_of
 
@@ -55,12 +54,12 @@ class InnovationScores:
         self.fit, problem, point = fit, fit.problem, fit.point
         self.errors = fit.residual()
         # The noise model is that of all folds: its slopes hold for small changes only, which those of a fold are not.
-        self._felt = np.flatnonzero(fit.felt[: fit.parameters])
-        slopes, lower, upper = (part[..., self._felt] for part in (fit.jacobian, *fit.model.bounds))
+        self._sensitive = np.flatnonzero(fit.sensitive[: fit.parameters])
+        slopes, lower, upper = (part[..., self._sensitive] for part in (fit.jacobian, *fit.model.bounds))
         self._size = np.linalg.norm(slopes, axis=0)
         self._slopes = slopes / self._size
         lower, upper = lower * self._size, upper * self._size
-        self._box = np.clip(point[self._felt] * self._size, lower, upper), lower, upper
+        self._box = np.clip(point[self._sensitive] * self._size, lower, upper), lower, upper
         self._groups: list[_Group] = []
         known = 0
         for raw, white, weight in zip(problem.errors(point), problem.whitened(point), problem.weights, strict=True):
@@ -80,8 +79,8 @@ class InnovationScores:
 
         def left(move: Array) -> Array:
             point = self.fit.point.copy()
-            point[self._felt] = (self._box[0] + move) / self._size
-            return residual_or_infinite(self.fit.problem, point)
+            point[self._sensitive] = (self._box[0] + move) / self._size
+            return self.fit.problem.residual_or_infinite(point, frozen=True)
 
         return self._scores(self._slopes, self._box, left)
 
@@ -115,4 +114,4 @@ class InnovationScores:
             found.append(np.where(np.isfinite(values), values, average)[np.concatenate(group.folds)])
             blocks += [block + before for block in group.blocks]
             before += len(values)
-        return Scores(np.concatenate(found), blocks, self.fit.at_start)
+        return Scores(np.concatenate(found), blocks, self.fit.initial_log_likelihood)

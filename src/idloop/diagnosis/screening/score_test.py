@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.errors import IdloopError
-from idloop.estimation.likelihood.estimation_problem import Setting
-from idloop.estimation.likelihood.heteroscedasticity import unevenness
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
+from idloop.estimation.likelihood.heteroscedasticity import heteroscedasticity
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import Refit
 from idloop.estimation.observer.innovations import InnovationCriterion
@@ -79,15 +79,15 @@ class Screened:
 class Screen:
     """The errors of a fitted model, ready to be compared with traces of effects; the seed is that of the sketch."""
 
-    def __init__(self, setting: Setting, parent: Refit, seed: int) -> None:
-        self.setting, self.parent = setting, parent
-        self.sizes = Sizes(parent.model, setting)
+    def __init__(self, estimation: EstimationProblem, parent: Refit, seed: int) -> None:
+        self.estimation, self.parent = estimation, parent
+        self.sizes = Sizes(parent.model, estimation)
         problem, point = parent.problem, parent.point
         self.errors = self.whitened = parent.residual()
         k, slopes = parent.parameters, parent.jacobian
         self._back = np.linalg.pinv(slopes[:, :k], rcond=1e-6)
         self._own, _ = np.linalg.qr(slopes[:, :k])
-        slopes = slopes[:, parent.felt]
+        slopes = slopes[:, parent.sensitive]
         left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
         # Parameters that the data cannot tell apart span fewer directions than they are.
         self.basis = left[:, weight > 1e-6 * max(float(np.max(weight, initial=0.0)), 1e-300)]
@@ -96,7 +96,7 @@ class Screen:
         rows = len(self.errors)
         self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
         # A record that is the only one is all of them.
-        self._records = problem.rows_of_records(point) if len(setting.records) > 1 else []
+        self._records = problem.rows_of_records(point) if len(estimation.records) > 1 else []
         # Random signs and sums of 4096 stretches keep all inner products of traces to about 1.5 %.
         self._edges = np.unique(np.linspace(0, rows, 4097).astype(np.int64)[:-1])
 
@@ -140,7 +140,7 @@ class Screen:
     def moved(self, proposal: Proposal, trial: Trial) -> Array | None:
         """Change of the whitened errors that an effect at given values makes; None where it cannot be simulated."""
         other = proposal.effect.linear or proposal.effect.splits
-        return self._changed(self.setting, lambda: proposal.model(trial), other_linear_part=other)
+        return self._changed(self.estimation, lambda: proposal.model(trial), other_linear_part=other)
 
     def pushed(self, forces: Sequence[Array]) -> Array | None:
         """Change of the whitened errors that a force on the driven body makes, held like the command.
@@ -152,20 +152,22 @@ class Screen:
         gain = float(RememberingEngine(model).layout(None).axis.constants[kernel.GAIN])
         data = tuple(
             replace(d, input=d.input + np.interp(d.input_time, d.time, force) / gain)
-            for d, force in zip(self.setting.data, forces, strict=True)
+            for d, force in zip(self.estimation.data, forces, strict=True)
         )
-        return self._changed(replace(self.setting, data=data), lambda: model, other_linear_part=False)
+        return self._changed(replace(self.estimation, data=data), lambda: model, other_linear_part=False)
 
     def beside_parameters(self, errors: Array) -> Array:
         """What a small change of the model's parameters leaves of errors, the noise as it is."""
         return np.asarray(errors - self._own @ (self._own.T @ errors))
 
-    def _changed(self, setting: Setting, modelled: Callable[[], Model], *, other_linear_part: bool) -> Array | None:
+    def _changed(
+        self, estimation: EstimationProblem, modelled: Callable[[], Model], *, other_linear_part: bool
+    ) -> Array | None:
         """Change of the whitened errors with another model or other commands."""
         parent = self.parent
         try:
             model = modelled()
-            criterion = setting.criterion(model)
+            criterion = estimation.criterion(model)
             criterion.keep(parent.nuisance)
             theta = model.theta
             own = parent.criterion
@@ -175,7 +177,7 @@ class Screen:
                 else:
                     criterion.adopt(own)
             nuisance = criterion.nuisance()[0][: len(parent.nuisance)]
-            change = parent.problem.whiten_like(criterion.errors(theta, nuisance)) - self.whitened
+            change = parent.problem.whiten(criterion.errors(theta, nuisance)) - self.whitened
         except (IdloopError, np.linalg.LinAlgError, ValueError):
             return None
         return change if np.all(np.isfinite(change)) else None
@@ -222,7 +224,7 @@ class Screen:
         scores = -(q.T @ self.errors)
         size = np.zeros(len(trials))
         size[useful] = np.linalg.solve(r, scores)
-        uneven = unevenness(q, self.errors + q @ scores)
+        uneven = heteroscedasticity(q, self.errors + q @ scores)
         statistic = 0.0 if np.any(size[np.asarray(sides)] < 0.0) else float(scores @ scores) / uneven
         shift = -self._back @ (raw @ size)
         sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.estimation.dataset import Data
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.linear.propagate import respond
 from idloop.estimation.observer.observer import discretise
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
@@ -17,7 +17,7 @@ from idloop.physics.conditions import condition_name
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, parameter_as
 from idloop.physics.model import Model, values_of
 from idloop.physics.trial import Scales
-from idloop.validation.regions import smooth_velocity
+from idloop.validation.operating_state import smooth_velocity
 
 Array = NDArray[np.float64]
 
@@ -28,13 +28,13 @@ _LEAST = 1e-12
 class Sizes:
     """Sizes of motion, forces and outputs of records that a model is fitted to, found once for all sites."""
 
-    def __init__(self, model: Model, setting: Setting) -> None:
-        self.model, self.setting = model, setting
-        command = np.concatenate([d.input for d in setting.data])
+    def __init__(self, model: Model, estimation: EstimationProblem) -> None:
+        self.model, self.estimation = model, estimation
+        command = np.concatenate([d.input for d in estimation.data])
         self.command = max(float(np.sqrt(np.mean(command**2))), _LEAST)
         self.command_most = max(float(np.max(np.abs(command))), _LEAST)
-        self.duration = float(sum(d.time[-1] - d.time[0] for d in setting.data))
-        self.sample_time = float(np.median([d.sample_time for d in setting.data]))
+        self.duration = float(sum(d.time[-1] - d.time[0] for d in estimation.data))
+        self.sample_time = float(np.median([d.sample_time for d in estimation.data]))
         self.bodies = [self._motion(index) for index in range(len(model.bodies))]
 
     def _motion(self, index: int) -> tuple[float, float, float, float]:
@@ -46,7 +46,7 @@ class Sizes:
                     measured.setdefault(output.field, (column, output.scale))
             position, velocity = measured.get("position"), measured.get("velocity")
             speeds, places = [], []
-            for d in self.setting.data:
+            for d in self.estimation.data:
                 if velocity is not None:
                     speeds.append(_finite(d.output[:, velocity[0]]) / velocity[1])
                 elif position is not None:
@@ -67,7 +67,7 @@ class Sizes:
         return 1.0, 1.0, 0.0, 1.0
 
     def _measured(self, column: int) -> bool:
-        return any(np.any(np.isfinite(d.output[:, column])) for d in self.setting.data)
+        return any(np.any(np.isfinite(d.output[:, column])) for d in self.estimation.data)
 
     def at(self, kind: str, site: str) -> Scales:
         """Sizes at one site."""
@@ -78,9 +78,9 @@ class Sizes:
         elif kind == OUTPUT:
             place = next(i for i, o in enumerate(model.outputs) if o.site == site)
             body = model.bodies.index(model.outputs[place].body)
-            seen = np.concatenate([_finite(d.output[:, place]) for d in self.setting.data])
+            seen = np.concatenate([_finite(d.output[:, place]) for d in self.estimation.data])
             output = max(float(np.sqrt(np.mean(seen**2))), _LEAST) if len(seen) else 1.0
-            noise = float(self.setting.noise[place])
+            noise = float(self.estimation.noise[place])
         elif kind == COUPLING:
             inner = model.inner_couplings.get(site)
             body = model.couplings.index(site) + 1 if inner is None else model.bodies.index(inner.at)
@@ -88,13 +88,13 @@ class Sizes:
             twist = torque / stiffness
         speed, most, middle, span = self.bodies[body]
         name = model.bodies[body]
-        known = self.setting.conditions
+        known = self.estimation.conditions
         angle = model.units.position == "rad"
         return Scales(
             command=self.command,
             command_most=self.command_most,
             limit=command_limit(model),
-            force=self.setting.force,
+            force=self.estimation.force,
             speed=speed,
             speed_most=most,
             middle=middle,
@@ -116,7 +116,7 @@ class Sizes:
 
     def _mean(self, condition: str) -> float:
         """Mean of a measured condition over all records."""
-        seen = [d.conditions[condition].at(d.time) for d in self.setting.data if d.conditions is not None]
+        seen = [d.conditions[condition].at(d.time) for d in self.estimation.data if d.conditions is not None]
         return float(np.mean(np.concatenate(seen)))
 
     @cached_property
@@ -132,7 +132,7 @@ class Sizes:
             row[[n + joint, n + joint + 1]] = damping[joint], -damping[joint]
         driven = np.block([[linear.A, linear.B[:, None]], [np.zeros((1, 2 * n + 1))]])
         found = []
-        for d in self.setting.data:
+        for d in self.estimation.data:
             transition, _ = discretise(driven, np.zeros_like(driven), d.sample_time)
             a, b = np.ascontiguousarray(transition[:-1, :-1]), np.ascontiguousarray(transition[:-1, -1:])
             nothing = np.zeros((len(joints), 1))

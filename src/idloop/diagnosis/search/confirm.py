@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.errors import IdloopError
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
-from idloop.estimation.likelihood.refit import FAN, Refit, refit, refit_or_none
+from idloop.estimation.likelihood.refit import STRENGTH_FACTORS, Refit, refit, refit_or_none
 from idloop.estimation.observer.innovations import WALK
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
@@ -47,7 +47,7 @@ class Confirmed:
         """The same with another fit."""
         gain = fit.log_likelihood - parent.log_likelihood
         if self.proposal.effect.slow:
-            gain += fit.at_start - parent.at_start
+            gain += fit.initial_log_likelihood - parent.initial_log_likelihood
         return replace(self, fit=fit, gain=max(gain, 0.0))
 
 
@@ -75,7 +75,7 @@ def by_gain(found: Sequence[Confirmed]) -> list[Confirmed]:
 
 
 def confirm(
-    setting: Setting,
+    estimation: EstimationProblem,
     parent: Refit,
     chosen: Sequence[Screened],
     report: Progress = lambda share, text: None,
@@ -83,12 +83,16 @@ def confirm(
 ) -> list[Confirmed]:
     """Refit the parent with each of some effects, in order of falling gain."""
     return search(
-        setting, parent, [(s.proposal.name, partial(_confirm, setting, parent, s)) for s in chosen], report, matters
+        estimation,
+        parent,
+        [(s.proposal.name, partial(_confirm, estimation, parent, s)) for s in chosen],
+        report,
+        matters,
     )
 
 
 def search(
-    setting: Setting,
+    estimation: EstimationProblem,
     parent: Refit,
     chosen: Sequence[Begin],
     report: Progress,
@@ -106,7 +110,7 @@ def search(
             return None
 
     def finish(first: Confirmed) -> Confirmed:
-        fit = refit_or_none(setting, first.fit.model, None, first.fit, rounds=MORE_ROUNDS, calm=True)
+        fit = refit_or_none(estimation, first.fit.model, None, first.fit, rounds=MORE_ROUNDS, try_undisturbed=True)
         return first if fit is None or fit.log_likelihood <= first.fit.log_likelihood else first.refitted(fit, parent)
 
     begun = []
@@ -123,16 +127,18 @@ def search(
     return by_gain([*finished, *(first for first, front in zip(begun, worth, strict=True) if not front)])
 
 
-def first_round(setting: Setting, model: Model, thetas: list[Array], beside: Refit, **options: Any) -> Refit | None:
+def first_round(
+    estimation: EstimationProblem, model: Model, thetas: list[Array], beside: Refit, **options: Any
+) -> Refit | None:
     """One round of search from several starts; None where the model cannot be simulated."""
     scale = np.max(np.abs(np.array(thetas)), axis=0)
     try:
-        return refit(setting, model, thetas, beside, scale, rounds=1, **options)
+        return refit(estimation, model, thetas, beside, scale, rounds=1, **options)
     except (IdloopError, np.linalg.LinAlgError):
         return None
 
 
-def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed | None:
+def _confirm(estimation: EstimationProblem, parent: Refit, screened: Screened) -> Confirmed | None:
     """The first round of an effect's search, by what a search cannot move: whole numbers such as harmonics."""
     proposal = screened.proposal
     # Where nothing says how strong an effect is, no trace tells how far the search has to go: more of them are tried.
@@ -148,7 +154,7 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
     best: Refit | None = None
     for model, group in [(proposal.model(group[0][0]), group) for group in groups.values()]:
         thetas = [theta for values, shift in group for theta in points(parent, proposal.model(values), shift)]
-        found = first_round(setting, model, thetas, parent)
+        found = first_round(estimation, model, thetas, parent)
         if found is not None and (best is None or found.log_likelihood > best.log_likelihood):
             best = found
         # Another shape is only worth its time while none has explained anything.
@@ -161,7 +167,10 @@ def _confirm(setting: Setting, parent: Refit, screened: Screened) -> Confirmed |
 
 @np.errstate(all="ignore")
 def confirm_behind_noise(
-    setting: Setting, parent: Refit, screened: Sequence[Screened], report: Progress = lambda share, text: None
+    estimation: EstimationProblem,
+    parent: Refit,
+    screened: Sequence[Screened],
+    report: Progress = lambda share, text: None,
 ) -> list[Confirmed]:
     """Refit the parent with the few effects that explain most when the noise may explain next to nothing.
 
@@ -172,17 +181,17 @@ def confirm_behind_noise(
     # The intensity of a disturbance [decades] that cannot make up for a missing effect.
     limits = -4.0, WALK
     try:
-        bare = refit(setting, parent.model, orders=plain, rounds=_ROUGH_ROUNDS, limits=limits)
+        bare = refit(estimation, parent.model, orders=plain, rounds=_ROUGH_ROUNDS, limits=limits)
     except (IdloopError, np.linalg.LinAlgError):
         return []
 
     def rough(one: Screened) -> Refit | None:
         models = [one.proposal.model(trace.trials[0]) for trace in one.traces]
         thetas = [points(bare, model, None)[0] for model in models]
-        return first_round(setting, models[0], thetas, bare, orders=plain, limits=limits) if models else None
+        return first_round(estimation, models[0], thetas, bare, orders=plain, limits=limits) if models else None
 
     def begin(one: Screened, near: Refit) -> Confirmed:
-        fit = refit(setting, near.model, None, near, rounds=_ROUGH_ROUNDS, orders=parent.problem.orders)
+        fit = refit(estimation, near.model, None, near, rounds=_ROUGH_ROUNDS, orders=parent.problem.orders)
         return Confirmed(one.proposal, fit, 0.0, one.statistic).refitted(fit, parent)
 
     found: list[tuple[Screened, Refit]] = []
@@ -193,7 +202,7 @@ def confirm_behind_noise(
     found.sort(key=lambda pair: -pair[1].log_likelihood)
     # Six are far more than a noise model has swallowed at once.
     chosen = [(one.proposal.name, partial(begin, one, near)) for one, near in found[:6]]
-    return search(setting, parent, chosen, lambda share, text: report(0.5 + 0.5 * share, text))
+    return search(estimation, parent, chosen, lambda share, text: report(0.5 + 0.5 * share, text))
 
 
 def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
@@ -223,7 +232,7 @@ def starts(proposal: Proposal, trace: Trace, fan: bool = False) -> list[Trial]:
             sign = 1.0 if proposal.one_sided else float(np.sign(size))
             found.append(proposal.inside(proposal.weaker(trial, sign * share)))
     if fan and scalable:
-        found += [proposal.inside(proposal.weaker(trace.trials[0], share)) for share in FAN]
+        found += [proposal.inside(proposal.weaker(trace.trials[0], share)) for share in STRENGTH_FACTORS]
     if "phase" in trace.trials[0] and strength:
         base = proposal.weaker(trace.trials[0], float(np.clip(np.linalg.norm(trace.size), 0.02, 1e4)))
         found = [{**base, "phase": phase} for phase in (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)]

@@ -34,7 +34,7 @@ from idloop.diagnosis.search.confirm import (
     starts,
 )
 from idloop.errors import IdloopError
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import Refit, refit_or_none
 from idloop.physics.effect import COUPLING, INPUT
@@ -49,18 +49,18 @@ _TAKEN_FURTHER = 3
 
 
 def far_searches(
-    setting: Setting, parent: Refit, start: Model, effects: Sequence[str] | None = None, seed: int = 0
+    estimation: EstimationProblem, parent: Refit, start: Model, effects: Sequence[str] | None = None, seed: int = 0
 ) -> list[Confirmed]:
     """Fit effects without parameters, and others from near the user's values where the fit has left them, best first.
 
     `start` is the model as the user gave it.
     """
     found: list[Confirmed] = []
-    for proposal in proposals(parent.model, effects, setting.conditions):
+    for proposal in proposals(parent.model, effects, estimation.conditions):
         if not proposal.effect.parameters:
-            found += _without_parameters(setting, parent, proposal, start.values, seed)
-    if left_behind(parent.model, start.values) or not follows(setting, parent):
-        found += _from_near(setting, parent, start.values, effects, seed)
+            found += _without_parameters(estimation, parent, proposal, start.values, seed)
+    if left_behind(parent.model, start.values) or not follows(estimation, parent):
+        found += _from_near(estimation, parent, start.values, effects, seed)
     return by_gain(found)
 
 
@@ -75,16 +75,18 @@ def white(fit: Refit) -> bool:
     return True
 
 
-def beside_bare(setting: Setting, base: Refit, effects: Sequence[str] | None, seed: int) -> list[Confirmed]:
+def beside_bare(
+    estimation: EstimationProblem, base: Refit, effects: Sequence[str] | None, seed: int
+) -> list[Confirmed]:
     """Effects fitted beside the one without parameters that a model has, best first.
 
     What the screening says of a model that is far off is little: all values that it tried are starts.
     """
-    screened = Screen(setting, base, seed).all(proposals(base.model, effects, setting.conditions))
+    screened = Screen(estimation, base, seed).all(proposals(base.model, effects, estimation.conditions))
     found = []
     for s in ranked_by_score(screened)[:USUAL_REFITS]:
         searches = _searches(s, base)
-        fits = _best_first(fit for model, choices in searches for fit in _ends(setting, model, choices, base, 4))
+        fits = _best_first(fit for model, choices in searches for fit in _ends(estimation, model, choices, base, 4))
         if fits:
             first = Confirmed(s.proposal, fits[0], 0.0, s.statistic).refitted(fits[0], base)
             found.append((first, searches))
@@ -93,7 +95,7 @@ def beside_bare(setting: Setting, base: Refit, effects: Sequence[str] | None, se
         again = [first.fit]
         for model, choices in searches:
             around = [at for values in choices for at in _scattered(values, model, 0.5, 3, seed)]
-            again += _ends(setting, model, around, base, 4)
+            again += _ends(estimation, model, around, base, 4)
         found[place] = (first.refitted(_best_first(again)[0], base), searches)
     return by_gain([one for one, _ in found])
 
@@ -114,24 +116,24 @@ def _given(model: Model, given: Mapping[str, float], kinds: Sequence[str]) -> li
 
 
 def _without_parameters(
-    setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float], seed: int
+    estimation: EstimationProblem, parent: Refit, proposal: Proposal, given: Mapping[str, float], seed: int
 ) -> list[Confirmed]:
     """Where searches with an effect without parameters end, best first, without those where it does nothing."""
     model = proposal.model({})
     near = {**parent.model.values, **given}
     found: list[Confirmed] = []
-    for fit in _ends(setting, model, [parent.model.values, near, *_scattered(near, model, 1.0, 8, seed)]):
+    for fit in _ends(estimation, model, [parent.model.values, near, *_scattered(near, model, 1.0, 8, seed)]):
         gain = fit.log_likelihood - parent.log_likelihood
         # Ends of searches within half a unit of log-likelihood are the same.
-        if all(abs(gain - other.gain) > 0.5 for other in found) and _acts(setting, fit, proposal.name):
+        if all(abs(gain - other.gain) > 0.5 for other in found) and _acts(estimation, fit, proposal.name):
             found.append(Confirmed(proposal, fit, gain, 0.0))
     return found[:_TAKEN_FURTHER]
 
 
-def _acts(setting: Setting, fit: Refit, name: str) -> bool:
+def _acts(estimation: EstimationProblem, fit: Refit, name: str) -> bool:
     """Whether an effect changes a tenth of the errors' power, all values alike."""
     try:
-        without = setting.criterion(fit.model.without_effect(name))
+        without = estimation.criterion(fit.model.without_effect(name))
         without.keep(fit.nuisance)
         before = without.errors(fit.point[: fit.parameters], fit.nuisance)
     except (IdloopError, np.linalg.LinAlgError):
@@ -169,13 +171,13 @@ def _searches(screened: Screened, base: Refit) -> list[tuple[Model, list[Mapping
 
 
 def _from_near(
-    setting: Setting, parent: Refit, given: Mapping[str, float], effects: Sequence[str] | None, seed: int
+    estimation: EstimationProblem, parent: Refit, given: Mapping[str, float], effects: Sequence[str] | None, seed: int
 ) -> list[Confirmed]:
     """Effects refitted from where the model is best near the user's values; their gain may be below 0."""
-    start = _held_near(setting, parent.model, given)
+    start = _held_near(estimation, parent.model, given)
     if start is None:
         return []
-    screened = Screen(setting, start, seed).all(proposals(start.model, effects, setting.conditions))
+    screened = Screen(estimation, start, seed).all(proposals(start.model, effects, estimation.conditions))
     chosen = promising(screened, 2.0 * math.log(max(len(screened), 1)))
     for s in screened:
         effect = s.proposal.effect
@@ -185,14 +187,14 @@ def _from_near(
         if strange and s.proposal.replaces is None and s.traces and s not in chosen:
             chosen.append(s)
     # What is still behind the fit far away after a first round is not searched to its end.
-    found = confirm(setting, start, chosen, matters=lambda c: c.fit.log_likelihood > parent.log_likelihood)
+    found = confirm(estimation, start, chosen, matters=lambda c: c.fit.log_likelihood > parent.log_likelihood)
     if all(c.fit.log_likelihood <= parent.log_likelihood for c in found):
-        for proposal in proposals(parent.model, effects, setting.conditions):
-            found += _from_the_users(setting, parent, proposal, given)
+        for proposal in proposals(parent.model, effects, estimation.conditions):
+            found += _from_the_users(estimation, parent, proposal, given)
     return [replace(c, gain=c.fit.log_likelihood - parent.log_likelihood) for c in found]
 
 
-def _held_near(setting: Setting, model: Model, given: Mapping[str, float]) -> Refit | None:
+def _held_near(estimation: EstimationProblem, model: Model, given: Mapping[str, float]) -> Refit | None:
     """The model at its best within a factor of three of the user's values; free to leave them again."""
     names = _given(model, given, (*BODY_PARAMETERS, *COUPLING_PARAMETERS))
     if "drive.gain" in model.free and given.get("drive.gain", 0.0) != 0.0:
@@ -204,11 +206,13 @@ def _held_near(setting: Setting, model: Model, given: Mapping[str, float]) -> Re
         return replace(parameter, min=max(parameter.min, low), max=min(parameter.max, high))
 
     held = tuple(near(p) if p.name in names else p for p in start.parameters)
-    fit = refit_or_none(setting, replace(start, parameters=held))
+    fit = refit_or_none(estimation, replace(start, parameters=held))
     return None if fit is None else replace(fit, model=model.with_values(fit.model.values))
 
 
-def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: Mapping[str, float]) -> list[Confirmed]:
+def _from_the_users(
+    estimation: EstimationProblem, parent: Refit, proposal: Proposal, given: Mapping[str, float]
+) -> list[Confirmed]:
     """Where the best search ends that starts from the very values of the user, with an effect that they need.
 
     A coupling that slips all the time is nowhere near the user's stiffness without its slip, nor is a drive that
@@ -223,14 +227,14 @@ def _from_the_users(setting: Setting, parent: Refit, proposal: Proposal, given: 
     if not needed or proposal.replaces is not None:
         return []
     near = {**model.values, **given}
-    scales = Sizes(model.with_values(near), setting).at(effect.site, proposal.at)
+    scales = Sizes(model.with_values(near), estimation).at(effect.site, proposal.at)
     trials = [trial for alternative in proposal.alternatives(scales) for trial in alternative]
     choices = [{**near, **{f"{proposal.name}.{name}": v for name, v in trial.items()}} for trial in trials]
-    return [Confirmed(proposal, f, 0.0, 0.0) for f in _ends(setting, proposal.model(trials[0]), choices, most=2)[:1]]
+    return [Confirmed(proposal, f, 0.0, 0.0) for f in _ends(estimation, proposal.model(trials[0]), choices, most=2)[:1]]
 
 
 def _ends(
-    setting: Setting,
+    estimation: EstimationProblem,
     model: Model,
     choices: Sequence[Mapping[str, float]],
     beside: Refit | None = None,
@@ -245,8 +249,8 @@ def _ends(
         theta = np.array([values.get(name, model.values[name]) for name in model.free])
         if begun is None:
             # A first round tells which starts lead anywhere: it need not look for another noise.
-            return refit_or_none(setting, model, [theta], beside, rounds=1, near=True)
-        return refit_or_none(setting, model, [theta], begun, rounds=MORE_ROUNDS) or begun
+            return refit_or_none(estimation, model, [theta], beside, rounds=1, near=True)
+        return refit_or_none(estimation, model, [theta], begun, rounds=MORE_ROUNDS) or begun
 
     begun = _best_first(in_parallel(search, choices))[:most]
     return _best_first(in_parallel(lambda fit: search(fit.model.values, fit), begun))

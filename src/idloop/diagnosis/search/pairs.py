@@ -99,7 +99,7 @@ def confirmed_pairs(screen: Screen, screened: Sequence[Screened], bar: float, re
         (f"{first[0].name} and {second[0].name}", partial(_confirm, screen, first, second, trace))
         for first, second, trace in _promising(screen, screened, bar)
     ]
-    return search(screen.setting, screen.parent, chosen, report)
+    return search(screen.estimation, screen.parent, chosen, report)
 
 
 def _promising(screen: Screen, screened: Sequence[Screened], bar: float) -> list[tuple[Traced, Traced, Trace]]:
@@ -139,14 +139,14 @@ def _confirm(screen: Screen, first: Traced, second: Traced, joint: Trace) -> Con
         return None
     parent, models = screen.parent, [one.model(values) for one, values in tops if one is not None]
     thetas = [theta for start in models for theta in points(parent, start, joint.shift)]
-    fit = first_round(screen.setting, models[0], thetas, parent)
+    fit = first_round(screen.estimation, models[0], thetas, parent)
     return None if fit is None else Confirmed(top, fit, 0.0, joint.statistic, first[0]).refitted(fit, parent)
 
 
 def _on_top(first: Proposal, values: Trial, second: Proposal, screen: Screen) -> Proposal | None:
     """The second effect, proposed for the model that has the first; None where the two are at odds."""
     try:
-        found = proposals(first.model(values), [second.name], screen.setting.conditions)
+        found = proposals(first.model(values), [second.name], screen.estimation.conditions)
     except IdloopError:
         return None
     return next((p for p in found if p.name == second.name and p.replaces == second.replaces), None)

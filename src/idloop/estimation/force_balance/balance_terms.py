@@ -1,9 +1,8 @@
-"""The terms of a force balance along a measured motion, each kept for as long as its own parameters stay.
+"""Terms of a force balance along a measured motion, each cached while its own parameters are constant.
 
-Of a measured motion every force of a model is a sum of terms that do not depend on each other: inertia, springs, the
-drive, each effect at a body, the dry friction of each body. A fit moves one parameter at a time, and candidate models
-share all effects but one, so that next to every evaluation needs one new term or none. Only a body that stands couples
-them: its dry friction takes what all others leave.
+Along a measured motion the forces of a model are independent terms: inertia, springs, the drive, each effect at a body,
+the dry friction of each body. A fit moves one parameter at a time, and candidate models share all effects but one, so
+that an evaluation needs at most one new term. Only a body at rest couples them: its dry friction balances the others.
 """
 
 from __future__ import annotations
@@ -31,17 +30,17 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 Values = Mapping[str, float]
 
-# Memory for the terms that are kept [bytes], and how many it has room for at least.
-_KEPT, _FEWEST_KEPT = 32_000_000, 16
-# A change of the command by this part of its rms shows how far the balance still depends on it.
+# Size of the cache [bytes], and the least number of terms in it.
+_CACHE_BYTES, _FEWEST_CACHED = 32_000_000, 16
+# Change of the command, as a part of its rms, for the response of the balance to it.
 PROBE = 1e-3
-# Places of the arguments of a friction and a force that depend on other terms: the torque that arrives, the inertia.
+# Indices of the arguments by which a friction or a force depends on other terms: the transmitted torque, the inertia.
 _ARRIVING = _INERTIA = 2
 
 
 @dataclass(frozen=True)
 class Instants:
-    """Motion (m, bodies) of all bodies at m instants that follow each other, and what conditions there are."""
+    """Motion (m, bodies) of all bodies at m successive instants, and the measured conditions."""
 
     time: Array
     position: Array
@@ -50,7 +49,7 @@ class Instants:
     conditions: Conditions | None
 
     def at(self, places: Places) -> Instants:
-        """The motion at some instants, in any order, as if they followed each other."""
+        """The motion at some instants in any order, as if they were successive."""
         before, time = self.time[places], np.arange(len(places), dtype=float)
         conditions = None if self.conditions is None else self.conditions.sampled(before, time)
         return Instants(time, self.position[places], self.velocity[places], self.acceleration[places], conditions)
@@ -63,9 +62,9 @@ class Term:
     Attributes
     ----------
     weak : array, shape (rows,)
-        Its mean over every window, weighted by the test function.
+        Weighted mean over every window.
     near : array, shape (k,)
-        Itself at the instants near rest.
+        Values at the instants near rest.
     """
 
     weak: Array
@@ -73,7 +72,7 @@ class Term:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes."""
+        """Memory in bytes."""
         return self.weak.nbytes + self.near.nbytes
 
     def __mul__(self, factor: float) -> Term:
@@ -82,7 +81,7 @@ class Term:
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """Force of the drive along a motion, per gain; around an instant near rest at which the command jumps, both sides.
+    """Force of the drive along a motion, per gain, on both sides of the jumps of the command near rest.
 
     Attributes
     ----------
@@ -91,13 +90,13 @@ class DriveTerm:
     near : array, shape (k + 2 j,)
         At k instants near rest, then before and after j jumps among them.
     jumps : array of int, shape (j,)
-        Which of the k instants those are.
+        Indices of the jumps among the k instants.
     late : array, shape (j,)
-        Part of the sample time around them after the jump.
+        Part of the sample time after the jump.
     probe : callable
-        What small changes of the command do to both, one by one.
+        Changes of both by small changes of the command.
     sent : array, shape (rows,)
-        Rms of these changes in every window.
+        Rms of these changes of the command in every window.
     """
 
     weak: Array
@@ -109,28 +108,28 @@ class DriveTerm:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes."""
+        """Memory in bytes."""
         return 3 * (self.weak.nbytes + self.near.nbytes)
 
     @cached_property
     def changes(self) -> list[tuple[Array, Array]]:
-        """What `probe` finds."""
+        """Result of `probe`."""
         return self.probe()
 
     @property
     def mean(self) -> Array:
-        """At the instants near rest, shape (k,): of two sides the mean."""
+        """Mean of both sides at the instants near rest, shape (k,)."""
         return _mean_of_sides(self.near, len(self.near) - 2 * len(self.jumps), self.jumps, self.late)
 
     def response(self, changed: Callable[[Array, Array], Array]) -> Array:
-        """How far something in every window depends on the command: a function of what the drive changes, (rows,)."""
+        """Derivative by the command, in every window (rows,), of a function of the changes of the drive."""
         squares = sum(changed(weak, near) ** 2 for weak, near in self.changes)
         return np.asarray(np.sqrt(squares / np.maximum(self.sent**2, 1e-300)))
 
 
 @dataclass(frozen=True)
 class _Friction:
-    """Dry friction of a body: as a term of a body that moves, and the levels at which it breaks away."""
+    """Dry friction of a body: as a term while it moves, and the breakaway levels in both directions."""
 
     weak: Array
     near: Array
@@ -139,7 +138,7 @@ class _Friction:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes."""
+        """Memory in bytes."""
         return self.weak.nbytes + 3 * self.near.nbytes
 
     def __mul__(self, factor: float) -> _Friction:
@@ -147,7 +146,7 @@ class _Friction:
 
 
 def _mean_of_sides(values: Array, count: int, jumps: Places, late: Array) -> Array:
-    """Of values at instants, then before and after some of them, those at the instants."""
+    """Values at instants from values there, then before and after the jumps: weighted means of both sides."""
     found = values[:count]
     if len(jumps):
         found = found.copy()
@@ -170,7 +169,7 @@ def windowed(values: Array, rows: Places, weights: Array) -> Array:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _with_friction(left: Array, speed: Array, rest: float, moving: Array, ahead: Array, back: Array) -> Array:
-    """What a dry friction changes of the unexplained force ``left`` of a body near rest, shape (k,)."""
+    """Change of the unexplained force ``left`` of a body near rest by its dry friction, shape (k,)."""
     change = np.empty(len(left))
     for k in range(len(left)):
         if speed[k] > rest:
@@ -183,22 +182,22 @@ def _with_friction(left: Array, speed: Array, rest: float, moving: Array, ahead:
 
 
 class MotionInWindows:
-    """The measured motion of records, windows over it, and the forces along it that were asked for last.
+    """The measured motion of records, windows over it, and a cache of the forces along it.
 
     Parameters
     ----------
     motions : sequence of Instants
-        One for each stretch of a record.
+        One for each segment of a record.
     commands : callable
-        From a time to the commands around the instants of all stretches, so much earlier [s].
+        From a delay [s] to the commands around the instants of all segments.
     rows : array of int, shape (rows,)
-        First sample of every window, of all stretches one after the other.
+        First sample of every window, of all segments in turn.
     weights : array, shape (width,)
         Of the samples of a window.
     inertial : array, shape (rows, bodies)
         Weak acceleration of every body.
     slowest : float
-        No speed below which a body counts as standing is above it [m/s or rad/s].
+        Upper limit of the rest speed [m/s or rad/s].
     """
 
     def __init__(
@@ -214,20 +213,20 @@ class MotionInWindows:
         self.near = np.flatnonzero(np.any(np.abs(self.whole.velocity) <= slowest, axis=1))
         self.speed = np.abs(self.whole.velocity[self.near])
         self.near_rest = self.whole.at(self.near)
-        # Of every instant its place among those near rest, -1 of others.
+        # Index of every instant among those near rest, -1 for others.
         self.place = np.full(len(self.whole.time), -1)
         self.place[self.near] = np.arange(len(self.near))
-        self._kept: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
+        self._cache: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
         self._size, self._lock = 0, Lock()
-        self._most = max(_KEPT, _FEWEST_KEPT * 8 * (len(rows) + len(self.near)))
+        self._most = max(_CACHE_BYTES, _FEWEST_CACHED * 8 * (len(rows) + len(self.near)))
 
     def weak(self, values: Array) -> Array:
         """Mean of a signal (m,) over every window, shape (rows,)."""
         return np.asarray(windowed(np.ascontiguousarray(values)[:, None], self.rows, self.weights)[:, 0])
 
     @cached_property
-    def spread(self) -> Any:
-        """From values at the instants near rest to their part of every window, sparse (rows, k)."""
+    def window_matrix(self) -> Any:
+        """Sparse matrix (rows, k) from values at the instants near rest to their part of the window means."""
         width = len(self.weights)
         row, offset = np.divmod(np.arange(len(self.rows) * width), width)
         column = self.place[self.rows[row] + offset]
@@ -235,20 +234,18 @@ class MotionInWindows:
         shape = (len(self.rows), len(self.near))
         return csr_array((self.weights[offset[there]], (row[there], column[there])), shape=shape)
 
-    def waves(self, *, slow_and_quick: bool) -> tuple[list[Array], Array]:
-        """Small changes of the command (m,), and their rms in every window (rows,).
-
-        A constant one; of what lags two square waves, a quarter of a period apart: it passes no quick changes.
-        """
-        return self._square_waves if slow_and_quick else self._constant
-
     @cached_property
-    def _constant(self) -> tuple[list[Array], Array]:
+    def constant_change(self) -> tuple[list[Array], Array]:
+        """A small constant change of the command (m,), and its rms in every window (rows,)."""
         probe = PROBE * self.command_rms
         return [np.full(len(self.whole.time), probe)], np.full(len(self.rows), probe)
 
     @cached_property
-    def _square_waves(self) -> tuple[list[Array], Array]:
+    def square_waves(self) -> tuple[list[Array], Array]:
+        """Two small square waves of the command, a quarter of a period apart, and their rms in every window (rows,).
+
+        For the response of a lag, which does not pass fast changes.
+        """
         probe = PROBE * self.command_rms
         counts = [np.arange(len(motion.time)) / len(self.weights) for motion in self.motions]
         waves = [
@@ -267,20 +264,20 @@ class MotionInWindows:
         """Position of every body in every window, shape (rows, bodies)."""
         return np.asarray(windowed(self.whole.position, self.rows, self.weights))
 
-    def kept(self, key: Any, made: Callable[[], Any]) -> Any:
-        """What was made for a key before, or is made now."""
+    def cached(self, key: Any, made: Callable[[], Any]) -> Any:
+        """Value of a key from the cache, or made now."""
         with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                return self._kept[key][0]
+            if key in self._cache:
+                self._cache.move_to_end(key)
+                return self._cache[key][0]
         found = made()
         size = int(getattr(found, "nbytes", 0))
         with self._lock:
-            if key not in self._kept:
-                self._kept[key] = found, size
+            if key not in self._cache:
+                self._cache[key] = found, size
                 self._size += size
-            while self._size > self._most and len(self._kept) > 1:
-                self._size -= self._kept.popitem(last=False)[1][1]
+            while self._size > self._most and len(self._cache) > 1:
+                self._size -= self._cache.popitem(last=False)[1][1]
         return found
 
     def term(self, values: Array) -> Term:
@@ -289,7 +286,7 @@ class MotionInWindows:
 
 
 def _joined(motions: Sequence[Instants]) -> Instants:
-    """Motions one after the other."""
+    """Several motions, concatenated."""
     step = float(np.median(np.diff(motions[0].time[:100])))
     times, conditions, after = [], [], 0.0
     for motion in motions:
@@ -307,7 +304,7 @@ def _joined(motions: Sequence[Instants]) -> Instants:
 
 
 class _Commands:
-    """The commands around all instants, so much earlier [s]: of each its mean, then both sides of every jump."""
+    """Commands around all instants at some delay [s]: the means, then both sides of every jump."""
 
     def __init__(self, along: MotionInWindows, timing: float) -> None:
         self._along, self.around = along, along.commands(timing)
@@ -322,11 +319,11 @@ class _Commands:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes."""
+        """Memory in bytes."""
         return 6 * self.command.nbytes
 
     def both(self, force: Array) -> tuple[Array, Array]:
-        """A force at the same in every window, and near rest."""
+        """A force at these commands in every window, and near rest."""
         around = self.around
         return self._along.weak(_mean_of_sides(force, len(around.mean), around.jumps, around.late)), force[self.near]
 
@@ -336,12 +333,12 @@ def _numbers(active: ActiveEffect, values: Values) -> tuple[float, ...]:
 
 
 def _identity(effect: Effect) -> tuple[str, str, int]:
-    """What tells an effect from others of any catalogue."""
+    """Key of an effect among those of all catalogues."""
     return effect.name, effect.site, id(effect)
 
 
 class BalanceTerms:
-    """What a model leaves unexplained of a measured motion, term by term.
+    """Unexplained force of a model along a measured motion, term by term.
 
     Parameters
     ----------
@@ -365,7 +362,6 @@ class BalanceTerms:
             for joint, coupling in enumerate(model.couplings)
             if (several := [one for one in effects if one.effect.site == COUPLING and one.at == coupling])
         }
-        # What a lag passes on depends on how quickly the command changes.
         self._lags = any(one.effect.settle is not None for one in self.inputs)
 
     def residual(self, values: Values, timing: float, rest: float) -> Array:
@@ -374,21 +370,21 @@ class BalanceTerms:
         Parameters
         ----------
         values : mapping
-            Of all parameters.
+            Values of all parameters.
         timing : float
-            From the stamp of a command to its action [s].
+            Delay of the command [s].
         rest : float
-            Speed below which a body counts as standing [m/s or rad/s].
+            Speed below which a body counts as at rest [m/s or rad/s].
         """
         weak, near, drive = self._left(values, timing)
         for body in self._dry:
             friction = self._friction(body, values)
             change = self._change(body, friction, near[:, body], drive if body == 0 else None, rest)
-            weak[:, body] += friction.weak + self.along.spread @ change
+            weak[:, body] += friction.weak + self.along.window_matrix @ change
         return weak
 
     def slope(self, values: Values, timing: float, rest: float) -> Array:
-        """How far the driven body's balance in every window depends on the command, shape (rows,) [force per input]."""
+        """Derivative of the driven body's balance by the command in every window, shape (rows,) [force per input]."""
         drive = self._drive(values, timing)
         if 0 not in self._dry:
             return drive.response(lambda weak, near: weak)
@@ -397,17 +393,17 @@ class BalanceTerms:
 
         def changed(weak: Array, near: Array) -> Array:
             other = self._change(0, friction, left, drive, rest, near)
-            return np.asarray(self.along.spread @ (other - base) - weak)
+            return np.asarray(self.along.window_matrix @ (other - base) - weak)
 
         return drive.response(changed)
 
     def drives(self, values: Values, timing: float) -> tuple[Array, Array]:
-        """Force of the drive in every window, and how far that depends on the command, each of shape (rows,)."""
+        """Force of the drive in every window, and its derivative by the command, each of shape (rows,)."""
         drive = self._drive(values, timing)
         return drive.weak, drive.response(lambda weak, near: weak)
 
     def _left(self, values: Values, timing: float) -> tuple[Array, Array, DriveTerm]:
-        """Unexplained force without dry friction in every window and near rest, and the drive."""
+        """Unexplained force without dry friction, in every window and near rest, and the drive."""
         along, bodies = self.along, self.model.bodies
         inertia = np.array([values[f"{body}.inertia"] for body in bodies])
         viscous = np.array([values[f"{body}.viscous_friction"] for body in bodies])
@@ -431,14 +427,14 @@ class BalanceTerms:
         self, body: int, friction: _Friction, left: Array, drive: DriveTerm | None, rest: float,
         changed: Array | None = None,
     ) -> Array:  # fmt: skip
-        """What a dry friction changes of the unexplained force of a body near rest, shape (k,)."""
+        """Change of the unexplained force of a body near rest by its dry friction, shape (k,)."""
         left, speed = np.ascontiguousarray(left), np.ascontiguousarray(self.along.speed[:, body])
         if changed is not None and drive is not None:
             left = left - _mean_of_sides(changed, len(left), drive.jumps, drive.late)
         found: Array = _with_friction(left, speed, rest, friction.near, friction.ahead, friction.back)
         if drive is None or not len(drive.jumps):
             return found
-        # A command that jumps may leave a body at rest before it and not after it.
+        # At a jump of the command a body may be at rest before and not after.
         count, jumps = len(left), drive.jumps
         sides = drive.near[count:] + (0.0 if changed is None else changed[count:])
         both = np.tile(jumps, 2)
@@ -450,9 +446,9 @@ class BalanceTerms:
         return _mean_of_sides(np.concatenate([found, aside]), count, jumps, drive.late)
 
     def _alone(self, kept: Sequence[ActiveEffect], values: Values, chain: int | None = None) -> Any:
-        """The compiled model with some effects only, without a drive, and of the chain one coupling at most."""
+        """The compiled model with some effects only, without the drive, and with at most one coupling of the chain."""
         others = [one.name for one in self.model.effects if one not in kept]
-        model = self.along.kept(
+        model = self.along.cached(
             ("model", self.model.bodies, self.model.couplings, tuple(one.name for one in kept)),
             lambda: self.model.without_effects(others),
         )
@@ -489,7 +485,7 @@ class BalanceTerms:
         return np.concatenate(found)
 
     def _force(self, active: ActiveEffect, values: Values) -> Term:
-        """An effect at a body."""
+        """Force of an effect at a body."""
         numbers, size = _numbers(active, values), 1.0
         if active.effect.proportional:
             size, numbers = numbers[0], (1.0, *numbers[1:])
@@ -506,11 +502,11 @@ class BalanceTerms:
         inertia = (
             values[f"{active.at}.inertia"] if any(one is not None and one.arguments[_INERTIA] for one in hooks) else 0.0
         )
-        found: Term = self.along.kept((_identity(active.effect), self._place[active.at], numbers, inertia), made)
+        found: Term = self.along.cached((_identity(active.effect), self._place[active.at], numbers, inertia), made)
         return found * size if size != 1.0 else found
 
     def _torque(self, joint: int, coupling: str, values: Values) -> Term:
-        """What a coupling carries from a body to the next one."""
+        """Torque of a coupling between a body and the next."""
         along, several = self.along, self._coupled.get(joint, [])
         stiffness, damping = values[f"{coupling}.stiffness"], values[f"{coupling}.damping"]
         if not several:
@@ -524,11 +520,11 @@ class BalanceTerms:
             return along.term(self._balance(layout, axis, memory=memory)[:, joint])
 
         numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in several)
-        found: Term = along.kept((joint, stiffness, damping, numbers), made)
+        found: Term = along.cached((joint, stiffness, damping, numbers), made)
         return found
 
     def _friction(self, body: int, values: Values) -> _Friction:
-        """Dry friction of a body that moves faster than those near rest, and near rest."""
+        """Dry friction of a body."""
         several, size = self._dry[body], 1.0
         numbers = [_numbers(one, values) for one in several]
         if len(several) == 1 and several[0].effect.proportional and numbers[0][0] >= 0.0:
@@ -537,7 +533,7 @@ class BalanceTerms:
         def made() -> _Friction:
             strength = {f"{several[0].name}.{several[0].effect.parameters[0].name}": numbers[0][0]}
             layout, axis = self._alone(several, {**values, **strength})
-            # An effect may act through a force as well, which is a term of its own.
+            # A force of the same effect is another term.
             none = np.zeros((0, axis.body_hooks.shape[1]), dtype=np.int64)
             left = self._balance(layout, axis._replace(body_hooks=none), memory=False)
             moving, near = left[:, body], self.along.near_rest
@@ -551,14 +547,14 @@ class BalanceTerms:
             return _Friction(self.along.weak(moving), slow, levels[:, 0], levels[:, 1])
 
         keys = tuple((_identity(one.effect), *own) for one, own in zip(several, numbers, strict=True))
-        found: _Friction = self.along.kept(("friction", body, keys), made)
+        found: _Friction = self.along.cached(("friction", body, keys), made)
         return found * size if size != 1.0 else found
 
     def _drive(self, values: Values, timing: float) -> DriveTerm:
         """The drive and the effects at its input, with its gain."""
         along, gain = self.along, values["drive.gain"]
         numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in self.inputs)
-        found = along.kept(("drive", timing, numbers), lambda: self._drive_per_gain(values, timing))
+        found = along.cached(("drive", timing, numbers), lambda: self._drive_per_gain(values, timing))
 
         def probe() -> list[tuple[Array, Array]]:
             return [(gain * weak, gain * near) for weak, near in found.changes]
@@ -567,10 +563,10 @@ class BalanceTerms:
 
     def _drive_per_gain(self, values: Values, timing: float) -> DriveTerm:
         along = self.along
-        commands: _Commands = along.kept(("commands", timing), lambda: _Commands(along, timing))
-        waves, sent = along.waves(slow_and_quick=self._lags)
+        commands: _Commands = along.cached(("commands", timing), lambda: _Commands(along, timing))
+        waves, sent = along.square_waves if self._lags else along.constant_change
         if self._lags:
-            # What has a memory is asked for one command between two samples, not for both sides of a jump.
+            # An effect with memory is evaluated for one command per sample, not for both sides of a jump.
             given, jumps, late = commands.around.mean, commands.jumps[:0], commands.late[:0]
         else:
             given, jumps, late = commands.command, commands.jumps, commands.late
@@ -584,7 +580,7 @@ class BalanceTerms:
         return DriveTerm(*seen(base), jumps, late, lambda: [seen(force(given + wave) - base) for wave in waves], sent)
 
     def _drive_force(self, values: Values, commands: _Commands) -> Callable[[Array], Array]:
-        """From commands to the force of the drive, per gain."""
+        """Function from commands to the force of the drive, per gain."""
         along, values = self.along, {**values, "drive.gain": 1.0}
         if self._lags:
             starts = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
@@ -607,7 +603,7 @@ class BalanceTerms:
 
 
 class WholeBalance(BalanceTerms):
-    """The same of a model whose terms depend on each other, such as one with a friction that the load raises."""
+    """Unexplained force of a model whose terms depend on each other, as with load-dependent friction."""
 
     @property
     def _remembers(self) -> bool:
@@ -620,13 +616,13 @@ class WholeBalance(BalanceTerms):
     def slope(self, values: Values, timing: float, rest: float) -> Array:
         """As of `BalanceTerms`."""
         base = self._whole(values, timing, rest, None)[:, 0]
-        waves, sent = self.along.waves(slow_and_quick=self._lags)
+        waves, sent = self.along.square_waves if self._lags else self.along.constant_change
         squares = sum((self._whole(values, timing, rest, wave)[:, 0] - base) ** 2 for wave in waves)
         return np.asarray(np.sqrt(squares / np.maximum(sent**2, 1e-300)))
 
     def _whole(self, values: Values, timing: float, rest: float, wave: Array | None) -> Array:
         along = self.along
-        around = along.kept(("commands", timing), lambda: _Commands(along, timing)).around
+        around = along.cached(("commands", timing), lambda: _Commands(along, timing)).around
         added = np.zeros(len(around.mean)) if wave is None else wave
         layout = lay_out(self.model, values, final=False)
         constants = layout.axis.constants.copy()
@@ -641,7 +637,7 @@ class WholeBalance(BalanceTerms):
             error = _equation_error(layout, constants, along.whole.at(instants), command + added[instants], rest)
             left = _mean_of_sides(error, len(around.mean), around.jumps, around.late)
         inertia = np.array([values[f"{body}.inertia"] for body in self.model.bodies])
-        # The acceleration is there for a body that stands, whose friction takes what the motion needs.
+        # The acceleration matters for a body at rest, whose friction balances all other forces.
         left = left - inertia * along.whole.acceleration
         return np.asarray(windowed(left, along.rows, along.weights) + inertia * along.inertial)
 
@@ -656,8 +652,8 @@ def _equation_error(layout: Any, constants: Array, motion: Instants, command: Ar
     return left
 
 
-def balance_of(model: Model, along: MotionInWindows) -> BalanceTerms:
-    """The balance of a model along a motion: by terms where no dry friction depends on the others."""
+def balance_terms(model: Model, along: MotionInWindows) -> BalanceTerms:
+    """The balance of a model along a motion, by terms unless a dry friction depends on other terms."""
     dry = [(one.effect.friction, one.effect.settle) for one in model.effects if one.effect.friction is not None]
     raised = any(friction.arguments[_ARRIVING] or settle is not None for friction, settle in dry)
     return (WholeBalance if raised else BalanceTerms)(model, along)

@@ -1,4 +1,4 @@
-"""The force balance of a model along a measured motion, band-limited: what a force error is read off."""
+"""Band-limited force balance of a record, from which a force error is computed."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Balance:
-    """What the force balance of one record is evaluated on."""
+class RecordBalance:
+    """Motion and command of one record, on which a force balance is evaluated."""
 
     motion: Motion
     held: HeldCommand
     conditions: Conditions | None = None
 
     def command(self, shift: float) -> Array:
-        """Mean command over one sample around each instant, ``shift`` [s] earlier."""
+        """Mean command over one sample around each instant, delayed by ``shift`` [s]."""
         return self.held.around(self.motion.time - shift, self.motion.sample_time).mean
 
 
-def balance_of(engine: Engine, data: Data, cutoff: float | None = None) -> Balance | None:
-    """Prepare the force balance of a record, or None when some body is not measured.
+def record_balance(engine: Engine, data: Data, cutoff: float | None = None) -> RecordBalance | None:
+    """Prepare the force balance of a record; None when some body is not measured.
 
     Parameters
     ----------
@@ -45,22 +45,11 @@ def balance_of(engine: Engine, data: Data, cutoff: float | None = None) -> Balan
     motion = measured_motion(engine.model, data, cutoff)
     if motion is None or engine.layout(None).bodies != len(engine.model.bodies):
         return None
-    return Balance(motion, HeldCommand(data.input_time, data.input, float(data.time[-1])), data.conditions)
+    return RecordBalance(motion, HeldCommand(data.input_time, data.input, float(data.time[-1])), data.conditions)
 
 
 def thin(values: Array, motion: Motion) -> Array:
-    """Low-pass to the comparison band, drop the filter's edges, keep what carries information.
-
-    Parameters
-    ----------
-    values : array, shape (n, k)
-    motion : Motion
-        Gives sample time and band.
-
-    Returns
-    -------
-    array, shape (m, k)
-    """
+    """Low-pass values (n, k) to the comparison band of a motion, without the filter's transients, and decimate them."""
     filtered = low_pass(values, motion.comparison_band, motion.sample_time)
     edge = min(int(np.ceil(2.0 / (motion.comparison_band * motion.sample_time))), len(values) // 10)
     factor = max(int(1.0 / (2.5 * motion.comparison_band * motion.sample_time)), 1)

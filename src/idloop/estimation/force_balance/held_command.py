@@ -1,4 +1,4 @@
-"""A command that is held from its stamp until the next one, around the instants of a measurement."""
+"""A command that is held from its stamp until the next one, averaged around the instants of a measurement."""
 
 from __future__ import annotations
 
@@ -11,27 +11,26 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# The last command is held so long beyond the last measurement, and none was given so long before the first [s].
+# Time for which the last command is held, and for which there is none before the first [s].
 _BEYOND, _BEFORE = 10.0, 1e3
-# A change by this part of the command's rms within a sample is taken as a jump: below, its mean serves.
+# Change within a sample, as a part of the command's rms, above which it counts as a jump; else the mean is used.
 _JUMP = 0.1
-
-# A measured signal is held in so many parts of its sample time: what is left of the steps is 1 in 400 of a curve.
+# Parts of a sample time for which a measured signal is held: the steps are off a curve by 1 in 400.
 _PARTS = 4
 
 
 def held_along(time: Array, value: Array) -> tuple[Array, Array]:
-    """A measured signal as a command that is held for parts of its sample time, on a smooth curve through the samples.
+    """A measured signal as a command that is held for parts of its sample time, on a spline through the samples.
 
     Parameters
     ----------
     time, value : array, shape (m,)
-        Instants of the samples [s], rising, and the signal.
+        Increasing instants of the samples [s], and the signal.
 
     Returns
     -------
     time, value : array, shape (k,)
-        Stamps [s] and what is held from there on: the curve in the middle of each part.
+        Stamps [s] and held values: the spline in the middle of each part.
     """
     from scipy.interpolate import CubicSpline
 
@@ -53,7 +52,7 @@ class CommandAround:
     jumps : array of int, shape (k,)
         Instants around which it jumps once.
     before, after : array, shape (k,)
-        What it is on either side.
+        Values on both sides of the jump.
     late : array, shape (k,)
         Part of the sample time after the jump.
     """
@@ -66,7 +65,7 @@ class CommandAround:
 
     @classmethod
     def joined(cls, parts: Sequence[CommandAround]) -> CommandAround:
-        """One after the other."""
+        """Several of them, concatenated."""
         starts = np.cumsum([0, *(len(part.mean) for part in parts[:-1])])
         return cls(
             np.concatenate([part.mean for part in parts]),
@@ -78,7 +77,7 @@ class CommandAround:
 
 
 class HeldCommand:
-    """A command, with its integral, from which its mean over any time follows exactly.
+    """A command with its integral, from which the mean over any interval follows exactly.
 
     Parameters
     ----------
@@ -97,20 +96,12 @@ class HeldCommand:
         self._value = np.concatenate([[0.0], value])
         self._rms = float(np.sqrt(np.mean(value**2)))
 
-    def turned(self) -> HeldCommand:
-        """With the other sign."""
+    def reversed(self) -> HeldCommand:
+        """The command with the opposite sign."""
         return HeldCommand(self._time, -self._given, self._end)
 
     def around(self, time: Array, sample_time: float) -> CommandAround:
-        """The command over one sample time around each instant.
-
-        Parameters
-        ----------
-        time : array, shape (n,)
-            [s]
-        sample_time : float
-            [s]
-        """
+        """The command over one sample time [s] around each instant of ``time`` (n,) [s]."""
         mean, before, after = _around(self._edges, self._area, self._value, time, sample_time)
         change = after - before
         jumps = np.flatnonzero(np.abs(change) > _JUMP * self._rms)
@@ -122,12 +113,12 @@ class HeldCommand:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _around(edges: Array, area: Array, value: Array, time: Array, sample_time: float) -> tuple[Array, Array, Array]:
-    """Mean of a held value over one sample time around each instant, and what it is at the beginning and at the end."""
+    """Mean of a held value over one sample time around each instant, and its values at the beginning and the end."""
     ends = np.empty((2, len(time)))
     areas = np.empty((2, len(time)))
     for side in range(2):
         offset = (side - 0.5) * sample_time
-        # Instants rise: each is found from the one before it.
+        # Instants increase: each search begins at the previous one.
         place = max(np.searchsorted(edges, time[0] + offset, side="right") - 1, 0) if len(time) else 0
         for k in range(len(time)):
             instant = time[k] + offset

@@ -1,8 +1,8 @@
 """Maximum-likelihood fit of a model's force balance in weak form.
 
-The likelihood is that of what was recorded: the command, given the motion, and of bodies without a drive the
-acceleration. Its density is that of the unexplained force, Student's t, times how much of the command acts
-(or the inertia): scaling all forces down, or switching the command off, gains nothing.
+The likelihood is that of the recorded command, given the motion, and of the acceleration of bodies without a drive. Its
+density is Student's t of the unexplained force, times the derivative of the balance by the command (or the inertia):
+scaling all forces down, or switching the command off, gains nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
-from idloop.estimation.force_balance.weak_form import BLOCKS, LARGEST_REST, NARROWEST, Shares, WeakForm, weak_form
+from idloop.estimation.force_balance.weak_form import BLOCKS, LARGEST_REST, NARROWEST, WeakForm, WindowShares, weak_form
 from idloop.estimation.optimisation.levenberg import box_step, difference_jacobian
 from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.optimisation.solve import typical_size
@@ -28,45 +28,39 @@ from idloop.physics.effect import INPUT
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-# The time from stamp to action is found within these limits, in samples: a sampled loop has one by itself, and a
-# differenced velocity half of one; what is later is a delay.
+# Limits of the time from the stamp of a command to its action, in samples; a larger delay is an effect of the model.
 _EARLIEST, _LATEST = -1.0, 1.5
-# A window is wide enough when sensor noise is at most this part of the unexplained force [standard deviations].
+# Most sensor noise in the unexplained force of wide enough windows [ratio of standard deviations].
 MOST_NOISE = 0.3
 _WIDER = 1.4
-# Model error rules where a balance leaves ten times what sensor noise makes, and at least this part of the drive's
-# force; elsewhere finer views tell more.
-_RULED, LEAST_UNEXPLAINED = 0.1, 0.01
-# Sensors of one body whose velocities are further apart than this part of them show something of their own.
+# Model error dominates a balance with at most this part of sensor noise, and at least that part of the drive's force.
+_LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
+# Relative difference of two sensors' velocities of one body above which they disagree.
 _DISAGREE = 0.02
-# Values of narrower windows agree with wider ones where they are less likely there by no more than this.
-# ... up to windows so many times as wide.
+# Narrow windows agree with wider ones when their values lose at most this log-likelihood there, up to this ratio of
+# widths.
 _AS_LIKELY, _FAR_WIDER = 3.0, 2.5
-# Least part of the acceleration, as power, that must not be noise: inertia comes out too small by as much.
-# Where it is to speak against predictions, it must be nearly all.
+# Least share of the acceleration's power without noise, as the inertia is biased by the rest; and the least share for a
+# balance that contradicts a fit to prediction errors.
 _RELIABLE, _CERTAIN = 0.8, 0.95
-# A fit to prediction errors that leaves so many times the force that a disturbance may be has forces in that.
-_HIDDEN = 1.5
-# ... in windows of at most so many times those that resolve the motion: a period of the motion's band.
-_PERIOD = 4
-# Fewer windows in all do not tell a model from another.
+# A fit to prediction errors with so many times the unexplained force of a disturbance takes a force for a disturbance,
+# in windows of at most so many times the widest that resolve the motion.
+_HIDDEN, _PERIOD = 1.5, 4
+# Least number of windows for a comparison of models.
 FEWEST_ROWS = 100
-# The search ends where a step promises less log-likelihood than this; one that only ranks models, where it is a
-# hundredth of what tells them apart.
-TOLERANCE, RANKING = 1e-4, 0.05
+# Predicted gain of log-likelihood at which a search ends, and for one that only ranks models.
+TOLERANCE, RANKING_TOLERANCE = 1e-4, 0.05
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
-# Slopes are differences over this part of a parameter's size.
+# Difference step as a part of a parameter's size.
 _SLOPE_STEP = 1e-4
-# Parts of a linear step that are tried where values must suit each other, such as two levels of friction.
+# Parts of a linear step that are tried, as some parameters must be consistent, such as two levels of friction.
 _SHARES = (1.0, 0.5, 0.25, 0.0)
-# A window tells of its command where the balance depends on it by at least this part of the gain; below, of a part.
-_TELLS = 0.5
-# Coloured noise makes a standing axis seem to move: the speed below which it counts as standing is searched for in
-# steps of this factor, up to a part of the typical speed, as long as one is worth so much log-likelihood.
+# A window counts fully by its command where the balance depends on that by at least this part of the gain.
+_FULL_RESPONSE = 0.5
+# Factor of the search for the rest speed, and the gain of log-likelihood that a step must bring.
 _REST_STEP, _WORTH_A_REST = 3.0, 5.0
-# A search begins on so many windows: they tell where the optimum is, and all of them where exactly.
-# Where there are few times as many, it begins on all.
+# A search begins on so many windows, where there are at least so many times as many.
 _DRAFT, _WORTH_A_DRAFT = 2000, 4
 
 
@@ -82,13 +76,13 @@ class WeakFit:
     scale : array, shape (bodies,)
         Of Student's t distribution of the unexplained force.
     rows : array of int
-        Windows that were fitted.
+        Fitted windows.
     log_likelihood : float
-        Of these.
+        Of these windows.
     iterations : int
     converged : bool
     jacobian : array, shape (rows bodies, k)
-        Slopes of the normalised errors where the search ended.
+        Of the normalised errors at the end of the search.
     """
 
     form: WeakForm
@@ -107,7 +101,7 @@ class WeakFit:
 
     @property
     def model(self) -> Model:
-        """The model with the values found."""
+        """The fitted model."""
         return self.form.engine.model.with_theta(self.theta)
 
     @property
@@ -121,47 +115,33 @@ class WeakFit:
         return self.form.residual(self.theta, self.shift)
 
     @cached_property
-    def relatives(self) -> Array:
-        """As `relative_errors`, of the records that were fitted."""
+    def relative_by_body(self) -> Array:
+        """As of `relative_errors`, for the fitted records."""
         return relative_errors(self.form, self.theta, self.shift)
 
     @property
     def relative(self) -> float:
-        """Unexplained force over the drive's, both as rms over all windows."""
-        return float(self.relatives[0])
+        """Rms of the unexplained force over that of the drive's force, in all windows."""
+        return float(self.relative_by_body[0])
 
     @cached_property
-    def model_error_rules(self) -> bool:
-        """Whether it is the model, and not sensor noise, that limits the balance."""
-        return self.resolved and model_error_rules(self.form, self.theta, self.shift)
+    def model_error_dominates(self) -> bool:
+        """Whether model error, not sensor noise, limits the balance."""
+        return self.resolved and model_error_dominates(self.form, self.theta, self.shift)
 
     @property
-    def serves(self) -> bool:
-        """Whether what it leaves may show what the model lacks: it is reliable and leaves a part of the force."""
-        return self.reliable and float(np.max(self.relatives)) >= LEAST_UNEXPLAINED and self.relative < 1.0
+    def usable(self) -> bool:
+        """Whether the unexplained force may show a missing effect: it is reliable and not negligible."""
+        return self.reliable and float(np.max(self.relative_by_body)) >= LEAST_UNEXPLAINED and self.relative < 1.0
 
-    def decides_against(self, predicted: Model) -> bool:
-        """Whether these values are to be trusted rather than those of a fit to prediction errors.
+    def contradicts(self, predicted: Model) -> bool:
+        """Whether the same model, fitted to prediction errors, takes a force for a disturbance.
 
-        Parameters
-        ----------
-        predicted : Model
-            As of `hides_from`.
+        The balance explains that force.
         """
-        return self.model_error_rules or self.hides_from(predicted)
-
-    def hides_from(self, predicted: Model) -> bool:
-        """Whether predictions have taken a force for a disturbance which this balance accounts for.
-
-        Parameters
-        ----------
-        predicted : Model
-            The same model, fitted to prediction errors.
-        """
-        if not self.serves or self.form.reliability < _CERTAIN or self.form.width > _PERIOD * self.form.widest:
+        if not self.usable or self.form.reliability < _CERTAIN or self.form.width > _PERIOD * self.form.widest:
             return False
-        # A disturbance that moves the axis leaves more of the force than the least squares of it do: they count what it
-        # accelerates as inertia.
+        # Least squares count a part of a disturbance as inertia, and leave less of it unexplained.
         disturbed = self.relative / np.sqrt(1.0 - self.relative**2)
         try:
             left = relative_errors(self.form.with_engine(RememberingEngine(predicted)), predicted.theta, self.shift)[0]
@@ -171,52 +151,51 @@ class WeakFit:
 
     @property
     def resolved(self) -> bool:
-        """Whether the windows are so wide that sensor noise is a small part of what is unexplained of some body."""
+        """Whether sensor noise is a small part of the unexplained force of some body."""
         return bool(np.any(self.noise_share <= MOST_NOISE))
 
     @property
     def reliable(self) -> bool:
-        """Whether the motion shows in these windows: sensors agree, and the acceleration is not mostly their noise."""
-        return _motion_shows(self.form) and self.resolved
+        """Whether sensors agree, and neither acceleration nor unexplained force are mostly noise."""
+        return _motion_reliable(self.form) and self.resolved
 
     @property
     def noise_share(self) -> Array:
-        """What sensor noise alone makes of the unexplained force, by body, shape (bodies,); at most 1."""
+        """Sensor noise in the unexplained force by body, shape (bodies,); at most 1."""
         inertia = self.form.inertia(self.theta)
         return np.minimum(inertia * self.form.noise / self.scale, 1.0)
 
     def log_densities(self, form: WeakForm | None = None) -> Array:
-        """Log-density of every window of these records or others, with the values that were fitted, shape (rows,)."""
-        one = self.form if form is None else form
-        return _log_densities(one, self.point, self.scale)
+        """Log-density of every window, of these records or others, with the fitted values and scale, shape (rows,)."""
+        return _log_densities(self.form if form is None else form, self.point, self.scale)
 
     def along(self, form: WeakForm) -> WeakFit:
-        """The same values in other windows of the same records, not fitted to these."""
+        """The same values, without a fit, in other windows."""
         residual = form.residual(*_split(form, self.point))
         scale, rows = _scales(form, self.point, residual), np.arange(form.starts[-1])
         likelihood = -_cost(_Target(form)(self.point))
         return WeakFit(form, self.point, scale, rows, likelihood, self.iterations, self.converged, np.zeros((0, 0)))
 
-    def thinned(self, most: int) -> WeakFit:
-        """The fit to about so many of the windows, evenly spread; itself where there are less."""
-        form = self.form.thinned(most)
+    def subsampled(self, most: int) -> WeakFit:
+        """The fit to about so many of the windows, spread evenly; itself where there are fewer."""
+        form = self.form.subsampled(most)
         return self if form is self.form else fit_weak(form, self.point)
 
     @cached_property
     def linear(self) -> tuple[Array, Array]:
-        """Standardised errors of all windows (rows, bodies), and their slopes by the point (rows, bodies, k)."""
+        """Standardised errors of all windows (rows, bodies), and their derivatives (rows, bodies, k)."""
         error = _Target(self.form)(self.point)
         scale = _rms(error)
         return error / scale, self.jacobian.reshape(*error.shape, -1) / scale[:, None]
 
     @property
     def slopes(self) -> Array:
-        """Slopes of the standardised errors by the point, shape (rows bodies, k)."""
+        """Jacobian of the standardised errors, shape (rows bodies, k)."""
         return self.linear[1].reshape(-1, len(self.point))
 
     @cached_property
     def slopes_of_force(self) -> Array:
-        """Slopes of the driven body's unexplained force by the point, shape (rows, k)."""
+        """Jacobian of the driven body's unexplained force, shape (rows, k)."""
         (_, upper), sizes = _limits(self.form), _sizes(self.form, self.point)
         found = np.zeros((len(self.residual), len(self.point)))
         for place, step in enumerate(_SLOPE_STEP * sizes):
@@ -228,7 +207,7 @@ class WeakFit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the point, from stretches taken as independent; NaN where nothing tells a parameter."""
+        """Covariance of the point, from independent segments; NaN for parameters without influence."""
         base, slopes = (part[self.rows] for part in self.linear)
         size = np.maximum(np.sqrt(np.sum(slopes**2, axis=(0, 1))), 1e-300)
         scaled = slopes / size
@@ -242,7 +221,7 @@ class WeakFit:
         return np.asarray(covariance)
 
     def refitted(self, rows: Rows) -> WeakFit:
-        """The same model fitted to some of the windows, to first order around this fit."""
+        """The fit to some of the windows, to first order around this fit."""
         base, slopes = (part[rows] for part in self.linear)
         lower, upper = _limits(self.form)
         flat, move = slopes.reshape(-1, len(self.point)), np.zeros(len(self.point))
@@ -266,18 +245,13 @@ class WeakFit:
 
 
 def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
-    """Unexplained force of every body over what acts on it, both as rms over all windows.
+    """Rms of the unexplained force of every body over that of the acting force (of the drive), shape (bodies,).
 
     Parameters
     ----------
     form : WeakForm
     theta, shift
         As of `WeakForm.residual`.
-
-    Returns
-    -------
-    array, shape (bodies,)
-        Of the driven body over the force of the drive.
     """
     left = form.residual(theta, shift)
     acting = form.inertia(theta) * form.inertial - left
@@ -285,29 +259,22 @@ def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
     return np.asarray(np.linalg.norm(left, axis=0) / np.maximum(np.linalg.norm(acting, axis=0), 1e-300))
 
 
-def model_error_rules(form: WeakForm, theta: Array, shift: float) -> bool:
-    """Whether it is the model, and not sensor noise, that limits a balance in windows that resolve the motion.
-
-    Parameters
-    ----------
-    form : WeakForm
-    theta, shift
-        As of `WeakForm.residual`.
-    """
-    if not _motion_shows(form):
+def model_error_dominates(form: WeakForm, theta: Array, shift: float) -> bool:
+    """Whether model error, not sensor noise, limits a balance in windows that resolve the motion."""
+    if not _motion_reliable(form):
         return False
     inertia = form.inertia(theta)
     wide: WeakForm | None = form
     while wide is not None and wide.width <= form.widest:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
-        if np.all(inertia * wide.noise <= _RULED * left):
+        if np.all(inertia * wide.noise <= _LITTLE_NOISE * left):
             return float(np.max(relative_errors(wide, theta, shift))) >= LEAST_UNEXPLAINED
         wide = weak_form(form.engine, form.data, _wider(wide.width))
     return False
 
 
-def _motion_shows(form: WeakForm) -> bool:
-    """Whether sensors agree on the motion, and its acceleration is not mostly their noise."""
+def _motion_reliable(form: WeakForm) -> bool:
+    """Whether sensors agree on the motion, and the acceleration is not mostly noise."""
     return form.disagreement <= _DISAGREE and form.reliability >= _RELIABLE
 
 
@@ -329,35 +296,35 @@ def _split(form: WeakForm, point: Array) -> tuple[Array, float]:
     return (point[:-1], float(point[-1])) if form.free_timing else (point, 0.0)
 
 
-def _shares(form: WeakForm, point: Array) -> Shares:
-    """By what every window is told.
+def _shares(form: WeakForm, point: Array) -> WindowShares:
+    """By what every window counts.
 
-    What shapes the command is measured by what the drive does of it over all windows: on a command of two levels an
-    uneven gain is an offset. A friction that takes a part of what the drive gives is measured window by window.
+    An effect at the input is measured over all windows: on a command of two levels a gain asymmetry equals an offset. A
+    friction that absorbs a part of the drive's force is measured window by window.
     """
     known = form.shares.get(key := point.tobytes())
     if known is not None:
         return known
     theta, shift = _split(form, point)
     slope = form.slope(theta, shift)
-    least = _TELLS * form.gain(theta)
+    least = _FULL_RESPONSE * form.gain(theta)
     overall, each = form.drives(theta, shift, least)
     passed = np.where(each > 0.0, slope / np.maximum(each, 1e-300), 1.0)
     cut_off = (1.0 - np.minimum(each / least, 1.0)) * (1.0 - form.standing)
-    told = np.minimum(np.minimum(slope / least, 1.0), 1.0 - cut_off)
-    found = Shares(told, 1.0 - told - cut_off, np.log(overall * np.maximum(passed, 1e-300)))
+    command = np.minimum(np.minimum(slope / least, 1.0), 1.0 - cut_off)
+    found = WindowShares(command, 1.0 - command - cut_off, np.log(overall * np.maximum(passed, 1e-300)))
     form.shares.clear()
     form.shares[key] = found
     return found
 
 
 def _errors(form: WeakForm, theta: Array, residual: Array, standing: Array) -> Array:
-    """Unexplained force on the driven body in every window; the inertial force of one that a friction holds."""
+    """Unexplained force on the driven body in every window; its inertial force where friction holds it."""
     return np.asarray(residual[:, 0] + standing * form.inertia(theta)[0] * form.inertial[:, 0])
 
 
 def _strength_of_motion(form: WeakForm, theta: Array) -> Array:
-    """Log of the force per input that a window counts with where its motion is told, shape (rows,)."""
+    """Log of the force per input for windows that count by their motion, shape (rows,)."""
     return np.asarray(log(max(form.inertia(theta)[0], 1e-300)) - form.motion_per_input)
 
 
@@ -366,7 +333,7 @@ def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
     residual = form.residual(theta, shift)
     shares = _shares(form, point)
     total = log_density(_errors(form, theta, residual, shares.standing), float(scale[0]))
-    total = total + shares.told * shares.strength + (1.0 - shares.told) * _strength_of_motion(form, theta)
+    total = total + shares.command * shares.strength + (1.0 - shares.command) * _strength_of_motion(form, theta)
     inertia = form.inertia(theta)
     for body in range(1, residual.shape[1]):
         total = total + log_density(residual[:, body], float(scale[body])) + np.log(inertia[body])
@@ -382,16 +349,15 @@ def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows | slice = 
 
 
 class _Target:
-    """What a fit makes small, shape (rows, bodies): n times the logarithm of its rms is minus the log-likelihood.
+    """Normalised errors, shape (rows, bodies): minus the log-likelihood is the sum of n times the log of their rms.
 
-    Most parameters do not move how many windows tell of their command; those that do have it evaluated anew.
-    Where all are told alike this is the unexplained force over the gain, which has no second optimum in parameters
-    that the force is linear in.
+    The window shares are computed only when a parameter that changes them moves. With equal shares the errors are the
+    unexplained force over the gain, which has a single optimum in parameters that the force is linear in.
     """
 
-    def __init__(self, form: WeakForm, *, alike: bool = False) -> None:
+    def __init__(self, form: WeakForm, *, equal_shares: bool = False) -> None:
         self.form = form
-        self._alike = alike
+        self._equal_shares = equal_shares
         self._moves = np.array([_moves_slope(form.engine.model, name) for name in form.engine.free], dtype=bool)
         self._known: tuple[bytes, _Counts] | None = None
 
@@ -412,29 +378,29 @@ class _Target:
 
     def _counts(self, point: Array, residual: Array) -> _Counts:
         rows = len(residual)
-        if self._alike:
+        if self._equal_shares:
             strength = log(self.form.gain(_split(self.form, point)[0]))
             return _Counts(np.zeros(rows), float(rows), np.zeros(rows), -rows * strength)
         shares = _shares(self.form, point)
         held = float(np.sum(shares.standing))
-        # A body that stands adds no error to the rms, of which half a unit is each other window's.
-        constant = -float(np.sum(shares.told * shares.strength)) - 0.5 * held
-        return _Counts(shares.standing, max(rows - held, 1e-9), 1.0 - shares.told, constant)
+        # A body at rest adds no error to the rms, to which every other window contributes half a unit.
+        constant = -float(np.sum(shares.command * shares.strength)) - 0.5 * held
+        return _Counts(shares.standing, max(rows - held, 1e-9), 1.0 - shares.command, constant)
 
 
 @dataclass(frozen=True)
 class _Counts:
-    """What a target needs of the shares of all windows.
+    """Sums of the window shares for a target.
 
     Attributes
     ----------
     standing : array, shape (rows,)
     moving : float
-        Windows that are in the scale.
+        Number of windows in the scale.
     silent : array, shape (rows,)
-        Share that is told by the motion.
+        Share of the motion.
     constant : float
-        Minus the log-likelihood that no other parameter moves.
+        Part of minus the log-likelihood that no other parameter changes.
     """
 
     standing: Array
@@ -444,7 +410,7 @@ class _Counts:
 
 
 def _moves_slope(model: Model, name: str) -> bool:
-    """Whether a parameter has a part in how far the balance of the driven body depends on the command."""
+    """Whether a parameter changes the response of the driven body's balance to the command."""
     owner = name.rpartition(".")[0]
     acting = (active.effect for active in model.effects if active.name == owner)
     return owner == "drive" or any(effect.site == INPUT or effect.friction is not None for effect in acting)
@@ -456,7 +422,7 @@ def fit_weak(
     *,
     rounds: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
-    alike: bool = False,
+    equal_shares: bool = False,
 ) -> WeakFit:
     """Fit a model to a force balance.
 
@@ -464,13 +430,13 @@ def fit_weak(
     ----------
     form : WeakForm
     start : array, shape (k,) or (k + 1,)
-        Free parameters, and the timing where that is free (0 when left out).
+        Free parameters, and the command delay where that is free (0 when left out).
     rounds : int
         Most iterations.
     tolerance : float
-        Log-likelihood that a further iteration must promise.
-    alike : bool
-        Take every window as one that tells of its command: not the likelihood, but a place to search for it from.
+        Predicted gain of log-likelihood at which the search ends.
+    equal_shares : bool
+        Count every window by its command: not the likelihood, but a start for a search.
 
     Raises
     ------
@@ -483,7 +449,7 @@ def fit_weak(
     step = _SLOPE_STEP * size
     if not np.all(np.isfinite(form.residual(*_split(form, point)))):
         raise IdloopError("the force balance cannot be evaluated at the starting values")
-    target = _Target(form, alike=alike)
+    target = _Target(form, equal_shares=equal_shares)
     damping, converged, iteration = 1e-3, False, 0
     size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
     while iteration < rounds and not converged:
@@ -530,7 +496,7 @@ def _rms(error: Array) -> Array:
 
 
 def cost_at(form: WeakForm, start: Array) -> float:
-    """Minus the log-likelihood of a point from which a fit may begin; infinite where it has no balance."""
+    """Minus the log-likelihood at a start of a fit; infinite where the balance cannot be evaluated."""
     lower, upper = _limits(form)
     point = np.clip(start if len(start) == len(lower) else np.append(start, 0.0), lower, upper)
     error = _Target(form)(point)
@@ -538,7 +504,7 @@ def cost_at(form: WeakForm, start: Array) -> float:
 
 
 def _cost(error: Array) -> float:
-    """Minus the log-likelihood of normalised errors, their scale at its best, but for a constant."""
+    """Minus the log-likelihood of normalised errors at their best scale, without a constant."""
     return float(len(error) * np.sum(np.log(_rms(error))))
 
 
@@ -548,14 +514,14 @@ def fit_by_force(
     start: Array,
     known: dict[int, WeakForm] | None = None,
     *,
-    insist: bool = False,
+    accept_noise: bool = False,
     rest_speed: float | None = None,
     narrowest: int = NARROWEST,
 ) -> WeakFit | None:
-    """Fit a model to records by its force balance, in the narrowest windows in which sensor noise does not rule.
+    """Fit a model to records by its force balance, in the narrowest windows that sensor noise does not dominate.
 
-    Of any body; where there are none, of some body. Where it is much of the acceleration, the inertia comes out too
-    small, and with it the noise in units of force: windows that are widened for that must agree with yet wider ones.
+    This must hold for every body, else for some body. Where noise is much of the acceleration the inertia is biased
+    down, and with it the noise in units of force: such windows must agree with yet wider ones.
 
     Parameters
     ----------
@@ -563,18 +529,18 @@ def fit_by_force(
     data : sequence of Data
     start : array, shape (k,)
     known : dict of int to WeakForm, optional
-        Windows of these data by width, for other effects in the same machine; what is made anew is added.
-    insist : bool
-        Take the widest windows where sensor noise rules in all.
+        Cache of windows of these data by width, for other models.
+    accept_noise : bool
+        Use the widest windows where sensor noise dominates in all.
     rest_speed : float, optional
-        Speed below which a body counts as standing to search from [m/s or rad/s].
+        First rest speed of the search [m/s or rad/s].
     narrowest : int
-        Samples in the windows to begin with.
+        Samples in the first windows.
 
     Returns
     -------
     WeakFit or None
-        None where some body is not measured, or sensor noise is what a balance would show at any width.
+        None where some body is not measured, or sensor noise dominates at any width.
 
     Raises
     ------
@@ -584,16 +550,16 @@ def fit_by_force(
     width, point = narrowest, start
     forms = {} if known is None else known
     found: WeakFit | None = None
-    # Of a body that lacks nothing noise is all that is left, at any width.
-    for_some: WeakFit | None = None
-    ruled, narrower = False, None
+    # For a body without model error only noise is unexplained, at any width.
+    partly_resolved: WeakFit | None = None
+    noisy, narrower = False, None
     while True:
         form = forms[width].with_engine(engine) if width in forms else weak_form(engine, data, width)
         if form is None or form.starts[-1] < FEWEST_ROWS:
-            return for_some or (found if insist else None)
+            return partly_resolved or (found if accept_noise else None)
         forms.setdefault(width, form)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
-        found = with_rest_speed(fit_anew(form, point) if width == narrowest else fit_weak(form, point))
+        found = with_rest_speed(fit_from_two_starts(form, point) if width == narrowest else fit_weak(form, point))
         if narrower is not None and _agrees(narrower, found):
             if width >= _FAR_WIDER * narrower.form.width:
                 return narrower
@@ -601,49 +567,33 @@ def fit_by_force(
             continue
         narrower = None
         if form.reliability < _RELIABLE:
-            ruled = True
+            noisy = True
         elif np.all(found.noise_share <= MOST_NOISE):
-            if not ruled:
+            if not noisy:
                 return found
-            # Coloured noise is no white one, and only wider windows show how much it has been.
+            # Coloured noise is underestimated; only wider windows show how much it has been.
             narrower = found
-        elif not ruled:
-            for_some = for_some or (found if found.resolved else None)
+        elif not noisy:
+            partly_resolved = partly_resolved or (found if found.resolved else None)
         width, point = _wider(width), found.theta
 
 
 def _agrees(narrower: WeakFit, wider: WeakFit) -> bool:
-    """Whether the values of narrower windows are nearly as likely in wider ones as their own."""
+    """Whether the values from narrower windows are nearly as likely in the wider ones as those fitted there."""
     return cost_at(wider.form, narrower.point) + wider.log_likelihood <= _AS_LIKELY
 
 
 def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:
-    """The fit with a speed below which bodies count as standing as large as is likely, where it has a dry friction.
-
-    Parameters
-    ----------
-    fit : WeakFit
-    tolerance : float
-        As of `fit_weak`.
-    """
+    """The fit with the rest speed raised as long as that is likelier; the tolerance is that of `fit_weak`."""
     while (likelier := likelier_rest_speed(fit.form, fit.point)) is not None:
         fit = fit_weak(likelier, fit.point, tolerance=tolerance)
     return fit
 
 
 def likelier_rest_speed(form: WeakForm, point: Array) -> WeakForm | None:
-    """The same windows with a larger speed below which bodies count as standing, where that is far likelier.
+    """The same windows with a larger rest speed, where that is much likelier at a point.
 
-    Parameters
-    ----------
-    form : WeakForm
-    point : array, shape (k,) or (k + 1,)
-        As the start of `fit_weak`.
-
-    Returns
-    -------
-    WeakForm or None
-        None where it is not, or the model has no dry friction.
+    None where it is not, or without a dry friction in the model.
     """
     if not any(active.effect.friction is not None for active in form.engine.model.effects):
         return None
@@ -653,37 +603,17 @@ def likelier_rest_speed(form: WeakForm, point: Array) -> WeakForm | None:
     return faster if cost_at(faster, point) < cost_at(form, point) - _WORTH_A_REST else None
 
 
-def draft_of(form: WeakForm) -> WeakForm:
-    """The windows on which a search begins: all where a draft would save little."""
-    return form.thinned(_DRAFT) if form.starts[-1] >= _WORTH_A_DRAFT * _DRAFT else form
+def draft_windows(form: WeakForm) -> WeakForm:
+    """The windows on which a search begins: a part of them where that saves much."""
+    return form.subsampled(_DRAFT) if form.starts[-1] >= _WORTH_A_DRAFT * _DRAFT else form
 
 
-def fit_anew(form: WeakForm, start: Array) -> WeakFit:
-    """Fit a model to a force balance from two starts: one, and where taking all windows alike leads from there.
-
-    Parameters
-    ----------
-    form, start
-        As of `fit_weak`.
-
-    Returns
-    -------
-    WeakFit
-        The likelier one.
-
-    Raises
-    ------
-    IdloopError
-        The balance cannot be evaluated at the start.
-    """
-    draft = draft_of(form)
-    alike = fit_weak(draft, start, alike=True)
-    found = max(fit_weak(draft, start), fit_weak(draft, alike.point), key=_likelihood)
+def fit_from_two_starts(form: WeakForm, start: Array) -> WeakFit:
+    """The likelier of two fits as of `fit_weak`: from the start, and from the fit with equal shares."""
+    draft = draft_windows(form)
+    equal = fit_weak(draft, start, equal_shares=True)
+    found = max(fit_weak(draft, start), fit_weak(draft, equal.point), key=lambda fit: fit.log_likelihood)
     return found if draft is form else fit_weak(form, found.point)
-
-
-def _likelihood(fit: WeakFit) -> float:
-    return fit.log_likelihood
 
 
 def _wider(width: int) -> int:

@@ -1,12 +1,12 @@
-"""The force balance of a model along a measured motion, in weak form.
+"""Force balance of a model along a measured motion, in weak form.
 
-Every term is multiplied by a smooth test function and integrated. By parts, the inertial term becomes one in the
-measured velocity or position themselves,
+Every term is multiplied by a smooth test function and integrated. Integration by parts makes the inertial term one in
+the measured velocity or position,
 
     ∫ J v̇ φ dt = -∫ J v φ̇ dt = ∫ J q φ̈ dt,
 
-so that no measured signal is differentiated to find an acceleration (Messenger and Bortz, Weak SINDy, Multiscale
-Modeling and Simulation 19, 2021). The test function is φ(x) ∝ cos⁴(π x / 2) on a window of a given width.
+so that no signal is differentiated for the acceleration (Messenger and Bortz, Weak SINDy, Multiscale Modeling and
+Simulation 19, 2021). The test function is φ(x) ∝ cos⁴(π x / 2) on a window of a given width.
 """
 
 from __future__ import annotations
@@ -21,7 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.estimation.dataset import Data
-from idloop.estimation.force_balance.balance_terms import BalanceTerms, Instants, MotionInWindows, balance_of, windowed
+from idloop.estimation.force_balance.balance_terms import (
+    BalanceTerms,
+    Instants,
+    MotionInWindows,
+    balance_terms,
+    windowed,
+)
 from idloop.estimation.force_balance.held_command import CommandAround, HeldCommand
 from idloop.estimation.force_balance.motion import Motion, bridged, measured_motion
 from idloop.estimation.observer.sensor_noise import noise_std
@@ -32,26 +38,26 @@ from idloop.physics.effect import INPUT
 
 Array = NDArray[np.float64]
 
-# Samples in the narrowest window: fewer do not resolve the second derivative of the test function.
+# Samples in the narrowest window: the least that resolves the second derivative of the test function.
 NARROWEST = 7
-# A window passes frequencies up to about the inverse of its width; the motion is kept up to twice as much.
+# Band of the motion, as a multiple of the inverse width, which is about what a window passes.
 _BAND = 2.0
-# Windows that overlap by half use all samples alike.
+# Windows overlap by half, so that all samples have equal weight.
 _OVERLAP = 2
-# Two sensors of one body disagree where their velocities are further apart than so many times their noise.
+# Two sensors of one body disagree when their velocities differ by more than so many times their noise.
 _ABOVE_NOISE = 5.0
-# Stretches that are taken as independent, into which records are cut.
+# Number of segments that count as independent.
 BLOCKS = 40
-# A stretch by itself has so many windows at least: of shorter ones a body hardly moves in any.
+# Least number of windows in a segment, so that the body moves in it.
 _SHORTEST = 100
-# A stretch by itself is led in by this part of it, so that what has a memory has something to remember.
+# Part of a segment that precedes it, for effects with memory.
 _LEAD_IN = 0.1
-# No body whose speed is above this part of the typical one counts as standing.
+# Largest rest speed, as a part of the typical speed.
 LARGEST_REST = 0.03
 
 
 @dataclass(frozen=True)
-class Track:
+class WindowedRecord:
     """Measured motion of one record, for windows of one width.
 
     Attributes
@@ -59,18 +65,17 @@ class Track:
     motion : Motion
         Band-limited; gives each force its arguments.
     inertial : array, shape (rows, bodies)
-        Weak acceleration of every body, from the measured signals as they are.
+        Weak acceleration of every body, from the unfiltered signals.
     noise : array, shape (bodies,)
-        Standard deviation of what the sensors' noise makes of it.
+        Standard deviation of the sensor noise in it.
     rows : array of int, shape (rows,)
-        First sample of each window; windows over a hole in the measurements are left out.
+        First sample of each window; windows over a gap are left out.
     held : HeldCommand
     conditions : Conditions or None
     disagreement : float
-        Where two sensors see a body: their velocities' difference over the velocity as rms, the largest of all bodies;
-        0 where it is no more than their noise.
+        Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise.
     left_out : array, shape (2, bodies)
-        Power of what the sensors see of the motion and the band leaves out, and of their noise, summed over samples.
+        Energy of the measured motion outside the band, and of the sensor noise, summed over samples.
     """
 
     motion: Motion
@@ -82,8 +87,8 @@ class Track:
     left_out: Array
     conditions: Conditions | None = None
 
-    def stretches(self, count: int, part: float, width: int) -> list[Track]:
-        """So many stretches of it, evenly spread, that together have a part of its windows of some width."""
+    def segments(self, count: int, part: float, width: int) -> list[WindowedRecord]:
+        """So many segments, spread evenly, with a part of its windows of some width."""
         found = []
         for piece in np.array_split(np.arange(len(self.rows)), count):
             kept = piece[: max(round(part * len(piece)), 1)]
@@ -97,23 +102,23 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Shares:
-    """By what every window is told.
+class WindowShares:
+    """By what every window counts in the likelihood.
 
-    By its command, given the motion, as far as the balance depends on that; else by its motion, given the command: in a
-    dead zone, beyond a limit, at standstill.
+    By its command, given the motion, as far as the balance depends on the command; else (in a dead zone, beyond a
+    limit, at standstill) by its motion, given the command.
 
     Attributes
     ----------
-    told : array, shape (rows,)
+    command : array, shape (rows,)
         Share of the command.
     standing : array, shape (rows,)
-        Share of a body that a friction holds, whatever the command.
+        Share of a body that friction holds, whatever the command.
     strength : array, shape (rows,)
-        Log of the force per input where the command is told.
+        Log of the force per input for the share of the command.
     """
 
-    told: Array
+    command: Array
     standing: Array
     strength: Array
 
@@ -131,8 +136,8 @@ def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:
     Returns
     -------
     value, first, second : array, shape (width,)
-        Sums that stand for the integrals ∫ φ f, ∫ φ̇ f and ∫ φ̈ f, with ∫ φ = 1. The first moment of φ̇ and the
-        second of φ̈ are exact: a constant acceleration comes out as it is.
+        Weights of sums for the integrals ∫ φ f, ∫ φ̇ f and ∫ φ̈ f, with ∫ φ = 1. The first moment of φ̇ and the second of
+        φ̈ are exact, so that a constant acceleration is reproduced.
     """
     angle = 0.5 * np.pi * np.linspace(-1.0, 1.0, width + 2)[1:-1]
     rate = np.pi / ((width + 1) * step)
@@ -147,20 +152,10 @@ def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:
     return value, first, second
 
 
-def track_of(engine: Engine, data: Data, width: int) -> Track | None:
-    """Prepare one record for windows of one width.
+def windowed_record(engine: Engine, data: Data, width: int) -> WindowedRecord | None:
+    """Motion of one record in windows of ``width`` samples.
 
-    Parameters
-    ----------
-    engine : Engine
-    data : Data
-    width : int
-        Samples in a window.
-
-    Returns
-    -------
-    Track or None
-        None where some body is not measured, or the record has too few samples.
+    None where some body is not measured, or the record has too few samples.
     """
     model = engine.model
     if engine.layout(None).bodies != len(model.bodies) or len(data.time) < 4 * width:
@@ -185,13 +180,13 @@ def track_of(engine: Engine, data: Data, width: int) -> Track | None:
         columns.append(windowed(quietest[1][:, None], rows, quietest[2])[:, 0])
     held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
     disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
-    return Track(
+    return WindowedRecord(
         motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, _left_out(motion), data.conditions
     )
 
 
 def _left_out(motion: Motion) -> Array:
-    """Powers (2, bodies) of what a band leaves out of a measured motion and of the noise, by the quieter sensor."""
+    """Energies (2, bodies) of the measured motion outside a band and of the noise, from the less noisy sensor."""
     found = []
     for kept, sensed in zip(zip(motion.position.T, motion.velocity.T, strict=True), motion.measured, strict=True):
         powers = [
@@ -206,7 +201,7 @@ def _left_out(motion: Motion) -> Array:
 def _disagreement(
     sensed: tuple[Array | None, Array | None], rows: NDArray[np.int64], value: Array, first: Array
 ) -> float:
-    """How far a velocity is from the derivative of the position, over the velocity; 0 within the sensors' noise."""
+    """Relative rms difference of a velocity from the derivative of the position; 0 within the sensors' noise."""
     position, velocity = sensed
     if position is None or velocity is None:
         return 0.0
@@ -220,10 +215,10 @@ def _disagreement(
     return apart / size if apart > _ABOVE_NOISE * noise else 0.0
 
 
-def _command(tracks: Sequence[Track], shift: float) -> CommandAround:
-    """Command around each instant of tracks one after the other, ``shift`` [s] earlier."""
+def _command(tracks: Sequence[WindowedRecord], shift: float) -> CommandAround:
+    """Command around each instant of all tracks, delayed by ``shift`` [s]."""
     found = []
-    # Stretches of one record share its command.
+    # Segments of one record share its command.
     for _, several in groupby(tracks, key=lambda track: id(track.held)):
         own = list(several)
         time = np.concatenate([track.motion.time for track in own])
@@ -232,7 +227,7 @@ def _command(tracks: Sequence[Track], shift: float) -> CommandAround:
 
 
 def _free_timing(engine: Engine) -> bool:
-    """Whether the model itself has nothing that makes commands act later."""
+    """Whether the model itself has no delay or lag of the command."""
     return not any(active.effect.site == INPUT and active.effect.lags for active in engine.model.effects)
 
 
@@ -242,32 +237,31 @@ class WeakForm:
     Parameters
     ----------
     engine : Engine
-        Compiled model, of which every body is measured.
+        Compiled model; every body is measured.
     data : sequence of Data
         The records.
-    tracks : sequence of Track
-        One per record or stretch of one, all of one width.
+    tracks : sequence of WindowedRecord
+        One for each record or segment of one, all of one width.
     width : int
         Samples in a window.
     rest_speed : float, optional
-        Speed below which a body counts as standing [m/s or rad/s]; by default as the noise of these records lets it
-        be told.
+        Speed below which a body counts as at rest [m/s or rad/s]; by default from the noise of these records.
 
     Attributes
     ----------
     starts : array of int, shape (tracks + 1,)
         First row of each track, and the number of all.
     free_timing : bool
-        Whether the time from the stamp of a command to its action is estimated: not where the model has it itself.
-    shares : dict of bytes to Shares
-        By what every window is told at the point that was asked for last, by its bytes.
+        Whether the time from the stamp of a command to its action is estimated: not where it is an effect of the model.
+    shares : dict of bytes to WindowShares
+        Cache for the last point, by its bytes.
     """
 
     def __init__(
         self,
         engine: Engine,
         data: Sequence[Data],
-        tracks: Sequence[Track],
+        tracks: Sequence[WindowedRecord],
         width: int,
         rest_speed: float | None = None,
     ) -> None:
@@ -278,7 +272,7 @@ class WeakForm:
         self.starts = np.concatenate([[0], np.cumsum([len(track.rows) for track in tracks])])
         self.sample_time = float(np.median([track.motion.sample_time for track in tracks]))
         samples = np.concatenate([[0], np.cumsum([len(track.motion.time) for track in tracks])])
-        # Shared with the forms of other models in the same windows.
+        # Shared by all models in the same windows.
         self._along = MotionInWindows(
             [_instants(track) for track in tracks],
             partial(_command, self.tracks),
@@ -287,11 +281,11 @@ class WeakForm:
             np.concatenate([track.inertial for track in tracks]),
             max(rest_speed, LARGEST_REST * self.typical_speed),
         )
-        self._thinned: dict[int, WeakForm] = {}
+        self._subsampled: dict[int, WeakForm] = {}
         self._for(engine)
 
     def _for(self, engine: Engine) -> None:
-        """Keep nothing of another model."""
+        """Clear all that depends on the model."""
         self.engine, self.free_timing = engine, _free_timing(engine)
         self._delayed = any(active.effect.delay for active in engine.model.effects)
         self._balance: BalanceTerms | None = None
@@ -309,7 +303,7 @@ class WeakForm:
         return other
 
     def with_rest_speed(self, rest_speed: float) -> WeakForm:
-        """The same windows with another speed below which a body counts as standing [m/s or rad/s]."""
+        """The same windows with another rest speed [m/s or rad/s]."""
         other = copy(self)
         other.rest_speed = rest_speed
         other.__dict__.pop("_slow", None)
@@ -322,29 +316,29 @@ class WeakForm:
         return float(np.sqrt(np.mean(np.concatenate([track.motion.velocity[:, 0] for track in self.tracks]) ** 2)))
 
     def forget(self) -> None:
-        """Keep nothing of another model or speed."""
+        """Clear the cache."""
         self._known = b"", np.zeros(0)
-        self.shares: dict[bytes, Shares] = {}
+        self.shares: dict[bytes, WindowShares] = {}
 
-    def thinned(self, most: int) -> WeakForm:
-        """About so many of the windows, in stretches evenly spread over the records; all where these are less."""
+    def subsampled(self, most: int) -> WeakForm:
+        """About so many of the windows, in segments spread evenly over the records; all where there are fewer."""
         total = int(self.starts[-1])
         if total <= most:
             return self
-        if most not in self._thinned:
+        if most not in self._subsampled:
             number, part = min(BLOCKS, max(most // _SHORTEST, 1)), most / total
             tracks = [
                 piece
                 for track in self.tracks
-                for piece in track.stretches(max(round(number * len(track.rows) / total), 1), part, self.width)
+                for piece in track.segments(max(round(number * len(track.rows) / total), 1), part, self.width)
             ]
-            self._thinned[most] = WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
-        return self._thinned[most].with_rest_speed(self.rest_speed).with_engine(self.engine)
+            self._subsampled[most] = WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
+        return self._subsampled[most].with_rest_speed(self.rest_speed).with_engine(self.engine)
 
-    def turned(self) -> WeakForm:
-        """The same motion with the sign of the command turned."""
-        turned = {id(track.held): track.held.turned() for track in self.tracks}
-        tracks = [replace(track, held=turned[id(track.held)]) for track in self.tracks]
+    def with_reversed_command(self) -> WeakForm:
+        """The same motion with the opposite sign of the command."""
+        reversed_ = {id(track.held): track.held.reversed() for track in self.tracks}
+        tracks = [replace(track, held=reversed_[id(track.held)]) for track in self.tracks]
         return WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
 
     @property
@@ -361,17 +355,17 @@ class WeakForm:
         theta : array, shape (k,)
             Free parameters.
         shift : float
-            From the stamp of a command to its action [s].
+            Time from the stamp of a command to its action [s].
 
         Returns
         -------
         array, shape (rows, bodies)
         """
-        # A fit, its scale and its likelihood ask for the same point one after the other.
+        # Cached: a fit, its scale and its likelihood need the same point in turn.
         key = np.append(theta, shift).tobytes()
         known, residual = self._known
         if known != key:
-            if self.engine.go_together(theta):
+            if self.engine.is_valid(theta):
                 balance, values, timing = self._at(theta, shift)
                 residual = balance.residual(values, timing, self.rest_speed)
             else:
@@ -381,12 +375,12 @@ class WeakForm:
         return residual
 
     def _at(self, theta: Array, shift: float) -> tuple[BalanceTerms, Mapping[str, float], float]:
-        """The balance, the values of all parameters, and the time from the stamp of a command to its action [s]."""
+        """The balance, the values of all parameters, and the total delay of the command [s]."""
         values, timing = self.engine.values(theta), shift
         if self._delayed:
             timing += float(self.engine.layout(theta).axis.constants[kernel.DELAY])
         if self._balance is None:
-            self._balance = balance_of(self.engine.model, self._along)
+            self._balance = balance_terms(self.engine.model, self._along)
         return self._balance, values, timing
 
     def inertia(self, theta: Array) -> Array:
@@ -395,43 +389,34 @@ class WeakForm:
         return np.array([values[f"{body}.inertia"] for body in self.engine.model.bodies])
 
     def gain(self, theta: Array) -> float:
-        """Force of the drive per input, its size, above 0."""
+        """Magnitude of the drive's gain [force per input], above 0."""
         return max(abs(self.engine.values(theta)["drive.gain"]), 1e-300)
 
     def slope(self, theta: Array, shift: float) -> Array:
-        """How far the driven body's balance in every window depends on the command, at least 0 [force per input].
+        """Derivative of the driven body's balance by the command in every window, shape (rows,) [force per input].
 
-        A density of the force that is left over is one of the recorded command times this: what switches the command
-        off, a saturation, a long lag or a friction that takes what the drive gives, explains nothing of it.
-
-        Parameters
-        ----------
-        theta, shift
-            As of `residual`.
-
-        Returns
-        -------
-        array, shape (rows,)
+        The density of the recorded command is that of the unexplained force times this derivative, at least 0:
+        parameters that switch the command off, such as a saturation, a long lag or a large friction, gain nothing.
         """
         balance, values, timing = self._at(theta, shift)
         return balance.slope(values, timing, self.rest_speed)
 
     def drives(self, theta: Array, shift: float, least: float) -> tuple[float, Array]:
-        """How much the drive's force changes for what the command changes: over all windows, and in each.
+        """Response of the drive's force to the command: over all windows, and in each.
 
         Parameters
         ----------
         theta, shift
             As of `residual`.
         least : float
-            A window counts for all where the drive passes on so much there, and less in proportion [force per input].
+            Derivative above which a window has full weight in the response over all windows [force per input].
 
         Returns
         -------
         overall : float
             Standard deviation of the force over that of the command, above 0 [force per input].
         each : array, shape (rows,)
-            Slope, at least 0 [force per input].
+            Derivative, at least 0 [force per input].
         """
         balance, values, timing = self._at(theta, shift)
         if not balance.inputs:
@@ -443,42 +428,39 @@ class WeakForm:
 
     @property
     def standing(self) -> Array:
-        """Part of every window in which the driven body stands and a friction holds it, shape (rows,)."""
+        """Part of every window in which friction holds the driven body at rest, shape (rows,)."""
         first = self.engine.model.bodies[0]
         held = any(one.at == first and one.effect.friction is not None for one in self.engine.model.effects)
         return self._slow if held else np.zeros(len(self.inertial))
 
     @cached_property
     def _slow(self) -> Array:
-        """Part of every window in which the driven body counts as standing, shape (rows,)."""
+        """Part of every window in which the driven body counts as at rest, shape (rows,)."""
         return self._along.weak((np.abs(self._along.whole.velocity[:, 0]) < self.rest_speed).astype(float))
 
     @cached_property
     def _beside_inertia(self) -> Array:
-        """What else moves the driven body of the plainest machine, whatever the model: velocity, direction, a constant.
-
-        Shape (rows, 3).
-        """
+        """Velocity, its sign and a constant in every window, shape (rows, 3): regressors besides the acceleration."""
         velocity = self._along.whole.velocity[:, 0]
         series = (velocity, np.sign(velocity), np.ones_like(velocity))
         return np.column_stack([self._along.weak(values) for values in series])
 
     @cached_property
     def motion_per_input(self) -> Array:
-        """Log of how dense accelerations like a window's are among all, against commands like its own, shape (rows,).
+        """Log of the density of a window's acceleration over that of its command, shape (rows,) [input/(position/s²)].
 
-        A window counts in full: p(command | motion) p(motion) or p(motion | command) p(command). By this the second is
-        denser than the first where both see alike [log of input/(position/s²)].
+        A window counts by p(command | motion) p(motion), or by p(motion | command) p(command): this ratio makes both
+        comparable.
         """
         acceleration, command = self.inertial[:, 0], self._along.weak_command
         return log_density(acceleration, scale_of(acceleration)) - log_density(command, scale_of(command))
 
     @cached_property
     def reliability(self) -> float:
-        """Part of the driven body's weak acceleration that is no sensor noise, as power, at most 1.
+        """Share of the power of the driven body's weak acceleration that is not sensor noise, at most 1.
 
-        Of what its velocity does not tell already. By this ratio least squares of the force find too small an inertia
-        (Fuller, *Measurement Error Models*, 1987).
+        Without the part that the velocity explains. Least squares underestimate the inertia by this ratio (Fuller,
+        *Measurement Error Models*, 1987).
         """
         acceleration = self.inertial[:, 0]
         coefficients = np.linalg.lstsq(self._beside_inertia, acceleration, rcond=None)[0]
@@ -487,39 +469,29 @@ class WeakForm:
 
     @property
     def disagreement(self) -> float:
-        """Largest difference of two sensors' velocities of one body, over the velocity; 0 within their noise."""
+        """Largest relative difference of two sensors' velocities of one body; 0 within their noise."""
         return max(track.disagreement for track in self.tracks)
 
     @property
     def left_out(self) -> float:
-        """What sensors see of the motion and these windows leave out, over their noise; the most of all bodies."""
+        """Measured motion outside the band of these windows over the sensor noise, the largest of all bodies."""
         left, noise = np.sum([track.left_out for track in self.tracks], axis=0)
         return float(np.sqrt(np.max(left / np.maximum(noise, 1e-300))))
 
     @cached_property
     def widest(self) -> int:
-        """Samples in the widest windows that still resolve the motion: about a period of four times its band."""
+        """Samples in the widest windows that resolve the motion: about a period of four times its band."""
         motions = [measured_motion(self.engine.model, one) for one in self.data]
         band = max(motion.comparison_band for motion in motions if motion is not None)
         return max(round(1.0 / (band * self.sample_time)), NARROWEST)
 
     def drive(self, theta: Array, shift: float) -> Array:
-        """Force of the drive in every window, as commanded.
-
-        Parameters
-        ----------
-        theta, shift
-            As of `residual`.
-
-        Returns
-        -------
-        array, shape (rows,)
-        """
+        """Force of the drive in every window, shape (rows,)."""
         balance, values, timing = self._at(theta, shift)
         return balance.drives(values, timing)[0]
 
     def along(self, what: str, body: int = 0) -> Array:
-        """A signal at every window's middle: ``time``, ``command``, or ``position`` or ``velocity`` of a body."""
+        """A signal at the middle of every window: ``time``, ``command``, or ``position`` or ``velocity`` of a body."""
         found = []
         for track in self.tracks:
             m = track.motion
@@ -529,9 +501,9 @@ class WeakForm:
         return np.concatenate(found)
 
 
-def _instants(track: Track) -> Instants:
+def _instants(track: WindowedRecord) -> Instants:
     motion = track.motion
-    # Of one layout in memory, for which the balance is compiled.
+    # Contiguous, as compiled code expects them.
     time, position, velocity, acceleration = (
         np.ascontiguousarray(part) for part in (motion.time, motion.position, motion.velocity, motion.acceleration)
     )
@@ -546,25 +518,13 @@ def _deviation(values: Array, weights: Array) -> float:
 
 
 def weak_form(engine: Engine, data: Sequence[Data], width: int, rest_speed: float | None = None) -> WeakForm | None:
-    """The weak form of some records.
+    """Weak form of some records, with ``width`` samples in a window.
 
-    Parameters
-    ----------
-    engine : Engine
-    data : sequence of Data
-    width : int
-        Samples in a window.
-    rest_speed : float, optional
-        As of `WeakForm`.
-
-    Returns
-    -------
-    WeakForm or None
-        None where some body is not measured, or a record has too few samples.
+    None where some body is not measured, or a record has too few samples.
     """
     tracks = []
     for one in data:
-        track = track_of(engine, one, width)
+        track = windowed_record(engine, one, width)
         if track is None or not len(track.rows):
             return None
         tracks.append(track)

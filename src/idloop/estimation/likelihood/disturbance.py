@@ -1,4 +1,4 @@
-"""The disturbance that suits a model's innovations: its intensity and its memory, searched beside the whitening."""
+"""Maximum-likelihood intensity and memory of a model's disturbance force, together with the whitening."""
 
 from __future__ import annotations
 
@@ -10,75 +10,67 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion
-from idloop.estimation.likelihood.estimation_problem import Setting
-from idloop.estimation.likelihood.weighing import weigh
-from idloop.estimation.observer.innovations import LEAST_EXPONENT, WALK, WHITE, InnovationCriterion
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
+from idloop.estimation.likelihood.log_likelihood import weigh
+from idloop.estimation.observer.innovations import LEAST_EXPONENT, MOST_EXPONENT, WALK, WHITE, InnovationCriterion
 from idloop.estimation.observer.translated_innovations import TranslatedCriterion
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
-# Decades of its intensity, and of the samples for which it remembers.
+# Intensity and memory (correlation time in samples), both in decades.
 Disturbance = tuple[float, float]
 
-# Where a cold start looks for the disturbance's intensity, in decades.
+# Disturbances that are tried without any knowledge.
 _MEMORIES = (WALK, 1.0, WHITE)
-COLD = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
-NONE = (LEAST_EXPONENT, WHITE)
-# Decades by which a missing effect that is added may weaken the disturbance.
+COLD_START_GRID = tuple(itertools.product((-8.0, -6.0, -4.0, -2.0, 0.0, 2.0), _MEMORIES))
+NO_DISTURBANCE = (LEAST_EXPONENT, WHITE)
+# Decades by which a missing effect, once added, may weaken the disturbance.
 _WEAKER = -2.0
-# How far from the present intensity the next ones are tried, how finely it ends, and how often [decades].
-# In the first round of a search, and in those that follow.
-FAR, NEAR, _FINEST, _FARTHEST, _MOST_PROBES = 0.8, 0.3, 0.1, 2.0, 10
-# Rise of the log-likelihood to the top of a bowl at which the search for the disturbance ends, and how
-# small the bowl must be to be one [decades].
+# Step of the search in the first round and in later ones, smallest and largest step [decades], and most steps.
+FIRST_REACH, NEXT_REACH, _FINEST, _FARTHEST, _MOST_PROBES = 0.8, 0.3, 0.1, 2.0, 10
+# The search ends when the log-likelihood rises less than this to the maximum, with a step below so many decades.
 _FLAT, _FINE = 0.05, 0.35
-# Rise of the log-likelihood that is worth a longer step.
+# Rise of the log-likelihood after which the step is doubled.
 _UPHILL = 0.01
-# How often the innovations are translated anew from where a search for the disturbance has led, and the
-# part of a promised rise by which the model itself may miss it before the translation is given up for good,
-# and by which it may be off and still be the last word.
-_TRANSLATIONS, _FAITHLESS, _EXACT = 4, 0.7, 0.02
-# Samples of long records that the first rounds look at to find the disturbance roughly.
-GLIMPSE = 10_000
-# Gain in log-likelihood that does not count.
-SETTLED = 0.05
-# Decades of samples from which on a disturbance passes for a random walk.
+# Most translations of the innovations in one search; the part of the predicted rise by which the actual one may differ
+# before translation is given up, and below which the search ends.
+_TRANSLATIONS, _UNFAITHFUL, _EXACT = 4, 0.7, 0.02
+# Samples of long records with which the first rounds find the disturbance approximately.
+SUBSET_SAMPLES = 10_000
+# Gain of log-likelihood that is negligible.
+NEGLIGIBLE_GAIN = 0.05
+# Decades of samples from which on a disturbance counts as a random walk.
 LONG_MEMORY = 2.0
 
 
-def tune(
+def fit_disturbance(
     criterion: Criterion,
-    problem: Problem,
+    problem: LeastSquaresProblem,
     theta: Array,
     orders: list[int] | None,
     probes: Sequence[Disturbance],
     reach: float,
 ) -> float:
-    """Set the disturbance's intensity and memory, with the whitening at its best for each, and weigh the errors.
+    """Fit the disturbance at given parameters, with the best whitening for each; returns the log-likelihood.
 
-    Disturbance and whitening explain much the same: searched one after the other they crawl. The search
-    itself looks at translated innovations; where it ends, the model is run, and the search goes on from there.
+    Disturbance and whitening explain much the same, so that alternating between them converges slowly. The search uses
+    translated innovations; at its end the model is simulated, and the search continues from there.
 
     Parameters
     ----------
     criterion : Criterion
-        Keeps what is found; one without a disturbance is only weighed.
-    problem : Problem
+        Keeps the result; one without a disturbance is only weighed.
+    problem : LeastSquaresProblem
         Of this criterion; keeps the noise model.
     theta : array, shape (k,)
         Free parameters of the model.
     orders : list of int or None
-        Orders of the whitening, one for each group of outputs; None chooses them.
+        Whitening orders, one for each group of outputs; None chooses them.
     probes : sequence of Disturbance
-        Where the search looks as well before it begins.
+        Further starting values.
     reach : float
-        How far from the present disturbance it tries first [decades].
-
-    Returns
-    -------
-    float
-        Log-likelihood.
+        First step [decades].
     """
     nuisance = criterion.nuisance()[0]
     here = weigh(problem, np.concatenate([theta, nuisance]), orders)
@@ -87,113 +79,144 @@ def tune(
     at = criterion.exponent, criterion.memory
     for _ in range(_TRANSLATIONS if criterion.translates else 0):
         try:
-            near = Problem(
+            near = LeastSquaresProblem(
                 TranslatedCriterion(criterion, theta, np.array(at)), len(theta), problem.given, problem.floors
             )
         except (np.linalg.LinAlgError, IdloopError):
             break
-        there, promised = _climb(near, theta, orders, at, probes, reach)
+        there, promised = _maximise(near, theta, orders, at, probes, reach)
         still = there == at
         if still:
             if not criterion.engine.model.effects:
                 break
-            # Nothing better is in sight; is the sight good?
-            there = at[0] + (NEAR if at[0] + NEAR <= criterion.strongest else -NEAR), at[1]
+            # The translation shows nothing better: check it by one simulation.
+            there = at[0] + (NEXT_REACH if at[0] + NEXT_REACH <= criterion.strongest else -NEXT_REACH), at[1]
             promised = weigh(near, np.append(theta, there), orders) - weigh(near, np.append(theta, at), orders)
         value = weigh(problem, np.append(theta, there), orders)
         missed = abs(value - here - promised)
         if value > here:
-            at, here, probes, reach = there, value, (), NEAR
-        if not missed <= _FAITHLESS * abs(promised) + _FLAT:
+            at, here, probes, reach = there, value, (), NEXT_REACH
+        if not missed <= _UNFAITHFUL * abs(promised) + _FLAT:
             criterion.translates = False
             break
         if still or missed <= _EXACT * abs(promised) + _FLAT:
             break
     if not criterion.translates:
-        at, _ = _climb(problem, theta, orders, at, probes, reach)
+        at, _ = _maximise(problem, theta, orders, at, probes, reach)
     criterion.exponent, criterion.memory = at
     return weigh(problem, np.append(theta, at), orders)
 
 
-def elsewhere(
-    setting: Setting, model: Model, theta: Array, here: Disturbance, orders: list[int] | None
+def other_disturbance(
+    estimation: EstimationProblem, model: Model, theta: Array, here: Disturbance, orders: list[int] | None
 ) -> Disturbance | None:
-    """Another disturbance altogether, where that explains the errors better.
+    """A likelier disturbance at another local optimum; None where there is none.
 
-    What is nearly white and strong, and what is nearly a walk and weak, may both be best among their like.
+    A strong, nearly white disturbance and a weak random walk may both be local optima.
 
     Parameters
     ----------
-    setting : Setting
+    estimation : EstimationProblem
     model : Model
     theta : array, shape (k,)
         Free parameters of the model.
     here : Disturbance
         The present one.
     orders : list of int or None
-        Orders of the whitening.
-
-    Returns
-    -------
-    Disturbance or None
-        None where none is better.
+        Whitening orders.
     """
-    full = setting.criterion(model)
+    full = estimation.criterion(model)
     if not isinstance(full, InnovationCriterion):
         return None
-    criterion = full.glimpse(GLIMPSE) or full
+    criterion = full.subset(SUBSET_SAMPLES) or full
     criterion.retune(theta)
-    problem = setting.problem(criterion, len(theta))
+    problem = estimation.problem(criterion, len(theta))
     found: dict[Disturbance, float] = {}
     for memory in _MEMORIES:
-        grid = {at: weigh(problem, np.append(theta, at), orders) for at in COLD if at[1] == memory}
+        grid = {at: weigh(problem, np.append(theta, at), orders) for at in COLD_START_GRID if at[1] == memory}
         criterion.keep(np.array(max(grid, key=grid.__getitem__)))
-        value = tune(criterion, problem, theta, orders, (), FAR)
+        value = fit_disturbance(criterion, problem, theta, orders, (), FIRST_REACH)
         found[criterion.exponent, criterion.memory] = value
     criterion.keep(np.array(here))
-    value = tune(criterion, problem, theta, orders, (), NEAR)
+    value = fit_disturbance(criterion, problem, theta, orders, (), NEXT_REACH)
     found[criterion.exponent, criterion.memory] = value
     best = max(found, key=found.__getitem__)
-    near = [found[at] for at in found if max(abs(a - b) for a, b in zip(at, here, strict=True)) < FAR]
-    if near and found[best] <= max(near) + SETTLED:
+    near = [found[at] for at in found if max(abs(a - b) for a, b in zip(at, here, strict=True)) < FIRST_REACH]
+    if near and found[best] <= max(near) + NEGLIGIBLE_GAIN:
         return None
     return best
 
 
-def glimpsed(
-    glimpse: InnovationCriterion,
-    setting: Setting,
+def tuned_on_subset(
+    subset: InnovationCriterion,
+    estimation: EstimationProblem,
     criterion: Criterion,
     theta: Array,
     orders: list[int] | None,
     probes: Sequence[Disturbance],
     reach: float,
 ) -> Disturbance:
-    """The disturbance that suits a part of the data."""
-    glimpse.keep(criterion.nuisance()[0])
-    glimpse.retune(theta)
-    problem = setting.problem(glimpse, len(theta))
-    tune(glimpse, problem, theta, orders, probes, reach)
-    return glimpse.exponent, glimpse.memory
+    """As `fit_disturbance`, from a part of the data; returns the disturbance."""
+    subset.keep(criterion.nuisance()[0])
+    subset.retune(theta)
+    problem = estimation.problem(subset, len(theta))
+    fit_disturbance(subset, problem, theta, orders, probes, reach)
+    return subset.exponent, subset.memory
 
 
-def aside(criterion: Criterion) -> list[Disturbance]:
-    """Disturbances that are weaker, or that forget sooner or later, than the present one."""
+def fit_random_walk(criterion: InnovationCriterion, theta: Array, *, whiten: bool) -> float:
+    """Intensity of the random-walk disturbance that explains the innovations of a known model best [decades].
+
+    Parameters
+    ----------
+    criterion : InnovationCriterion
+        Keeps the disturbance.
+    theta : array, shape (k,)
+        Free parameters of the model.
+    whiten : bool
+        Compare what autoregressions of suitable order leave of the innovations, not the innovations themselves.
+
+    Raises
+    ------
+    IdloopError
+        No observer can be designed for this model and data.
+    """
+    criterion.retune(theta)
+    problem = LeastSquaresProblem(criterion, len(theta))
+    orders = None if whiten else [0] * len(criterion.groups)
+    known: dict[float, float] = {}
+
+    def value(exponent: float) -> float:
+        if exponent not in known:
+            known[exponent] = weigh(problem, np.append(theta, (exponent, WALK)), orders)
+        return known[exponent]
+
+    best = max(map(float, np.arange(LEAST_EXPONENT, MOST_EXPONENT + 1.0, 2.0)), key=value)
+    for step in (1.0, 0.5, 0.25):
+        best = max((best, best - step, best + step), key=value)
+    if value(best) == -np.inf:
+        raise IdloopError("no observer could be designed for this model and data; try the simulation criterion")
+    criterion.keep(np.array([best, WALK]))
+    return criterion.exponent
+
+
+def neighbouring_disturbances(criterion: Criterion) -> list[Disturbance]:
+    """Disturbances that are weaker, or of shorter or longer memory, than the present one."""
     if not isinstance(criterion, InnovationCriterion):
         return []
     here = criterion.exponent
     return [(here + _WEAKER, criterion.memory), *((here, memory) for memory in _MEMORIES)]
 
 
-def _climb(
-    problem: Problem,
+def _maximise(
+    problem: LeastSquaresProblem,
     theta: Array,
     orders: list[int] | None,
     start: Disturbance,
     probes: Sequence[Disturbance],
     reach: float,
 ) -> tuple[Disturbance, float]:
-    """The disturbance at which the log-likelihood is largest, and how much larger than at the start."""
+    """Disturbance of the largest log-likelihood, and the gain over the start: pattern search with a quadratic model."""
     _, low, high, _ = problem.criterion.nuisance()
     known: dict[Disturbance, float] = {}
 
@@ -213,16 +236,16 @@ def _climb(
             for sign in (-1.0, 1.0):
                 at = (best[0] + sign * reach, best[1]) if place == 0 else (best[0], best[1] + sign * reach)
                 if value(*at) > known[best]:
-                    break  # the other way lies lower
+                    break  # the opposite step is worse
             best = max(known, key=known.__getitem__)
         if known[best] > known[here] + _UPHILL:
             reach = min(2.0 * reach, _FARTHEST)
             continue
-        # Intensity and memory go together along a ridge: only a bowl through all neighbours shows its way.
+        # Intensity and memory are correlated: the quadratic model needs a diagonal neighbour as well.
         value(best[0] + reach, best[1] + reach)
-        if all(known[best] - other < 2.0 * _FLAT for other in _around(known, best, reach)):
+        if all(known[best] - other < 2.0 * _FLAT for other in _neighbours(known, best, reach)):
             break
-        value(*_vertex(known, best, reach))
+        value(*_quadratic_maximum(known, best, reach))
         best = max(known, key=known.__getitem__)
         flat = reach < _FINE and known[best] < known[here] + _FLAT
         reach *= 0.4
@@ -231,15 +254,15 @@ def _climb(
     return best, known[best] - before
 
 
-def _around(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
-    """Values beside the best point and at one corner; what is out of range is left out."""
+def _neighbours(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
+    """Log-likelihoods one step from the best point and at one diagonal; those out of range are left out."""
     beside = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1))
     places = [(best[0] + first * reach, best[1] + second * reach) for first, second in beside]
     return [known[at] for at in places if at in known]
 
 
-def _vertex(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> Disturbance:
-    """Where the bowl through the best point, those beside it and one corner is highest, within twice the reach."""
+def _quadratic_maximum(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> Disturbance:
+    """Maximum of the quadratic model through the best point and its neighbours, within twice the reach."""
 
     def beside(first: float, second: float) -> float:
         return known.get((best[0] + first * reach, best[1] + second * reach), -np.inf) - known[best]

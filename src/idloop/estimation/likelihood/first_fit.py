@@ -1,51 +1,48 @@
-"""The fit to prediction errors that a user asks for: that with which a ladder begins, or a likelier one.
+"""The maximum-likelihood fit that a user asks for, from the starting values and from those of the force balance.
 
-A diagnosis keeps near the user's values: where an effect is missing, the likeliest model may be one that its drive
-hardly moves, and from there no effect promises much.
+A diagnosis stays near the user's values instead: where an effect is missing, the global optimum may be a model that the
+drive hardly moves, in which no effect gains much.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.force_balance.weak_fit import fit_by_force
-from idloop.estimation.likelihood.estimation_problem import Setting
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
 from idloop.physics.model import Model
 
-Array = NDArray[np.float64]
-
-# A search that ends likelier by this has found another optimum, and not only more of its digits.
-_LIKELIER = 2.0
+# Gain of log-likelihood above which a search has found another optimum, not only more digits of the same.
+_ANOTHER_OPTIMUM = 2.0
 
 
-def first_fit(setting: Setting, model: Model) -> Refit:
-    """Maximise the likelihood from the user's values, and from those of the force balance where these are likelier.
+def first_fit(estimation: EstimationProblem, model: Model) -> Refit:
+    """Maximise the likelihood from the model's values, and from those of the force balance where these are likelier.
 
-    A balance is nearly linear in the parameters: it finds the machine from anywhere, if not exactly. Raises
+    The balance is nearly linear in the parameters: it comes near the optimum from any starting values. Raises
     `IdloopError` where the model can be simulated from neither.
     """
     found: Refit | None = None
     failure: IdloopError | np.linalg.LinAlgError | None = None
     try:
-        found = refit(setting, model)
+        found = refit(estimation, model)
     except (IdloopError, np.linalg.LinAlgError) as error:
         failure = error
-    near = _near(setting, model) if setting.kind == "prediction" else None
-    other = None if near is None else refit_or_none(setting, model.with_theta(near), near=True)
-    if other is not None and (found is None or other.log_likelihood > found.log_likelihood + _LIKELIER):
-        found = refit(setting, other.model)
+    near = _balanced(estimation, model) if estimation.kind == "prediction" else None
+    other = None if near is None else refit_or_none(estimation, near, near=True)
+    if other is not None and (found is None or other.log_likelihood > found.log_likelihood + _ANOTHER_OPTIMUM):
+        found = refit(estimation, other.model)
     if found is None:
         raise failure or IdloopError("the model cannot be fitted")
     return found
 
 
-def _near(setting: Setting, model: Model) -> Array | None:
-    """Values that a force balance finds, in whatever noise; None where there is none."""
+def _balanced(estimation: EstimationProblem, model: Model) -> Model | None:
+    """The model fitted by the force balance at any noise level; None where there is no balance."""
     try:
-        fit = fit_by_force(setting.engine(model), setting.data, model.theta, insist=True)
+        fit = fit_by_force(estimation.engine(model), estimation.data, model.theta, accept_noise=True)
     except (IdloopError, np.linalg.LinAlgError):
         return None
-    return None if fit is None else fit.theta
+    return None if fit is None else model.with_theta(fit.theta)

@@ -1,4 +1,4 @@
-"""Independent refits on all cores: threads, since compiled code lets others run."""
+"""Independent fits in parallel threads; compiled code releases the interpreter lock."""
 
 from __future__ import annotations
 
@@ -16,32 +16,19 @@ _MOST_WORKERS = 8
 
 
 def workers() -> int:
-    """Threads that work at once: one for each core that this process may use."""
+    """Number of threads: one for each core that this process may use."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(min(cores, _MOST_WORKERS), 1)
 
 
 def in_parallel(function: Callable[[_In], _Out], items: Iterable[_In]) -> Iterator[_Out]:
-    """Apply a function to items on all cores; results come in the order of the items.
+    """Yield ``function(item)`` in the order of the items, computed on all cores.
 
-    Parameters
-    ----------
-    function : callable
-        Must not depend on what the others do. Floating-point warnings are off in it.
-    items : iterable
-
-    Yields
-    ------
-    object
-        ``function(item)``, as soon as it and all before it are there.
-
-    Raises
-    ------
-    Exception
-        What the function raised, at the place of its item.
+    The calls must be independent; floating-point warnings are off in them. An exception is raised at the place of its
+    item.
     """
 
-    # An error state does not travel into the threads of a pool.
+    # Threads of a pool do not inherit the error state.
     @np.errstate(all="ignore")
     def quietly(item: _In) -> _Out:
         return function(item)

@@ -1,10 +1,11 @@
-"""Maximum-likelihood refits of neighbouring models, all measured alike."""
+"""Maximum-likelihood fits of neighbouring models to the same data, with comparable log-likelihoods."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, wraps
+from typing import ParamSpec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,74 +13,75 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.likelihood.disturbance import (
-    COLD,
-    FAR,
-    GLIMPSE,
+    COLD_START_GRID,
+    FIRST_REACH,
     LONG_MEMORY,
-    NEAR,
-    NONE,
-    SETTLED,
+    NEGLIGIBLE_GAIN,
+    NEXT_REACH,
+    NO_DISTURBANCE,
+    SUBSET_SAMPLES,
     Disturbance,
-    aside,
-    elsewhere,
-    glimpsed,
-    tune,
+    fit_disturbance,
+    neighbouring_disturbances,
+    other_disturbance,
+    tuned_on_subset,
 )
-from idloop.estimation.likelihood.estimation_problem import Setting
-from idloop.estimation.likelihood.start_evidence import start_log_likelihood
-from idloop.estimation.likelihood.weighing import projected, residual_or_infinite, weigh
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
+from idloop.estimation.likelihood.log_likelihood import start_log_likelihood, weigh
 from idloop.estimation.observer.innovations import MOST_EXPONENT, WALK, InnovationCriterion
 from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.simulation import SimulationCriterion
+from idloop.estimation.statistics.covariance import estimate_covariance
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
+_Arguments = ParamSpec("_Arguments")
 
-# Noise asks for fewer lags of whitening than this.
+# Measurement noise needs fewer lags of whitening than this.
 MANY_LAGS = 6
 _MOST_ROUNDS = 10
 _ITERATIONS_PER_ROUND = 6
-# Gain of one round below which the search ends, as part of what the model has gained on the one beside it:
-# thousands need not be known to a hundredth.
+# The search ends when a round gains less than this part of the gain on the neighbouring model.
 _SETTLED_PART = 2e-4
-# Change of the whitened errors, in all, below which a unit of a parameter, a typical change of a nuisance, is not felt.
-_LEAST_SLOPE, _FELT = 1e-6, 0.1
-# Parts of an effect's strength at which a search may start as well.
-FAN = (0.25, 0.35, 0.5, 0.6, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8)
-# Promised rise of the log-likelihood at which a round ends.
+# Norm of the change of the whitened errors below which they do not depend on a parameter (change by one unit) or on a
+# nuisance parameter (typical change).
+_LEAST_SLOPE, _LEAST_CHANGE = 1e-6, 0.1
+# Factors on an effect's strength for further starting values.
+STRENGTH_FACTORS = (0.25, 0.35, 0.5, 0.6, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8)
+# Predicted rise of the log-likelihood at which a round ends.
 _PROMISE = 0.02
 
 
 @dataclass(frozen=True)
 class Refit:
-    """A model at its maximum likelihood.
+    """A model at the maximum of its likelihood.
 
     Attributes
     ----------
     model : Model
-        With the values found.
+        With the estimates.
     criterion : Criterion
-        The criterion, tuned for these values.
-    problem : Problem
-        Its noise model.
+        Tuned for the estimates.
+    problem : LeastSquaresProblem
+        With the noise model of the estimates.
     point : array, shape (k + m,)
         Free parameters, then nuisance parameters.
     log_likelihood : float
-        Concentrated over the noise model, less one for each of the noise model's parameters.
+        As of `weigh`.
     step : array, shape (k + m,)
-        Difference steps that suit.
+        Difference steps.
     slopes : array, shape (n, k), or None
-        Jacobian of the whitened errors, roughly: where searches of neighbouring models begin.
+        Approximate Jacobian of the whitened errors, with which searches of neighbouring models begin.
     rounds : int
-        Of the search.
+        Rounds of the search.
     settled : bool
-        Whether it ended by itself.
+        Whether the search converged.
     """
 
     model: Model
     criterion: Criterion
-    problem: Problem
+    problem: LeastSquaresProblem
     point: Array
     log_likelihood: float
     step: Array
@@ -94,7 +96,7 @@ class Refit:
 
     @property
     def choices(self) -> int:
-        """Number of free model parameters and of whole numbers, such as harmonics, that a search chose."""
+        """Number of free parameters and of integers, such as harmonics, that a search chose."""
         return self.parameters + sum(spec.integer for active in self.model.effects for spec in active.effect.parameters)
 
     @property
@@ -112,7 +114,7 @@ class Refit:
         lower, upper = self.model.bounds
         _, low, high, size = self.criterion.nuisance()
         found, _ = difference_jacobian(
-            lambda at: residual_or_infinite(self.problem, at),
+            lambda at: self.problem.residual_or_infinite(at, frozen=True),
             self.point,
             self.residual(),
             np.concatenate([lower, low]),
@@ -124,13 +126,33 @@ class Refit:
         return np.asarray(found)
 
     @property
-    def felt(self) -> NDArray[np.bool_]:
-        """Which of its columns the errors feel, shape (k + m,)."""
-        return felt(self.jacobian, self.parameters, self.criterion.nuisance()[3])
+    def sensitive(self) -> NDArray[np.bool_]:
+        """Columns of the Jacobian on which the errors depend, shape (k + m,).
+
+        A disturbance of no intensity has no uncertain intensity: its column is rounding, or the slope of a bound.
+        """
+        size = np.maximum(np.abs(self.criterion.nuisance()[3]), 1e-300)
+        norms = np.linalg.norm(self.jacobian, axis=0)
+        least = np.concatenate([np.full(self.parameters, _LEAST_SLOPE), _LEAST_CHANGE / size])
+        return np.asarray(np.isfinite(norms) & (norms > least))
 
     @property
-    def coloured(self) -> float:
-        """What the whitening explains of the errors: log of the ratio of deviations, the most of all groups."""
+    def covariance(self) -> Array:
+        """Covariance of the free parameters under coloured errors, shape (k, k); not finite where not determined."""
+        k, jacobian = self.parameters, self.jacobian
+        jacobian = jacobian[:, (np.arange(jacobian.shape[1]) < k) | self.sensitive]
+        return np.asarray(estimate_covariance(self.problem, self.point, self.residual(), jacobian)[:k, :k])
+
+    def with_stderr(self) -> Model:
+        """The fitted model with the standard errors of its free parameters."""
+        deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        values = {name: float(v) for name, v in zip(self.model.free, self.point, strict=False)}
+        errors = {name: float(s) for name, s in zip(self.model.free, deviations, strict=True) if np.isfinite(s)}
+        return self.model.with_values(values, errors)
+
+    @property
+    def whitening_gain(self) -> float:
+        """Part of the errors that the whitening explains: log of the ratio of deviations, the largest of all groups."""
         found = 0.0
         for group, weight in zip(self.problem.errors(self.point), self.problem.weights, strict=True):
             raw = np.concatenate(group) @ weight.T
@@ -139,19 +161,19 @@ class Refit:
         return found
 
     @property
-    def whitens_much(self) -> bool:
-        """Whether the whitening has more lags than noise asks for."""
+    def many_lags(self) -> bool:
+        """Whether the whitening has more lags than measurement noise needs."""
         return max(self.problem.orders, default=0) >= MANY_LAGS
 
     @cached_property
-    def at_start(self) -> float:
-        """Log-likelihood of the first instants, beyond what `log_likelihood` counts for them."""
+    def initial_log_likelihood(self) -> float:
+        """As of `start_log_likelihood`."""
         return start_log_likelihood(self.problem, self.point)
 
     def contributions(self) -> list[Array]:
         """Log-likelihood of every instant, by group of outputs and record.
 
-        Instants that the whitening has no past for count as an average one.
+        Instants without a complete past for the whitening count as the average one.
         """
         found = []
         for raw, white, weight in zip(
@@ -165,101 +187,83 @@ class Refit:
         return found
 
 
-def felt(slopes: Array, parameters: int, size: Array) -> NDArray[np.bool_]:
-    """Which columns of a Jacobian the errors feel.
-
-    A disturbance that is not there has no strength to be uncertain of: its slope is rounding, or that of a bound,
-    along which the errors may lie.
-
-    Parameters
-    ----------
-    slopes : array, shape (n, k + m)
-        Of the whitened errors, by the model's parameters and the nuisance parameters.
-    parameters : int
-        k.
-    size : array, shape (m,)
-        Typical change of each nuisance parameter.
-    """
-    norms = np.linalg.norm(slopes, axis=0)
-    least = np.concatenate([np.full(parameters, _LEAST_SLOPE), _FELT / np.maximum(np.abs(size), 1e-300)])
-    return np.asarray(np.isfinite(norms) & (norms > least))
-
-
 def refit(
-    setting: Setting,
+    estimation: EstimationProblem,
     model: Model,
     starts: Sequence[Array] | None = None,
-    beside: Refit | None = None,
+    neighbour: Refit | None = None,
     scale: Array | None = None,
     rounds: int = _MOST_ROUNDS,
-    reconsider: bool = False,
+    choose_orders: bool = False,
     orders: list[int] | None = None,
     limits: Disturbance = (MOST_EXPONENT, WALK),
-    calm: bool = False,
+    try_undisturbed: bool = False,
     near: bool = False,
 ) -> Refit:
     """Maximise the likelihood of a model's free parameters and its noise.
 
     Parameters
     ----------
-    setting : Setting
+    estimation : EstimationProblem
     model : Model
     starts : sequence of array, shape (k,), optional
-        Values to start from; the best one is taken. The model's own when left out.
-    beside : Refit, optional
-        A neighbouring model that is fitted already: its noise is where the search begins.
+        Starting values, of which the best are taken; the model's own when left out.
+    neighbour : Refit, optional
+        Fit of a neighbouring model, whose noise model the search begins with.
     scale : array, shape (k,), optional
         Typical sizes of the parameters.
     rounds : int
-        Most rounds of the search; one tells promising models from others.
-    reconsider : bool
-        Choose the order of the whitening anew instead of the neighbour's.
+        Most rounds of the search; one is enough to rank models.
+    choose_orders : bool
+        Choose the whitening orders from the errors, not from the neighbour.
     orders : list of int, optional
-        Orders of the whitening instead of the neighbour's, one for each group of outputs.
+        Whitening orders, one for each group of outputs.
     limits : tuple of float
-        Largest intensity and longest memory that the disturbance may have [decades; of a sample].
-    calm : bool
-        Start as well from where the model is best without any disturbance, should that be better: a missing
-        effect makes its neighbour's disturbance strong, and from there parameters and disturbance creep.
+        Largest intensity and longest memory of the disturbance [decades; of a sample].
+    try_undisturbed : bool
+        Start from the optimum without any disturbance as well: a missing effect makes the neighbour's disturbance
+        strong, from where parameters and disturbance converge slowly.
     near : bool
-        The model's values are those of another view: one search from there, with the noise that it finds.
+        The starting values are those of another criterion: search once from there.
 
     Raises
     ------
     IdloopError
-        The model gives no finite errors at any start.
+        The model gives no finite errors at any starting values.
     """
-    fit = _search(setting, model, starts, beside, scale, rounds, reconsider, orders, limits, calm)
+    fit = _search(estimation, model, starts, neighbour, scale, rounds, choose_orders, orders, limits, try_undisturbed)
     if near:
         return fit
-    if beside is None:
-        fit = _by_way_of_the_plain_machine(setting, model, fit, rounds, orders, limits)
-    if orders is not None or not (beside is None or reconsider):
+    if neighbour is None:
+        fit = _from_model_without_effects(estimation, model, fit, rounds, orders, limits)
+    if orders is not None or not (neighbour is None or choose_orders):
         return fit
     found = [fit]
-    elsewhere = _disturbance_elsewhere(setting, fit)
-    if elsewhere is not None:
-        found.append(_search(setting, fit.model, None, elsewhere, scale, rounds, True, None))
+    other = _other_disturbance(estimation, fit)
+    if other is not None:
+        found.append(_search(estimation, fit.model, None, other, scale, rounds, True, None))
     if any(fit.problem.orders):
-        # A whitening of few lags and a disturbance that remembers explain much the same: which is the plainer way?
-        found.append(_search(setting, fit.model, None, found[-1], scale, rounds, False, [0] * len(fit.problem.orders)))
+        # A whitening of few lags and a correlated disturbance explain much the same: try the simpler noise model.
+        found.append(
+            _search(estimation, fit.model, None, found[-1], scale, rounds, False, [0] * len(fit.problem.orders))
+        )
     return max(found, key=lambda one: one.log_likelihood)
 
 
 def _search(
-    setting: Setting,
+    estimation: EstimationProblem,
     model: Model,
     starts: Sequence[Array] | None,
-    beside: Refit | None,
+    neighbour: Refit | None,
     scale: Array | None,
     rounds: int,
-    reconsider: bool,
+    choose_orders: bool,
     orders: list[int] | None,
     limits: Disturbance = (MOST_EXPONENT, WALK),
-    calm: bool = False,
+    try_undisturbed: bool = False,
 ) -> Refit:
-    """The search of `refit`, which may end at the next best disturbance."""
-    criterion = setting.criterion(model)
+    """One search of `refit`, which may end in a local optimum of the disturbance."""
+    criterion = estimation.criterion(model)
     if isinstance(criterion, InnovationCriterion):
         criterion.strongest, criterion.longest = limits
     lower, upper = model.bounds
@@ -267,19 +271,19 @@ def _search(
     k = len(choices[0])
     size = np.abs(choices[0]) if scale is None else np.maximum(np.abs(scale), 1e-12)
     size = np.where(size > 0.0, size, 1.0)
-    problem = setting.problem(criterion, k)
-    if beside is not None and len(beside.nuisance) == len(criterion.nuisance()[0]):
-        criterion.keep(beside.nuisance)
+    problem = estimation.problem(criterion, k)
+    if neighbour is not None and len(neighbour.nuisance) == len(criterion.nuisance()[0]):
+        criterion.keep(neighbour.nuisance)
         if isinstance(criterion, SimulationCriterion):
-            criterion.initial.scale = beside.criterion.initial.scale  # type: ignore[attr-defined]
-    # Neighbours are compared with one order of whitening, so that each contains the other's noise.
-    if orders is None and beside is not None and not reconsider:
-        orders = beside.problem.orders
+            criterion.initial.scale = neighbour.criterion.initial.scale  # type: ignore[attr-defined]
+    # Neighbours have the same whitening orders, so that their log-likelihoods compare.
+    if orders is None and neighbour is not None and not choose_orders:
+        orders = neighbour.problem.orders
     best, theta = -np.inf, choices[0]
     failure: Exception | None = None
     for choice in choices:
         try:
-            value, disturbance = _start(criterion, problem, choice, orders, beside is None and len(choices) > 1)
+            value, disturbance = _start(criterion, problem, choice, orders, neighbour is None and len(choices) > 1)
         except (np.linalg.LinAlgError, IdloopError, ValueError) as error:
             failure = error
             continue
@@ -289,31 +293,36 @@ def _search(
         if isinstance(failure, IdloopError):
             raise failure
         raise IdloopError("the model gives no finite output at its starting values; check signs and magnitudes")
-    if calm and isinstance(criterion, InnovationCriterion):
-        value, elsewhere = _under_disturbance(criterion, problem, theta, (lower, upper), size, NONE, orders)
+    if try_undisturbed and isinstance(criterion, InnovationCriterion):
+        value, undisturbed = _under_disturbance(criterion, problem, theta, (lower, upper), size, NO_DISTURBANCE, orders)
         if value > best:
-            theta, start = elsewhere, np.array(NONE)
+            theta, start = undisturbed, np.array(NO_DISTURBANCE)
     criterion.keep(start)
-    glimpse = criterion.glimpse(GLIMPSE) if isinstance(criterion, InnovationCriterion) else None
+    subset = criterion.subset(SUBSET_SAMPLES) if isinstance(criterion, InnovationCriterion) else None
     step: Array | None = None
-    slopes = _slopes_of(beside, model) if beside is not None else None
+    slopes = _slopes_of(neighbour, model) if neighbour is not None else None
     best, kept, settled = -np.inf, None, False
     for round_ in range(rounds):
         criterion.retune(theta)
-        # The first round moves the parameters so far that its best disturbance need not be near the next.
+        # The first round moves the parameters far, and with them the best disturbance.
         early = round_ < 2
-        probes: Sequence[Disturbance] = (COLD if beside is None else aside(criterion)) if early else ()
-        reach = FAR if round_ == 0 else NEAR
-        if early and glimpse is not None:
-            probes, reach = [glimpsed(glimpse, setting, criterion, theta, orders, probes, reach)], NEAR * round_
-        value = tune(criterion, problem, theta, orders, probes, reach)
+        probes: Sequence[Disturbance] = (
+            (COLD_START_GRID if neighbour is None else neighbouring_disturbances(criterion)) if early else ()
+        )
+        reach = FIRST_REACH if round_ == 0 else NEXT_REACH
+        if early and subset is not None:
+            probes, reach = (
+                [tuned_on_subset(subset, estimation, criterion, theta, orders, probes, reach)],
+                NEXT_REACH * round_,
+            )
+        value = fit_disturbance(criterion, problem, theta, orders, probes, reach)
         if value == -np.inf:
             break
         nuisance, low, high, nuisance_size = criterion.nuisance()
         held = nuisance if isinstance(criterion, InnovationCriterion) else nuisance[:0]
         moving = len(nuisance) - len(held)
         found = minimise(
-            lambda at, held=held: projected(problem, np.concatenate([at, held])),  # type: ignore[misc]
+            lambda at, held=held: problem.residual_or_infinite(np.concatenate([at, held])),  # type: ignore[misc]
             np.concatenate([theta, nuisance[:moving]]),
             np.concatenate([lower, low[:moving]]),
             np.concatenate([upper, high[:moving]]),
@@ -332,32 +341,32 @@ def _search(
         if value > best:
             steps = np.concatenate([step, nuisance_size[moving:] * 1e-4])
             kept = (theta, nuisance, steps, slopes[:, :k].astype(np.float32))
-        gained = value - beside.log_likelihood if beside is not None else 0.0
-        if value < best + max(SETTLED, _SETTLED_PART * gained) and round_ > 0:
+        gained = value - neighbour.log_likelihood if neighbour is not None else 0.0
+        if value < best + max(NEGLIGIBLE_GAIN, _SETTLED_PART * gained) and round_ > 0:
             settled = True
             break
         best = max(best, value)
     if kept is None:
         raise IdloopError("the search left the region in which the model can be simulated")
-    theta, nuisance, step, rough = kept
+    theta, nuisance, step, approximate = kept
     criterion.keep(nuisance)
     criterion.retune(theta)
     point = np.concatenate([theta, nuisance])
     value = weigh(problem, point, orders)
     fitted = model.with_values(dict(zip(model.free, (float(v) for v in theta), strict=True)))
     if isinstance(criterion, InnovationCriterion):
-        # What forgets quickly is no walk, which is what an observer elsewhere takes a disturbance for.
+        # The model file describes a random walk only.
         walks = criterion.memory >= LONG_MEMORY
         fitted = replace(fitted, disturbance=float(np.sqrt(criterion.intensity)) if walks else None)
-    return Refit(fitted, criterion, problem, point, value, step, rough, round_ + 1, settled)
+    return Refit(fitted, criterion, problem, point, value, step, approximate, round_ + 1, settled)
 
 
-def _by_way_of_the_plain_machine(
-    setting: Setting, model: Model, fit: Refit, rounds: int, orders: list[int] | None, limits: Disturbance
+def _from_model_without_effects(
+    estimation: EstimationProblem, model: Model, fit: Refit, rounds: int, orders: list[int] | None, limits: Disturbance
 ) -> Refit:
-    """The fit, or a better one that begins where the machine without its effects is best.
+    """The fit, or a better one that starts from the optimum of the model without its effects.
 
-    While the machine itself is far off, a search may drive an effect to where it does nothing any more.
+    While the plain model is far off, a search may move an effect to values at which it has no influence.
     """
     levels = {active.name: active.effect.strength or active.effect.from_a_level for active in model.effects}
     names = [f"{name}.{level}" for name, level in levels.items() if f"{name}.{level}" in model.free]
@@ -365,67 +374,67 @@ def _by_way_of_the_plain_machine(
         return fit
     plain_model = model.without_effects(name.rpartition(".")[0] for name in names)
     try:
-        plain = _search(setting, plain_model, None, None, None, rounds, False, orders, limits)
+        plain = _search(estimation, plain_model, None, None, None, rounds, False, orders, limits)
         start = model.with_values(plain.model.values).theta
         choices = [start]
         for name in names:
-            for share in FAN:
+            for share in STRENGTH_FACTORS:
                 choices.append(start.copy())
                 choices[-1][model.free.index(name)] *= share
-        other = _search(setting, model, choices, plain, None, rounds, True, orders, limits)
+        other = _search(estimation, model, choices, plain, None, rounds, True, orders, limits)
     except (IdloopError, np.linalg.LinAlgError):
         return fit
     return max(fit, other, key=lambda one: one.log_likelihood)
 
 
-def _slopes_of(beside: Refit, model: Model) -> Array | None:
-    """Jacobian of a neighbouring model, in the order of this one's parameters; NaN for those that are new."""
-    if beside.slopes is None:
+def _slopes_of(neighbour: Refit, model: Model) -> Array | None:
+    """Jacobian of a neighbouring model in the order of this one's parameters; NaN for new ones."""
+    if neighbour.slopes is None:
         return None
-    places = {name: place for place, name in enumerate(beside.model.free)}
-    slopes = np.full((len(beside.slopes), len(model.free)), np.nan)
+    places = {name: place for place, name in enumerate(neighbour.model.free)}
+    slopes = np.full((len(neighbour.slopes), len(model.free)), np.nan)
     for column, name in enumerate(model.free):
         if name in places:
-            slopes[:, column] = beside.slopes[:, places[name]]
+            slopes[:, column] = neighbour.slopes[:, places[name]]
     return slopes
 
 
-def _disturbance_elsewhere(setting: Setting, fit: Refit) -> Refit | None:
-    """The same model with another disturbance altogether, where that explains its errors better."""
+def _other_disturbance(estimation: EstimationProblem, fit: Refit) -> Refit | None:
+    """The fit with a disturbance from another local optimum, where that explains the errors better."""
     if not isinstance(fit.criterion, InnovationCriterion):
         return None
     theta = fit.point[: fit.parameters]
-    found = elsewhere(setting, fit.model, theta, (float(fit.nuisance[0]), float(fit.nuisance[1])), fit.problem.orders)
+    found = other_disturbance(
+        estimation, fit.model, theta, (float(fit.nuisance[0]), float(fit.nuisance[1])), fit.problem.orders
+    )
     return None if found is None else replace(fit, point=np.append(theta, found))
 
 
-def refit_or_none(
-    setting: Setting,
-    model: Model,
-    starts: Sequence[Array] | None = None,
-    beside: Refit | None = None,
-    scale: Array | None = None,
-    rounds: int = _MOST_ROUNDS,
-    calm: bool = False,
-    near: bool = False,
-) -> Refit | None:
-    """As `refit`; None where the model cannot be simulated."""
-    try:
-        return refit(setting, model, starts, beside, scale, rounds, calm=calm, near=near)
-    except (IdloopError, np.linalg.LinAlgError):
-        return None
+def _or_none(fit: Callable[_Arguments, Refit]) -> Callable[_Arguments, Refit | None]:
+    @wraps(fit)
+    def or_none(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Refit | None:
+        try:
+            return fit(*args, **kwargs)
+        except (IdloopError, np.linalg.LinAlgError):
+            return None
+
+    return or_none
 
 
-def transfer(setting: Setting, fit: Refit, *, own_disturbance: bool = False) -> Refit | None:
-    """A fitted model on other records, its parameters and its noise as they are.
+# As `refit`; None where the model cannot be simulated.
+refit_or_none = _or_none(refit)
+
+
+def transfer(estimation: EstimationProblem, fit: Refit, *, own_disturbance: bool = False) -> Refit | None:
+    """A fitted model on other records, with its parameters and noise model.
 
     Parameters
     ----------
-    setting : Setting
+    estimation : EstimationProblem
         The other records.
     fit : Refit
     own_disturbance : bool
-        Find the disturbance of the other records: what pushed the machine there need not be what pushed it here.
+        Fit the disturbance to the other records.
 
     Returns
     -------
@@ -433,24 +442,24 @@ def transfer(setting: Setting, fit: Refit, *, own_disturbance: bool = False) -> 
         None where the model cannot be simulated on them.
     """
     try:
-        criterion = setting.criterion(fit.model)
+        criterion = estimation.criterion(fit.model)
         theta = fit.model.theta
         if isinstance(criterion, InnovationCriterion):
             criterion.keep(fit.nuisance)
         criterion.retune(theta)
         start, low, high, size = criterion.nuisance()
-        problem = setting.problem(criterion, len(theta))
+        problem = estimation.problem(criterion, len(theta))
         point = np.concatenate([theta, start])
         if weigh(problem, point, fit.problem.orders) == -np.inf:
             return None
         if isinstance(criterion, InnovationCriterion):
             if own_disturbance:
-                tune(criterion, problem, theta, fit.problem.orders, (), FAR)
+                fit_disturbance(criterion, problem, theta, fit.problem.orders, (), FIRST_REACH)
                 point = np.concatenate([theta, criterion.nuisance()[0]])
         elif len(start):
-            # Initial states and timing belong to the records, not to the model.
+            # Initial states belong to the records, not to the model.
             found = minimise(
-                lambda at: residual_or_infinite(problem, np.concatenate([theta, at])),
+                lambda at: problem.residual_or_infinite(np.concatenate([theta, at]), frozen=True),
                 start,
                 low,
                 high,
@@ -465,14 +474,14 @@ def transfer(setting: Setting, fit: Refit, *, own_disturbance: bool = False) -> 
 
 
 def _start(
-    criterion: Criterion, problem: Problem, theta: Array, orders: list[int] | None, cold: bool
+    criterion: Criterion, problem: LeastSquaresProblem, theta: Array, orders: list[int] | None, cold: bool
 ) -> tuple[float, Array]:
-    """Log-likelihood at a start, and the nuisance there: the best of a few disturbances."""
+    """Log-likelihood at starting values, and the nuisance parameters there: the best of a few disturbances."""
     criterion.retune(theta)
     nuisance = criterion.nuisance()[0]
     tries = [nuisance]
     if isinstance(criterion, InnovationCriterion) and cold:
-        tries = [np.array(at) for at in COLD]
+        tries = [np.array(at) for at in COLD_START_GRID]
     values = [weigh(problem, np.concatenate([theta, at]), orders) for at in tries]
     best = int(np.argmax(values))
     return values[best], tries[best]
@@ -480,20 +489,20 @@ def _start(
 
 def _under_disturbance(
     criterion: Criterion,
-    problem: Problem,
+    problem: LeastSquaresProblem,
     theta: Array,
     bounds: tuple[Array, Array],
     size: Array,
     disturbance: Disturbance,
     orders: list[int] | None,
 ) -> tuple[float, Array]:
-    """Log-likelihood and parameters at which the model is best under one disturbance."""
+    """Largest log-likelihood under a given disturbance, and the parameters there."""
     try:
         criterion.retune(theta)
         if weigh(problem, np.append(theta, disturbance), orders) == -np.inf:
             return -np.inf, theta
         found = minimise(
-            lambda at: projected(problem, np.append(at, disturbance)),
+            lambda at: problem.residual_or_infinite(np.append(at, disturbance)),
             theta,
             *bounds,
             np.maximum(np.abs(theta), 1e-3 * size),

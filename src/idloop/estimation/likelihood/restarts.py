@@ -1,92 +1,59 @@
-"""The best of several searches from nearby.
+"""Restarts of a search near its end point.
 
-Beside a play, or another effect that remembers, the likelihood is rough: contact comes a sample sooner or later, and a
-search ends in one of many hollows. A candidate is the best of many searches; its parent must have had as many before a
-gain of a few units counts.
+With backlash, or another effect with memory, the likelihood has many local optima: contact occurs a sample sooner or
+later. Models are compared fairly only when each is the best of as many searches.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from idloop.estimation.likelihood.estimation_problem import Setting
-from idloop.estimation.likelihood.intervals import with_stderr
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import Refit, refit_or_none
 from idloop.physics.model import Model
 
-# Searches, and how far from the best point known they begin [standard errors].
-COUNT, SPREAD = 8, 1.0
-# Most rounds of a search that begins anew, and gain of log-likelihood below which another is not worth its while.
+# Number of searches, and the standard deviation of their starting values [standard errors].
+_SEARCHES, _DEVIATION = 8, 1.0
+# Most rounds of restarts, and the gain of log-likelihood that is worth another one.
 _ROUNDS, _WORTH = 3, 4.0
 
 
 def has_contacts(model: Model) -> bool:
-    """Whether bodies of a model, or a body and its sensor, meet and part: the likelihood jumps with each meeting."""
+    """Whether the model has contacts that open and close, at each of which the likelihood jumps."""
     return any(active.effect.lost_motion for active in model.effects)
 
 
-def searched_anew(setting: Setting, fit: Refit) -> Refit:
-    """Search as if no neighbour were known, and about what that finds, as long as it helps.
+def search_repeatedly(estimation: EstimationProblem, fit: Refit) -> Refit:
+    """Best of searches without the neighbour's noise model and of restarts near the best, as long as it improves.
 
-    A play is first fitted beside the disturbance that stood for it in the model without it, and what the two
-    say together may be a hollow in which the search stays: half of the disturbance is left, and friction suits it.
-
-    Parameters
-    ----------
-    setting : Setting
-    fit : Refit
-        Of a model with contacts.
-
-    Returns
-    -------
-    Refit
-        The best of all; the fit itself where no other is better.
+    A fit of backlash begins with the disturbance that replaced it in the model without it, and may stay in a local
+    optimum with half of that disturbance.
     """
     for round_ in range(_ROUNDS):
         before = fit.log_likelihood
-        anew = refit_or_none(setting, fit.model)
+        anew = refit_or_none(estimation, fit.model)
         if anew is not None and anew.log_likelihood > before:
             fit = anew
-        fit = restarted(setting, fit, round_)
+        fit = restart_nearby(estimation, fit, round_)
         if fit.log_likelihood < before + _WORTH:
             break
     return fit
 
 
-def restarted(setting: Setting, fit: Refit, seed: int = 0) -> Refit:
-    """Search again from points about a fit.
-
-    Parameters
-    ----------
-    setting : Setting
-    fit : Refit
-    seed : int
-        Of the points.
-
-    Returns
-    -------
-    Refit
-        The best of all; the fit itself where no other is better.
-    """
-    fitted = with_stderr(fit, setting.records)
-    values = {p.name: (p.value, p.stderr or 0.0) for p in fitted.parameters if p.name in fit.model.free}
-    sizes = {name: error if np.isfinite(error) else 0.0 for name, (_, error) in values.items()}
+def restart_nearby(estimation: EstimationProblem, fit: Refit, seed: int = 0) -> Refit:
+    """Best of a fit and of searches from random points around it."""
     rng = np.random.default_rng(seed)
+    free = [p for p in fit.with_stderr().parameters if p.name in fit.model.free]
 
     def moved() -> Model:
-        return fit.model.with_values(
-            {
-                name: float(np.clip(value + SPREAD * sizes[name] * rng.normal(), *_bounds(fit.model, name)))
-                for name, (value, _) in values.items()
-            }
-        )
+        values = {}
+        for p in free:
+            bounds, error = fit.model.parameter(p.name), p.stderr or 0.0
+            step = _DEVIATION * (error if np.isfinite(error) else 0.0) * rng.normal()
+            values[p.name] = float(np.clip(p.value + step, bounds.min, bounds.max))
+        return fit.model.with_values(values)
 
-    starts = [moved() for _ in range(COUNT)]
-    found = in_parallel(lambda model: refit_or_none(setting, model, None, fit), starts)
+    starts = [moved() for _ in range(_SEARCHES)]
+    found = in_parallel(lambda model: refit_or_none(estimation, model, None, fit), starts)
     return max([fit, *(one for one in found if one is not None)], key=lambda one: one.log_likelihood)
-
-
-def _bounds(model: Model, name: str) -> tuple[float, float]:
-    parameter = model.parameter(name)
-    return parameter.min, parameter.max

@@ -1,4 +1,4 @@
-"""Covariance of the innovations, followed sample by sample, and the weights it gives."""
+"""Running covariance of innovations, and robust weights from it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Samples with larger innovations, in standard deviations, are pulled in: spikes must not steer.
+# Innovations above so many standard deviations get less weight.
 OUTLIER = 5.0
-# Innovations this far out, in standard deviations, mean that the predictor is lost.
-_LOST = 1e4
-# Samples over which the covariance is remembered once it is known.
+# Innovations above so many standard deviations show that the predictor has diverged.
+_DIVERGED = 1e4
+# Samples over which the covariance is averaged.
 _MEMORY = 5000
 
 
@@ -30,7 +30,7 @@ class InnovationCovariance:
 
     @property
     def known(self) -> bool:
-        """Whether any samples have been noted."""
+        """Whether there have been any samples."""
         return bool(np.all(np.isfinite(self.value)))
 
     @property
@@ -38,8 +38,8 @@ class InnovationCovariance:
         """Standard deviation of every output's innovation, shape (p,)."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.value), 1e-300)))
 
-    def note(self, innovation: Array) -> None:
-        """Take in innovations of shape (n, p); rows with a NaN are left out."""
+    def update(self, innovation: Array) -> None:
+        """Add innovations of shape (n, p); rows with a NaN are left out."""
         rows = innovation[np.all(np.isfinite(innovation), axis=1)]
         if len(rows) == 0:
             return
@@ -48,21 +48,21 @@ class InnovationCovariance:
             self._samples = len(rows)
             self.value = block + 1e-24 * np.eye(len(block))
             return
-        # A burst of spikes is no new noise level.
+        # Bursts of outliers do not change the noise level.
         if np.trace(block) > 100.0 * OUTLIER**2 * np.trace(self.value):
             return
-        # Early on a plain mean, later a memory of some thousand samples.
+        # At first the mean of all samples, later exponential forgetting.
         self._samples += len(rows)
         share = len(rows) / min(self._samples, _MEMORY)
         self.value = (1.0 - share) * self.value + share * block
 
-    def lost(self, innovation: Array) -> bool:
-        """Whether innovations are so large that the predictor must begin anew."""
+    def diverged(self, innovation: Array) -> bool:
+        """Whether innovations are so large that the predictor must be restarted."""
         with np.errstate(invalid="ignore"):
-            return self.known and bool(np.any(np.abs(innovation) > _LOST * self.size))
+            return self.known and bool(np.any(np.abs(innovation) > _DIVERGED * self.size))
 
     def weigh(self, innovation: Array) -> tuple[Array, Array]:
-        """Weights for least squares, with outliers pulled in and missing outputs left out.
+        """Weights for least squares: less for outliers, none for missing outputs.
 
         Parameters
         ----------

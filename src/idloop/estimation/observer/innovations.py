@@ -1,9 +1,9 @@
-"""Innovations with the disturbance's intensity and memory as two more parameters of the search.
+"""Criterion of one-step prediction errors (innovations) of an observer with a disturbance force.
 
-The same question as the prediction criterion asks, arranged for many refits of
-neighbouring models: the disturbance may be anything from white to a random walk, and
-the observer learns the initial state by itself, so that no initial state is searched
-and every sample counts for every model.
+A free run diverges on a plant that integrates its disturbances; the one-step prediction does not. The simulation is
+nonlinear, the observer gains come from the linear part of the model. Intensity and memory of the disturbance are
+nuisance parameters: it may be anything from white noise to a random walk. The observer estimates the initial state
+itself, so that all samples of all models enter the likelihood (Ljung, System Identification, 2nd ed., ch. 7 and 15).
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Decades of the intensity about a walk that reaches the drive force within the record.
+# Range of the intensity, in decades about a random walk that reaches the drive force within the record.
 LEAST_EXPONENT, MOST_EXPONENT = -10.0, 10.0
-# Decades of the time, in samples, over which the disturbance remembers: white, and for ever.
+# Memory of white noise and of a random walk [decades of a sample].
 WHITE, WALK = -1.0, 5.0
-# Fewest samples of a record that a glimpse takes.
+# Fewest samples of a record in a subset.
 _LEAST_GLIMPSE = 500
-# First guesses of the initial motion may be wrong by this many times their typical size.
-_START_SPREAD = 3.0
+# Standard deviation of the first guess of the initial motion, as a multiple of its typical size.
+_START_DEVIATION = 3.0
 
 
 class InnovationCriterion:
-    """Innovations of an observer that learns the start; nuisance are log10 of intensity and memory.
+    """Innovations of a Kalman filter from an uncertain start; nuisance are log10 of intensity and memory.
 
     Parameters
     ----------
@@ -50,16 +50,16 @@ class InnovationCriterion:
     force_scale : float
         Typical drive force; the unit of the intensity.
     exponent : float
-        Intensity to start from, in decades.
+        Initial intensity, in decades.
     memory : float
-        Correlation time of the disturbance to start from, in decades of a sample.
+        Initial correlation time of the disturbance, in decades of a sample.
 
     Attributes
     ----------
     longest, strongest : float
-        Longest correlation time and largest intensity that the disturbance may take, in decades.
+        Limits of correlation time and intensity, in decades.
     translates : bool
-        Whether innovations may be translated from one disturbance to another, as far as is known.
+        Whether innovations are translated from one disturbance to another; False after a translation has failed.
     """
 
     name = "prediction"
@@ -96,25 +96,19 @@ class InnovationCriterion:
         return float(self.unit * 10.0**self.exponent)
 
     def retune(self, theta: Array) -> None:
-        """Design the observers anew for the linear part at these parameters."""
+        """Take the linear part at these parameters for the observers."""
         self.linear = self.engine.linearise(theta)
         self._chain = self.engine.layout(theta).body_of
         self._observers.clear()
         self._last.clear()
 
     def adopt(self, other: InnovationCriterion) -> None:
-        """Use the observers of a neighbouring model with the same linear part."""
+        """Use the observers of a model with the same linear part."""
         self.linear, self._chain, self._observers = other.linear, other._chain, other._observers
         self._last.clear()
 
-    def glimpse(self, samples: int) -> InnovationCriterion | None:
-        """The same on a stretch from the middle of every record; None where it would not be much shorter.
-
-        Parameters
-        ----------
-        samples : int
-            About so many of all records together.
-        """
+    def subset(self, samples: int) -> InnovationCriterion | None:
+        """The criterion on about so many samples from the middles of all records; None for records not much longer."""
         total = sum(len(d.time) for d in self.data)
         if total < 2 * samples:
             return None
@@ -122,11 +116,11 @@ class InnovationCriterion:
         if not all(np.any(np.isfinite(d.output)) for d in stretches) or output_groups(stretches) != self.groups:
             return None
         short = copy(self)
-        short.look_at(stretches)
+        short.use_data(stretches)
         return short
 
-    def look_at(self, data: list[Data]) -> None:
-        """Read other records of the same outputs; the unit of the intensity stays."""
+    def use_data(self, data: list[Data]) -> None:
+        """Use other records of the same outputs, with the same unit of the intensity."""
         self.data = data
         self.initial = InitialStates(self.engine, data, float(np.sqrt(self.unit * self._longest)))
         self._observers, self._last = {}, {}
@@ -138,12 +132,12 @@ class InnovationCriterion:
         return here, low, np.array([self.strongest, self.longest]), np.ones(2)
 
     def keep(self, nuisance: Array) -> None:
-        """Go on from this disturbance."""
+        """Set the disturbance."""
         self.exponent = min(float(nuisance[0]), self.strongest)
         self.memory = min(float(nuisance[1]), self.longest)
 
     def decay(self, memory: float, record: int) -> float:
-        """Part of the disturbance that one sample of a record leaves for the next."""
+        """Factor of the disturbance from one sample of a record to the next."""
         if memory >= WALK:
             return 1.0
         return float(np.exp(-self.data[record].sample_time / (self._shortest * 10.0**memory)))
@@ -163,11 +157,11 @@ class InnovationCriterion:
         return self._last[record][1]
 
     def errors(self, theta: Array, nuisance: Array) -> Errors:
-        """Innovations by group and record, those of the start scaled to the settled ones' covariance."""
+        """As of `arranged`, at given parameters."""
         return self.arranged([self.innovation(theta, nuisance, r) for r in range(len(self.data))], nuisance)
 
     def arranged(self, innovations: list[Array], nuisance: Array) -> Errors:
-        """Innovations (n, p) of each record by group, those of the start scaled to the settled ones' covariance."""
+        """Innovations (n, p) of the records by group and record; the first ones are scaled to the final covariance."""
         found: Errors = [[] for _ in self.groups]
         for r, full in enumerate(innovations):
             observer, scalings = self._observer(nuisance, r)
@@ -178,16 +172,7 @@ class InnovationCriterion:
         return found
 
     def start_scaling(self, nuisance: Array, record: int, place: int, instant: int) -> float:
-        """Log determinant of what scales an innovation of the start to the settled ones' covariance.
-
-        Parameters
-        ----------
-        nuisance : array
-        record, place : int
-            Of the record, and of the group of outputs.
-        instant : int
-            Sample of the record.
-        """
+        """Log determinant of the scaling of an innovation in `arranged`, of one record, group and sample."""
         observer, scalings = self._observer(nuisance, record)
         first = observer.place[min(instant, len(observer.place) - 1)]
         return float(np.linalg.slogdet(scalings[place][first])[1])
@@ -206,15 +191,17 @@ class InnovationCriterion:
                 self._observers.clear()
             samples = max(len(d.time) for d in self.data if d.sample_time == step)
             n = self.initial.bodies
-            scale = _START_SPREAD * self.initial.part(self.initial.scale, record)
-            # No more of a constant force than the disturbance makes by itself: an offset is not noise.
-            gained, decay = self.unit * 10.0**exponent, self.decay(memory, record)
-            scale[-1] = np.sqrt(gained * min(self._longest, step / max(1.0 - decay**2, 1e-12)))
+            scale = _START_DEVIATION * self.initial.part(self.initial.scale, record)
+            # The disturbance's own variance: a constant force is no part of the noise.
+            variance_rate, decay = self.unit * 10.0**exponent, self.decay(memory, record)
+            scale[-1] = np.sqrt(variance_rate * min(self._longest, step / max(1.0 - decay**2, 1e-12)))
             starts = [*self._chain, len(self.linear.A) // 2]
             halves = np.diff(starts)
-            spread = np.concatenate([np.repeat(scale[:n], halves), np.repeat(scale[n : 2 * n], halves), scale[2 * n :]])
+            deviation = np.concatenate(
+                [np.repeat(scale[:n], halves), np.repeat(scale[n : 2 * n], halves), scale[2 * n :]]
+            )
             observer = settling_observer(
-                self.linear, self.measured, step, gained, self.output_noise, spread, samples, decay
+                self.linear, self.measured, step, variance_rate, self.output_noise, deviation, samples, decay
             )
             if not np.all(np.isfinite(observer.gains)):
                 raise IdloopError("no observer could be designed for this model and data")
@@ -223,13 +210,13 @@ class InnovationCriterion:
 
 
 def _scalings(covariance: Array, group: list[int]) -> Array:
-    """Matrices that bring innovations of a group to the settled covariance, one for each gain, shape (m, g, g)."""
+    """Scaling of a group's innovations to the final covariance, one matrix for each gain, shape (m, g, g)."""
     own = np.ascontiguousarray(covariance[:, group][:, :, group])
     return np.asarray(scalings_to_last(own))
 
 
 def _middle(data: Data, share: float) -> Data:
-    """A share of a record, from its middle."""
+    """Middle part of a record."""
     count = max(round(share * len(data.time)), min(len(data.time), _LEAST_GLIMPSE))
     first = (len(data.time) - count) // 2
     part = slice(first, first + count)
@@ -238,7 +225,7 @@ def _middle(data: Data, share: float) -> Data:
 
 
 def _usable(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
-    """Rows at which a group is measured, without the first one after a gap; None for all rows."""
+    """Rows with a measurement of a group, without the first one after a gap; None for all rows."""
     keep = np.all(np.isfinite(data.output[:, group]), axis=1)
     keep[data.gaps] = False
     return None if np.all(keep) else np.asarray(keep)

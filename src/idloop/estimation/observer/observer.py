@@ -1,4 +1,4 @@
-"""Steady-state observer with a slow disturbance force, for the prediction criterion."""
+"""Stationary observer with a random-walk disturbance force."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Observer:
     memory : float
         Samples after which an initial error has fallen to one thousandth.
     covariance : array, shape (p, p)
-        Innovation covariance the linear theory expects.
+        Theoretical innovation covariance of the linear part.
     """
 
     gain: Array
@@ -50,7 +50,7 @@ def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, 
     from scipy.linalg import expm
 
     m = len(matrix)
-    # Fast modes would overflow in exp(−A T): go by halves of the step and double back.
+    # Fast modes would overflow in exp(−A T): halve the step, and double the result.
     size = float(np.max(np.sum(np.abs(matrix), axis=1))) * sample_time
     halvings = max(int(np.ceil(np.log2(size))), 0) if size > 1.0 else 0
     block = np.zeros((2 * m, 2 * m))
@@ -69,9 +69,8 @@ def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, 
 def riccati(transition: Array, output: Array, process: Array, measurement: Array) -> Array:
     """Stationary prediction covariance by the structure-preserving doubling algorithm.
 
-    Solves ``P = A P Aᵀ − A P Cᵀ (C P Cᵀ + R)⁻¹ C P Aᵀ + Q``. Doubling (Chu, Fan
-    and Lin, Int. J. Control 2005) needs no eigenvalue split, so a motion that no
-    sensor sees (an integrator at the unit circle) does not break it.
+    Solves ``P = A P Aᵀ − A P Cᵀ (C P Cᵀ + R)⁻¹ C P Aᵀ + Q``. Doubling (Chu, Fan and Lin, Int. J. Control 2005) needs no
+    eigenvalue separation, unlike `scipy.linalg.solve_discrete_are`, which fails for an unobserved integrator.
 
     Parameters
     ----------
@@ -86,8 +85,7 @@ def riccati(transition: Array, output: Array, process: Array, measurement: Array
     Raises
     ------
     IdloopError
-        If no stationary covariance exists, which means an unstable motion that
-        no sensor sees.
+        If no stationary covariance exists: an unstable motion is not observed.
     """
     m = len(transition)
     identity = np.eye(m)
@@ -147,7 +145,7 @@ def design(
         If the linear part has an unstable motion that no output measures.
     """
     m, p = len(a), len(c)
-    # Work in noise units, so that the Riccati equation is well scaled for any machine.
+    # Outputs in units of their noise: the Riccati equation is well scaled for any machine.
     c_scaled = c / output_noise[:, None]
     force = np.sqrt(disturbance_intensity)
     augmented = np.zeros((m + 1, m + 1))
@@ -156,7 +154,7 @@ def design(
     noise = np.zeros((m + 1, m + 1))
     noise[m, m] = 1.0
     transition, process = discretise(augmented, noise, sample_time)
-    # A leak far slower than any record keeps unobserved integrators bounded.
+    # A decay far slower than any record keeps unobserved integrators bounded.
     transition = transition * (1.0 - 1e-7)
     output = np.hstack([c_scaled, np.zeros((p, 1))])
     prediction = riccati(transition, output, process, np.eye(p))
@@ -170,10 +168,10 @@ def design(
 
 
 def _memory(closed: Array, output: Array) -> float:
-    """Samples until what the outputs show of an initial error has died to 1e-3."""
+    """Samples until the outputs' part of an initial error has decayed to 1e-3."""
     values, vectors = np.linalg.eig(closed)
     size = np.abs(values)
-    # A mode the outputs never show, such as an unmeasured angle, does not count.
+    # Unobservable modes, such as an unmeasured angle, do not count.
     seen = np.linalg.norm(output @ vectors, axis=0)
     seen = seen > 1e-6 * max(float(np.max(seen)), 1e-300)
     slowest = float(np.max(size[seen], initial=0.0))

@@ -1,4 +1,4 @@
-"""A bank of predictors: one with the present parameters, one more for each parameter moved."""
+"""Bank of one-step predictors: one with the current parameters, and one for each parameter moved."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimation.optimisation.levenberg import probed_size
 from idloop.estimation.sensors import body_sensors
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _ONE_GAIN = np.zeros(1, dtype=np.int64)
 
 
 class _Waiting:
-    """Samples that the main predictor has seen: times, measurements and innovations, row by row."""
+    """Samples that the main predictor has processed: times, measurements and innovations by row."""
 
     def __init__(self, outputs: int) -> None:
         self.count = 0
@@ -34,7 +35,7 @@ class _Waiting:
         self.count = count
 
     def since(self, first: int) -> tuple[Array, Array, Array]:
-        """From one sample on: contiguous copies, as the compiled code reads them."""
+        """Contiguous copies of all samples from an index on."""
         rows = self._rows[first : self.count]
         outputs = (rows.shape[1] - 1) // 2
         parts = rows[:, 0], rows[:, 1 : 1 + outputs], rows[:, 1 + outputs :]
@@ -44,9 +45,8 @@ class _Waiting:
 class PredictorBank:
     """Predictors that keep their state between calls.
 
-    The main predictor runs at once; the moved ones have caught up when the slopes of
-    the prediction are asked for. Until then they are laid out and follow one by one,
-    so that no sample waits for all of them.
+    The main predictor runs at once, the moved ones until `slopes` is called: one of them for each sample, so that no
+    sample has to wait for all of them.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class PredictorBank:
         layout = self.engine.layout(None)
         self.gain = np.zeros((2 * layout.bodies + 1, len(model.outputs)))
         self._samples = _Waiting(len(model.outputs))
-        # Innovations of the moved predictors on the waiting samples, and whose turn it is to follow.
+        # Innovations of the moved predictors on the waiting samples, and the index of the next one to run.
         self._moved_innovation: list[list[Array]] = []
         self._turn = 0
         self._steps_known = False
@@ -73,19 +73,19 @@ class PredictorBank:
         self._commands = 0
         self._theta = model.theta.astype(float)
         self._steps = np.zeros(0)
-        self._layouts: list[Any] = [layout]  # None until it is needed, or there is time
+        self._layouts: list[Any] = [layout]  # None until needed
         self._states: list[Array] = [layout.new_state()]
         self._histories: list[Array] = [layout.new_history()]
-        # Main state where the moved predictors stand.
-        self._anchor = self._states[0].copy()
-        # Predictors with the present parameters and other gains, to compare noise models by.
+        # Main state at the last sample of all moved predictors.
+        self._base = self._states[0].copy()
+        # Predictors with the current parameters and other gains, to compare disturbance intensities.
         self._rival_gains: list[Array] = []
         self._rival_states: list[Array] = []
         self._rival_histories: list[Array] = []
 
     @property
     def waiting(self) -> int:
-        """Samples that the main predictor has seen since the last slopes."""
+        """Number of samples since the last slopes."""
         return self._samples.count
 
     @property
@@ -94,10 +94,10 @@ class PredictorBank:
         return self._states[0]
 
     def start(self, t: float, u: float, y: Array) -> None:
-        """Begin where the sensors say, with the command that follows."""
+        """Start from a measurement, with the command from there on."""
         position, velocity = np.zeros(len(self._sensors)), np.zeros(len(self._sensors))
         for body, (place, speed) in enumerate(self._sensors):
-            # A body without a sensor moves with the one before it.
+            # A body without a sensor gets the motion of the previous one.
             if body > 0:
                 position[body], velocity[body] = position[body - 1], velocity[body - 1]
             if place is not None and np.isfinite(y[place]):
@@ -114,7 +114,7 @@ class PredictorBank:
         self._append(np.array([t]), np.array([u]))
 
     def take_over(self, other: PredictorBank) -> None:
-        """Go on from another bank's motion; from its positions when the states differ in shape."""
+        """Take the state of another bank, as far as it has the same bodies."""
         first, bodies = self.kernel.FIRST, (len(self.gain) - 1) // 2
         self._command_time, self._command = other._command_time, other._command
         self._commands = other._commands
@@ -130,13 +130,13 @@ class PredictorBank:
         self.set_rivals(self._rival_gains)
 
     def set_rivals(self, gains: list[Array]) -> None:
-        """Start predictors with other gains from the main one's motion."""
+        """Start predictors with other gains from the main one's state."""
         self._rival_gains = [np.ascontiguousarray(gain) for gain in gains]
         self._rival_states = [self._states[0].copy() for _ in gains]
         self._rival_histories = [self._histories[0].copy() for _ in gains]
 
     def rivals(self) -> list[Array]:
-        """Innovations of the rivals on the waiting samples; to be called before `slopes`."""
+        """Innovations of the rivals on the waiting samples; call before `slopes`."""
         t, y, _ = self._samples.since(0)
         found = []
         for gain, state, history in zip(self._rival_gains, self._rival_states, self._rival_histories, strict=True):
@@ -146,10 +146,10 @@ class PredictorBank:
         return found
 
     def drop(self) -> None:
-        """Forget the samples that wait for the moved predictors."""
+        """Drop the waiting samples."""
         self._samples.count = 0
         self._moved_innovation = [[] for _ in self._steps]
-        self._anchor = self._states[0].copy()
+        self._base = self._states[0].copy()
 
     def advance(self, t: Array, u: Array, y: Array) -> Array:
         """Run the main predictor over samples; returns the innovations, shape (n, p)."""
@@ -157,7 +157,7 @@ class PredictorBank:
         innovation = np.empty(y.shape)
         self._predict(0, t, y, innovation)
         self._samples.append(t, y, innovation)
-        self._one_follows()
+        self._run_next_moved()
         return innovation
 
     def seen(self) -> Array:
@@ -184,14 +184,14 @@ class PredictorBank:
         _, y, innovation = self._samples.since(0)
         slope = np.empty((*y.shape, len(self._steps)))
         for index, step in enumerate(self._steps):
-            self._follow(index)
+            self._catch_up(index)
             slope[:, :, index] = (innovation - np.concatenate(self._moved_innovation[index])) / step
         self._steps_known = True
         self.drop()
         return innovation, slope
 
     def place(self, theta: Array, steps: Array) -> None:
-        """Set the parameters of all predictors; the slopes built up so far keep their value."""
+        """Set the parameters of all predictors; the derivatives of the state keep their value."""
         old = self._steps
         self._theta = theta.copy()
         self._layouts = [self.engine.layout(theta), *([None] * len(steps))]
@@ -210,35 +210,32 @@ class PredictorBank:
         self._steps[index] = step
         self._layouts[index + 1] = None
 
-    def probe(self, index: int, spread: Array, upper: float) -> float:
-        """Size of a parameter: the change that moves the waiting samples by a few standard deviations.
+    def probe(self, index: int, deviation: Array, upper: float) -> float:
+        """Typical size of a parameter: the power of ten that changes the waiting innovations by a norm of about 10.
 
         Parameters
         ----------
         index : int
             Parameter.
-        spread : array, shape (p,)
+        deviation : array, shape (p,)
             Standard deviation of the innovations.
         upper : float
             Upper bound of the parameter.
         """
         t, y, base = self._samples.since(0)
-        best, distance = 1e-3, np.inf
         layout, state, history = self._layout(index + 1), self._states[index + 1], self._histories[index + 1]
-        for exponent in range(-8, 7):
-            step = 10.0**exponent
+
+        def change(step: float) -> float:
             sign = 1.0 if self._theta[index] + step <= upper else -1.0
             self._layouts[index + 1] = self.engine.layout(self._moved(index, sign * step))
             self._states[index + 1], self._histories[index + 1] = state.copy(), history.copy()
             moved = np.empty(y.shape)
             self._predict(index + 1, t, y, moved)
-            norm = float(np.sqrt(np.nansum(((moved - base) / np.maximum(spread, 1e-300)) ** 2)))
-            if np.isfinite(norm) and norm > 0.0 and abs(np.log(norm / 10.0)) < distance:
-                best, distance = step, abs(np.log(norm / 10.0))
-        self._layouts[index + 1], self._states[index + 1], self._histories[index + 1] = layout, state, history
-        return best
+            return float(np.sqrt(np.nansum(((moved - base) / np.maximum(deviation, 1e-300)) ** 2)))
 
-    # -- inside -------------------------------------------------------------------------
+        size = probed_size(change, 1e-3)
+        self._layouts[index + 1], self._states[index + 1], self._histories[index + 1] = layout, state, history
+        return size
 
     def _moved(self, index: int, step: float) -> Array:
         theta: Array = self._theta.copy()
@@ -249,15 +246,15 @@ class PredictorBank:
         first, moved = self.kernel.DISTURBANCE, self._states[index + 1]
         ratio = now / before if before != 0.0 else 0.0
         if ratio != 1.0:
-            moved[first:] = self._anchor[first:] + ratio * (moved[first:] - self._anchor[first:])
+            moved[first:] = self._base[first:] + ratio * (moved[first:] - self._base[first:])
 
-    def _one_follows(self) -> None:
-        """Let the next moved predictor catch up, once steps are found for all parameters."""
+    def _run_next_moved(self) -> None:
+        """Let the next moved predictor catch up, once steps are known for all parameters."""
         if self._steps_known and len(self._steps):
             self._turn = (self._turn + 1) % len(self._steps)
-            self._follow(self._turn)
+            self._catch_up(self._turn)
 
-    def _follow(self, index: int) -> None:
+    def _catch_up(self, index: int) -> None:
         done = sum(len(part) for part in self._moved_innovation[index])
         t, y, _ = self._samples.since(done)
         if len(t):
@@ -277,7 +274,7 @@ class PredictorBank:
         self, layout: Any, gain: Array, state: Array, history: Array, t: Array, y: Array, innovation: Array
     ) -> None:
         time, value = self._command_time[: self._commands], self._command[: self._commands]
-        # Long stretches of a stiff chain would be stepped otherwise: how samples are cut must not show.
+        # The kernel integrates long segments of a stiff chain differently: blocks must not change the result.
         most = self.kernel.LEAST_SAMPLES - 1
         for first in range(0, len(t), most):
             part = slice(first, first + most)
@@ -294,9 +291,9 @@ class PredictorBank:
             self._command[:kept] = self._command[half : self._commands]
             self._commands = kept
             index = self.kernel.COMMAND
-            for state in (*self._states, *self._rival_states, self._anchor):
+            for state in (*self._states, *self._rival_states, self._base):
                 state[index] = max(state[index] - half, -1.0)
-        # A missing command keeps the last one: that is what a held input does.
+        # A missing command holds the last one.
         known = np.where(np.isfinite(u), u, self._command[self._commands - 1] if self._commands else 0.0)
         self._command_time[self._commands : self._commands + count] = t
         self._command[self._commands : self._commands + count] = known

@@ -1,4 +1,4 @@
-"""Measurement noise of an output, read off the data's own high-frequency part."""
+"""Quantum and measurement noise of an output, from its samples."""
 
 from __future__ import annotations
 
@@ -11,38 +11,27 @@ Array = NDArray[np.float64]
 _THIRD_DIFFERENCE_VARIANCE = 20.0
 # Median absolute value of a standard normal variable.
 _MEDIAN_OF_NORMAL = 0.6744897501960817
-# Fewer gaps may be multiples of one by chance.
+# Least number of gaps that show a quantisation.
 _ENOUGH_GAPS = 20
 
 
 def resolution(values: ArrayLike) -> float:
-    """Smallest step between different values: the quantum of a digital sensor.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Measured output; NaN samples are left out.
-
-    Returns
-    -------
-    float
-        Quantum in the output's unit; 0 when values hardly ever repeat and lie on no lattice.
-    """
+    """Quantum of a digital sensor, the smallest step between different values (n,); 0 without quantisation."""
     y = np.asarray(values, dtype=float)
     y = y[np.isfinite(y)]
     levels = np.unique(y)
     gaps = np.diff(levels)
-    # Rounding in the file format makes gaps of one quantum differ in the last digits.
+    # Gaps of one quantum differ in the last digits by rounding of the file format.
     gaps = gaps[gaps > 1e-9 * np.ptp(y)] if len(gaps) else gaps
     if not len(gaps):
         return 0.0
-    if len(levels) > 0.5 * len(y) and not _on_lattice(gaps):
+    if len(levels) > 0.5 * len(y) and not _multiples_of_smallest(gaps):
         return 0.0
     return float(np.percentile(gaps, 5.0))
 
 
-def _on_lattice(gaps: Array) -> bool:
-    """Whether gaps between values that hardly repeat are whole multiples of the smallest: a fast sweep of a scale."""
+def _multiples_of_smallest(gaps: Array) -> bool:
+    """Whether gaps are integer multiples of the smallest: quantised values that hardly repeat, as in a fast sweep."""
     if len(gaps) < _ENOUGH_GAPS:
         return False
     multiples = gaps / np.min(gaps)
@@ -53,19 +42,18 @@ def _on_lattice(gaps: Array) -> bool:
 def noise_std(values: ArrayLike) -> float:
     """Standard deviation of the white part of the measurement noise.
 
-    Third differences remove what a motion does in four samples; their median
-    absolute value is blind to the few samples at which the motion jerks.
+    Third differences remove the motion over four samples; their median absolute value ignores the few samples of fast
+    changes.
 
     Parameters
     ----------
     values : array, shape (n,)
-        Measured output at a steady rate; NaN samples are left out.
+        Measured output at a constant rate; NaN samples are left out.
 
     Returns
     -------
     float
-        Standard deviation in the output's unit, never below that of rounding to
-        the quantum or 1e-9 of the signal's span.
+        At least that of rounding to the quantum, and 1e-9 of the range of values; 0 for fewer than 8 samples.
     """
     y = np.asarray(values, dtype=float)
     y = y[np.isfinite(y)]
@@ -73,6 +61,6 @@ def noise_std(values: ArrayLike) -> float:
         return 0.0
     span = float(np.ptp(y))
     high = np.abs(np.diff(y, 3))
-    spread = float(np.median(high)) / _MEDIAN_OF_NORMAL
-    spread = max(spread / np.sqrt(_THIRD_DIFFERENCE_VARIANCE), resolution(y) / np.sqrt(12.0))
-    return float(max(spread, 1e-9 * span))
+    deviation = float(np.median(high)) / _MEDIAN_OF_NORMAL
+    deviation = max(deviation / np.sqrt(_THIRD_DIFFERENCE_VARIANCE), resolution(y) / np.sqrt(12.0))
+    return float(max(deviation, 1e-9 * span))

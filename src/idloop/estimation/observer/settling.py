@@ -1,4 +1,4 @@
-"""Observer gains from the first measurement on, while the observer still learns the initial state."""
+"""Kalman filter from an uncertain initial state: observer gains from the first measurement on."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-# Gains that change less than this over the rest of the record are taken as settled.
+# Relative change of the gain over the rest of the record below which it is constant.
 _SETTLED = 1e-3
-# From so many measurements on the gain is held for this part of those so far.
+# After the first of these numbers of measurements, each gain is held for one in the second of those so far.
 _SLOWLY, _HELD = 64, 32
-# Measurements after which the gain is held in any case.
+# Measurements after which the gain is constant in any case.
 _MOST = 20_000
 
 
@@ -32,11 +32,11 @@ class SettlingObserver:
     Attributes
     ----------
     gains : array, shape (g, 2 b + 1, p)
-        Gains in the order in which they serve.
+        Different gains in their order.
     covariances : array, shape (g, p, p)
-        Innovation covariance that the linear theory expects with each of them.
+        Theoretical innovation covariance with each of them.
     place : array of int, shape (m,)
-        Which of them serve the first m measurements; the last of these holds from there on.
+        Index of the gain for each of the first m measurements; the last one holds for all that follow.
     """
 
     gains: Array
@@ -45,7 +45,7 @@ class SettlingObserver:
 
     @property
     def steps(self) -> int:
-        """Measurements until the gain has settled."""
+        """Measurements until the gain is constant."""
         return len(self.place)
 
     @property
@@ -71,14 +71,14 @@ def settling_observer(
 ) -> SettlingObserver:
     """Time-varying observer with a disturbance force (Anderson and Moore, Optimal Filtering, 1979, ch. 3).
 
-    The force is held from sample to sample and forgotten by and by.
+    The force is held from sample to sample, and decays.
 
     Parameters
     ----------
     linear : Linear
         Linear part, 2 b states and p outputs.
     measured : list of int
-        Outputs that carry measurements.
+        Outputs with measurements.
     sample_time : float
         Sample time [s].
     disturbance_intensity : float
@@ -90,9 +90,9 @@ def settling_observer(
     samples : int
         Length of the record.
     decay : float
-        Part of the disturbance force that one sample leaves for the next: 1 makes it a random walk, 0 white.
+        Factor of the disturbance force from sample to sample: 1 for a random walk, 0 for white noise.
     """
-    # Loaded on first use: verbs that fit nothing do without.
+    # Imported on first use, for a quick start of the command line.
     from scipy.linalg import expm
 
     m, p = len(linear.A), len(linear.C)
@@ -126,23 +126,13 @@ def settling_observer(
 
 
 def _room(most: int) -> int:
-    """Bound on the number of different gains: all of the first ones, then twice `_HELD` for each doubling."""
+    """Largest number of different gains: one for each of the first measurements, then 2 `_HELD` for each doubling."""
     return _SLOWLY + (2 * _HELD + 2) * (int(np.log2(most)) + 2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def scalings_to_last(covariance: Any) -> Any:
-    """Matrices that bring vectors of given covariances to the last one of these.
-
-    Parameters
-    ----------
-    covariance : array, shape (g, p, p)
-        Positive matrices.
-
-    Returns
-    -------
-    array, shape (g, p, p)
-    """
+    """Matrices (g, p, p) that scale vectors of covariances (g, p, p), positive, to the last of these covariances."""
     m, p = covariance.shape[:2]
     last, factor = np.zeros((p, p)), np.zeros((p, p))
     cholesky(covariance[m - 1], last)
@@ -162,15 +152,7 @@ def scalings_to_last(covariance: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def scale_start(series: Any, scalings: Any, place: Any) -> None:
-    """Multiply the first rows of a series, each by its matrix, in place.
-
-    Parameters
-    ----------
-    series : array, shape (n, p)
-    scalings : array, shape (g, p, p)
-    place : array of int, shape (m,)
-        Which matrix each of the first m rows takes; n may be less.
-    """
+    """Multiply each of the first rows of a series (n, p) by ``scalings[place]`` (g, p, p), in place."""
     p = series.shape[1]
     row = np.empty(p)
     for k in range(min(series.shape[0], place.shape[0])):
@@ -185,11 +167,10 @@ def scale_start(series: Any, scalings: Any, place: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _leaps(transition: Any, output: Any, process: Any, count: int) -> Any:
-    """What 2^j steps make of a covariance P, as (A, Q, M) of Q + A P (I + M P)^-1 A', shape (count, 3, m, m).
+def _doubled_steps(transition: Any, output: Any, process: Any, count: int) -> Any:
+    """Riccati steps of 2^j samples as (A, Q, M) of P -> Q + A P (I + M P)^-1 A', shape (count, 3, m, m).
 
-    Doubling: Anderson, "Second-order convergent algorithms for the steady-state Riccati equation",
-    Int. J. Control 28, 1978.
+    Doubling by Anderson, Int. J. Control 28, 1978.
     """
     m = transition.shape[0]
     found = np.empty((count, 3, m, m))
@@ -207,22 +188,21 @@ def _leaps(transition: Any, output: Any, process: Any, count: int) -> Any:
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # a matrix that has lost its rank makes gains that are no numbers
+@njit(cache=True, nogil=True, error_model="numpy")  # a singular matrix gives gains that are NaN
 def _recursion(
     transition: Any, output: Any, process: Any, covariance: Any, samples: int, gains: Any, innovations: Any, place: Any
 ) -> int:
-    """Kalman recursion with unit measurement noise; returns the number of steps until the gain settles.
+    """Kalman recursion with unit measurement noise; returns the number of steps until the gain is constant.
 
-    Different gains go to ``gains``, and which of them serves each measurement to ``place``.
-
-    Later on the gain changes slowly: from there it is computed every so often, and held in between.
+    Fills ``gains``, ``innovations`` (their covariances) and ``place``. Later gains change slowly: they are held for
+    several steps, which are then taken at once.
     """
     m = transition.shape[0]
     p = output.shape[0]
     most = place.shape[0]
     factor = np.zeros((p, p))
     left, half, whole = np.empty((m, m)), np.empty((m, m)), np.empty((m, m))
-    leaps = np.empty((0, 3, m, m))
+    steps_by_power = np.empty((0, 3, m, m))
     k, held, different = 0, 1, 0
     while k < most:
         gain, innovation = gains[different], innovations[different]
@@ -247,16 +227,16 @@ def _recursion(
         for later in range(1, held):
             place[k + later] = different
         if held > 1:
-            if leaps.shape[0] == 0:
-                leaps = _leaps(transition, output, process, int(np.log2(most)) + 1)
-            a, q, h = leaps[level, 0], leaps[level, 1], leaps[level, 2]
+            if steps_by_power.shape[0] == 0:
+                steps_by_power = _doubled_steps(transition, output, process, int(np.log2(most)) + 1)
+            a, q, h = steps_by_power[level, 0], steps_by_power[level, 1], steps_by_power[level, 2]
             inverse = np.linalg.inv(np.eye(m) + h @ covariance)
             whole[:] = q + a @ (covariance @ inverse) @ np.ascontiguousarray(a.T)
             for i in range(m):
                 for j in range(m):
                     covariance[i, j] = 0.5 * (whole[i, j] + whole[j, i])
         else:
-            # Joseph's form stays positive through a start of many decades.
+            # Joseph's form stays positive for an initial covariance of many decades.
             multiply(gain, output, left)
             for i in range(m):
                 for j in range(m):

@@ -1,4 +1,4 @@
-"""Products and factors of matrices of a few rows, for compiled loops: faster than a library that is called for each."""
+"""Products and factors of small matrices for compiled loops, in which a library call costs more than the product."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Innovations of one observer from those of another, without running the model again.
+"""Innovations of one observer from those of another, without a simulation of the model.
 
-Two observers of the same model that see the same measurements differ by a state that the linear part
-of the model carries on: their innovations are each other's, filtered. For a linear model that holds
-exactly; for another one to first order in what the two observers disagree about, which is small
-beside the motion.
+Two observers of one model and the same measurements differ by a state that follows the linear part of the model, so
+that the innovations of one are filtered innovations of the other: exactly for a linear model, else to first order in
+the difference of the observers.
 """
 
 from __future__ import annotations
@@ -21,26 +20,26 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# A pause of more samples than this is forgotten by any observer [samples].
+# Pauses in the measurements count as at most this [samples].
 _LONGEST_PAUSE = 1000
 
 
 class TranslatedCriterion:
-    """The criterion's innovations for any disturbance, from those for one disturbance.
+    """Innovations of a criterion for any disturbance, translated from those for one disturbance.
 
     Parameters
     ----------
     criterion : InnovationCriterion
         Tuned for the parameters.
     theta : array, shape (k,)
-        Free parameters of the model; they stay.
+        Free parameters of the model, constant.
     nuisance : array, shape (2,)
-        Exponent and memory of the disturbance at which the model is run.
+        Exponent and memory of the disturbance of the simulation.
 
     Raises
     ------
     IdloopError
-        No observer can be designed for this disturbance, or the model cannot be run.
+        No observer can be designed for this disturbance, or the model cannot be simulated.
     """
 
     name = "prediction"
@@ -62,18 +61,18 @@ class TranslatedCriterion:
             ))  # fmt: skip
 
     def retune(self, theta: Array) -> None:
-        """The observers are those of the parameters at which the model was run."""
+        """The linear part stays that of the simulation."""
 
     def nuisance(self) -> tuple[Array, Array, Array, Array]:
         """As `InnovationCriterion.nuisance`."""
         return self.criterion.nuisance()
 
     def keep(self, nuisance: Array) -> None:
-        """Go on from this disturbance."""
+        """As `InnovationCriterion.keep`."""
         self.criterion.keep(nuisance)
 
     def errors(self, theta: Array, nuisance: Array) -> Errors:
-        """As `InnovationCriterion.errors`; ``theta`` is not looked at."""
+        """As `InnovationCriterion.errors`; ``theta`` is not used."""
         return self.criterion.arranged([self._innovation(nuisance, r) for r in range(len(self._known))], nuisance)
 
     def _innovation(self, nuisance: Array, record: int) -> Array:
@@ -88,8 +87,8 @@ class TranslatedCriterion:
 
 
 def _motion(a: Array, g: Array, step: float) -> tuple[Array, Array]:
-    """What a sample makes of a state, shape (m, m), and of a held force, shape (m,)."""
-    # Loaded on first use: verbs that fit nothing do without.
+    """Transition of the state over one sample, shape (m, m), and its response to a held force, shape (m,)."""
+    # Imported on first use, for a quick start of the command line.
     from scipy.linalg import expm
 
     m = len(a)
@@ -104,7 +103,7 @@ def _translate(
     known: Any, gains: Any, place: Any, decay: float, other_gains: Any, other_place: Any, other_decay: float,
     transition: Any, push: Any, output: Any, pause: Any, found: Any,
 ) -> None:  # fmt: skip
-    """Innovations ``found`` of the observer with the other gains, from those ``known`` of the first."""
+    """Innovations ``found`` with the other gains, from those ``known`` with the first."""
     n, p = known.shape
     m = transition.shape[0]
     last, other_last = place.shape[0] - 1, other_place.shape[0] - 1

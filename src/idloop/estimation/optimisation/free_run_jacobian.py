@@ -1,4 +1,4 @@
-"""Jacobian of free-run errors by exact slopes, once differences have agreed with them nearby."""
+"""Jacobian of free-run errors by sensitivity equations."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.estimation.optimisation.levenberg import difference_jacobian
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.simulation import SimulationCriterion
 
 Array = NDArray[np.float64]
 
-# Part of a parameter's size by which it is changed for the slopes of the forces.
+# Change of a parameter, as a part of its size, for the derivatives of the forces.
 _CHANGE = 1e-6
-# Part by which an exact slope may differ from a difference: a step decides when a body breaks away, and the exact slope
-# does not see that decision change.
+# Largest relative deviation from a difference quotient: a sensitivity equation does not see that a break-away moves to
+# another integration step.
 _AGREED = 0.03
 
 
-class FreeRunSlopes:
-    """Jacobian of a problem of free runs by exact slopes; by differences at points that have none.
+class FreeRunJacobian:
+    """Jacobian of a free-run problem by sensitivity equations; by differences where these do not apply.
 
     Parameters
     ----------
-    problem : Problem
+    problem : LeastSquaresProblem
         With a `SimulationCriterion`.
     lower, upper, scale : array, shape (k + q,)
         Bounds and typical sizes of parameters and nuisance.
@@ -31,7 +31,7 @@ class FreeRunSlopes:
         Steps of the differences.
     """
 
-    def __init__(self, problem: Problem, lower: Array, upper: Array, scale: Array, step: Array) -> None:
+    def __init__(self, problem: LeastSquaresProblem, lower: Array, upper: Array, scale: Array, step: Array) -> None:
         self.problem, self.lower, self.upper, self.scale, self.step = problem, lower, upper, scale, step
 
     def __call__(self, point: Array) -> Array:
@@ -40,7 +40,7 @@ class FreeRunSlopes:
         return self._differences(point) if exact is None or np.any(np.isnan(exact[0])) else exact
 
     def agree(self, point: Array) -> bool:
-        """Whether there are exact slopes at a point, and differences are the same."""
+        """Whether sensitivity equations apply at a point, and agree with differences."""
         exact = self._exact(point)
         if exact is None:
             return False
@@ -54,11 +54,11 @@ class FreeRunSlopes:
         )[0]
 
     def _exact(self, point: Array) -> Array | None:
-        """Exact slopes in units of the residual, NaN for what has none."""
+        """Jacobian by sensitivity equations, NaN where they do not apply."""
         criterion, k = self.problem.criterion, self.problem.parameters
         if not isinstance(criterion, SimulationCriterion):
             return None
         change = _CHANGE * self.scale[:k]
         change = np.where(point[:k] + change > self.upper[:k], -change, change)
         slopes = criterion.slopes(point[:k], point[k:], change)
-        return None if slopes is None else self.problem.weighed(slopes)
+        return None if slopes is None else self.problem.weighted_jacobian(slopes)

@@ -1,7 +1,7 @@
-"""Whether errors change in proportion to the parameters: where sides strike in a gap, motion may be chaotic.
+"""Check of a Jacobian: whether the errors change in proportion to the parameters.
 
-Two runs of a machine that rattles in its gap part until they differ by as much as they can, however little their
-parameters differ. A search then ends in the next small hollow, whose slopes make standard errors far too small.
+The motion of a machine that chatters in its backlash may be chaotic: two simulations diverge however little their
+parameters differ. A search then ends in a local optimum, and its Jacobian gives far too small standard errors.
 """
 
 from __future__ import annotations
@@ -15,17 +15,16 @@ Array = NDArray[np.float64]
 
 # Step to both sides, as a part of a parameter's typical size.
 _STEP = 1e-3
-# Ratio of what the changes to both sides have in common to what they have not: infinite where errors are smooth, about
-# 0.6 where the changes are noise.
-_STEADY = 2.0
-# Changes below this many standard deviations in all are of no weight.
-_SEEN = 1.0
+# Least ratio of the odd to the even part of the changes: infinite for smooth errors, about 0.6 for noise.
+_SMOOTH = 2.0
+# Changes of a norm below this many standard deviations are ignored.
+_LEAST_CHANGE = 1.0
 
 
-def is_rough(
+def jacobian_unreliable(
     function: Callable[[Array], Array], point: Array, lower: Array, upper: Array, scale: Array, count: int
 ) -> bool:
-    """Whether the errors beside a point are out of all proportion to a small step.
+    """Whether small steps from a point change the errors out of all proportion.
 
     Parameters
     ----------
@@ -34,7 +33,7 @@ def is_rough(
     point, lower, upper, scale : array, shape (k,)
         The point, its box, typical sizes.
     count : int
-        Number of parameters to look along, the first ones.
+        Number of parameters to step along, the first ones.
     """
     residual = function(point)
     for index in range(count):
@@ -46,7 +45,7 @@ def is_rough(
             moved = point.copy()
             moved[index] += sign * step
             sides.append(function(moved) - residual)
-        common, apart = (float(np.linalg.norm(sides[0] + sign * sides[1])) for sign in (-1.0, 1.0))
-        if common + apart > 2.0 * _SEEN and not common > _STEADY * apart:
+        odd, even = (float(np.linalg.norm(sides[0] + sign * sides[1])) for sign in (-1.0, 1.0))
+        if odd + even > 2.0 * _LEAST_CHANGE and not odd > _SMOOTH * even:
             return True
     return False

@@ -1,35 +1,34 @@
-"""From errors to a weighted, whitened residual vector that a least-squares search can minimise."""
+"""Least-squares problem of a criterion: whitened and weighted residuals."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion, Errors
 from idloop.estimation.statistics.whitening import Whitener, choose_order, fit_whitener
 
 Array = NDArray[np.float64]
 
 
-class Problem:
-    """One criterion with its current weights and orders of whitening.
+class LeastSquaresProblem:
+    """A criterion with the weights and whitening orders of its noise model.
 
     Parameters
     ----------
     criterion : Criterion
     parameters : int
-        Number of model parameters; what follows them in a point is nuisance.
+        Number of model parameters; nuisance parameters follow them in a point.
     whiteners : list of Whitener, optional
-        Whitening to use as it is, one for each group of outputs.
+        Fixed whitening, one for each group of outputs.
     floors : list of array, optional
-        Least standard deviation that errors count with, by group and output: exact data must not make differences
-        in rounding significant.
+        Least standard deviation of the errors by group and output, so that rounding of exact data is not significant.
 
     Notes
     -----
-    The whitening coefficients are re-estimated at every point (variable
-    projection), so the Jacobian knows what part of a parameter's trace the noise
-    model could explain as well, and the covariance counts it as unknown.
+    The whitening coefficients are estimated at every point (variable projection): the Jacobian, and with it the
+    covariance, leaves out what the noise model explains as well.
     """
 
     def __init__(
@@ -44,7 +43,7 @@ class Problem:
         self.weights: list[Array] = []
         self.objective = np.inf
         self.length = 0
-        self.instants: list[int] = []  # by group, those spent on the whitening's past included
+        self.instants: list[int] = []  # by group, including those without a complete past
         self._whiteners: list[Whitener] = []
 
     def errors(self, point: Array) -> Errors:
@@ -68,7 +67,7 @@ class Problem:
         return whitener, [whitener.apply(e) for e in group]
 
     def reweigh(self, point: Array, whiten: bool, orders: list[int] | None = None) -> None:
-        """Set orders and weights from the errors at a point; orders that are given are kept."""
+        """Estimate orders and weights from the errors at a point; given orders are kept."""
         errors = self.errors(point)
         if self.given is not None:
             orders = [w.order for w in self.given]
@@ -86,7 +85,7 @@ class Problem:
             covariance = stacked.T @ stacked / max(len(stacked), 1)
             if self.floors is not None:
                 covariance = covariance + np.diag(np.maximum(self.floors[place] ** 2 - np.diag(covariance), 0.0))
-            # Outputs that the model matches exactly must not weigh infinitely.
+            # Outputs without any error must not get infinite weight.
             floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
             covariance = covariance + floor * np.eye(len(covariance))
             self.weights.append(np.linalg.inv(np.linalg.cholesky(covariance)))
@@ -97,12 +96,8 @@ class Problem:
         """Determinant of the innovation covariance, product over the groups."""
         return float(np.prod([1.0 / np.linalg.det(w) ** 2 for w in self.weights]))
 
-    def covariances(self) -> list[Array]:
-        """Innovation covariance of each group."""
-        return [np.linalg.inv(w.T @ w) for w in self.weights]
-
     def residual(self, point: Array) -> Array:
-        """Whitened errors in units of their standard deviation, in one vector."""
+        """Whitened errors in units of their standard deviation, as one vector."""
         parts = [
             (e @ weight.T).ravel()
             for group, weight in zip(self.whitened(point), self.weights, strict=True)
@@ -110,18 +105,8 @@ class Problem:
         ]
         return np.concatenate(parts)
 
-    def weighed(self, slopes: Errors) -> Array:
-        """Slopes of the unwhitened errors as slopes of the residual.
-
-        Parameters
-        ----------
-        slopes : list of list of array, shape (k, samples, outputs)
-            By group and record.
-
-        Returns
-        -------
-        array, shape (n, k)
-        """
+    def weighted_jacobian(self, slopes: Errors) -> Array:
+        """Jacobian (n, k) of the residual from slopes (k, samples, outputs) of raw errors by group and record."""
         rows = sum(part.shape[1] * part.shape[2] for group in slopes for part in group)
         weighed: Array = np.empty((len(slopes[0][0]), rows))
         row = 0
@@ -133,19 +118,8 @@ class Problem:
                 row += samples * outputs
         return np.asarray(weighed.T)
 
-    def carried(self, jacobian: Array, weights: list[Array]) -> Array:
-        """A Jacobian of the unwhitened residual under other weights, under the present ones.
-
-        Parameters
-        ----------
-        jacobian : array, shape (n, k)
-        weights : list of array
-            Those under which it was taken.
-
-        Returns
-        -------
-        array, shape (n, k)
-        """
+    def reweighted_jacobian(self, jacobian: Array, weights: list[Array]) -> Array:
+        """Jacobian (n, k) of an unwhitened residual under the present weights, from that under earlier ones."""
         carried, row = np.empty_like(jacobian), 0
         for before, now, instants in zip(weights, self.weights, self.instants, strict=True):
             change, part = now @ np.linalg.inv(before), slice(row, row + instants * len(now))
@@ -154,17 +128,24 @@ class Problem:
             row = part.stop
         return carried
 
-    def frozen_residual(self, point: Array) -> Array:
-        """Residual with the whitening coefficients that the last `reweigh` found."""
-        return self.whiten_like(self.errors(point))
+    def residual_or_infinite(self, point: Array, *, frozen: bool = False) -> Array:
+        """As `residual`, or `frozen_residual`; infinite where the model cannot be simulated."""
+        try:
+            return self.frozen_residual(point) if frozen else self.residual(point)
+        except (IdloopError, np.linalg.LinAlgError):
+            return np.full(self.length, np.inf)
 
-    def whiten_like(self, errors: Errors) -> Array:
-        """Any model's errors, whitened and weighed as the last `reweigh` found it right for this one's."""
+    def frozen_residual(self, point: Array) -> Array:
+        """Residual with the whitening coefficients of the last `reweigh`."""
+        return self.whiten(self.errors(point))
+
+    def whiten(self, errors: Errors) -> Array:
+        """Errors of any model, with whitening and weights of the last `reweigh`."""
         groups = zip(errors, self._whiteners, self.weights, strict=True)
         return np.concatenate([(w.apply(e) @ v.T).ravel() for group, w, v in groups for e in group])
 
     def scores(self, point: Array, residual: Array, jacobian: Array) -> list[Array]:
-        """Score series by group and record: the Jacobian of each sample times its residual."""
+        """Scores of every sample, Jacobian times residual, by group and record."""
         scores = []
         row = 0
         for group in self.whitened(point):
@@ -186,8 +167,8 @@ class Problem:
                 row += e.size
         return [np.concatenate(rows) for rows in found.values()]
 
-    def stretches(self, point: Array, count: int) -> list[NDArray[np.int64]]:
-        """Rows of the residual by stretch of time, about ``count`` stretches in all."""
+    def segments(self, point: Array, count: int) -> list[NDArray[np.int64]]:
+        """Rows of the residual by segment of time, about ``count`` segments in all."""
         errors = self.whitened(point)
         lengths = [len(e) for e in errors[0]]
         parts = [max(round(count * n / max(sum(lengths), 1)), 1) for n in lengths]
@@ -205,5 +186,5 @@ class Problem:
         return [np.concatenate(rows) for rows in found]
 
     def count(self, point: Array) -> int:
-        """Number of sample instants that enter."""
+        """Number of instants."""
         return sum(len(e) for group in self.whitened(point) for e in group)

@@ -1,4 +1,4 @@
-"""The engine of an estimate: smooth, and it remembers the layouts of the parameter values it saw last."""
+"""Engine for estimation: without quantisation of outputs, and with a cache of compiled layouts."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _KEPT = 64
 
 
 class RememberingEngine(Engine):
-    """Engine for a search, which asks for the same parameter values many times over.
+    """Engine that caches the layouts of the last parameter values.
 
-    Laying a model out costs as much as simulating a thousand samples. What acts after the noise of a sensor, its
-    rounding, is noise to an estimate: it has no slope, and a difference sees its steps alone.
+    Laying a model out costs as much as simulating a thousand samples. Quantisation, which acts after a sensor's noise,
+    is left out: it counts as noise and has no derivative.
     """
 
     _layouts: dict[bytes, Layout] | None = None
 
     def layout(self, theta: NDArray[np.float64] | None = None) -> Layout:
-        """Arrays for one set of values, from memory where they were asked for before."""
+        """Arrays for one set of values, from the cache where possible."""
         if self._layouts is None:
             self._layouts = {}
         key = b"" if theta is None else np.asarray(theta, dtype=float).tobytes()

@@ -1,4 +1,4 @@
-"""The search: alternate between tuning the noise model and moving the parameters."""
+"""Minimisation of a criterion by alternating between its noise model and its parameters."""
 
 from __future__ import annotations
 
@@ -10,29 +10,26 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion
-from idloop.estimation.optimisation.free_run_jacobian import FreeRunSlopes
-from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise
-from idloop.estimation.optimisation.problem import Problem
+from idloop.estimation.optimisation.free_run_jacobian import FreeRunJacobian
+from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise, probed_size
+from idloop.estimation.optimisation.problem import LeastSquaresProblem
 
 Array = NDArray[np.float64]
 
 _MOST_ROUNDS = 15
 _ITERATIONS_PER_ROUND = 10
-# Moves below this share of a standard error end the search, and with it steps that are not worth that much ...
-_SETTLED = 0.03
-# ... those below this one the search with one-sided slopes, where the noise has only to be weighed ...
-_NEARLY = 0.15
-# ... and those below this one a search for a start.
-_CLOSE = 0.5
-# Steps with two-sided slopes at the end: what they still move are initial states that the data hardly show.
+# Moves, in standard errors, below which a search ends; of the first search with one-sided differences, where there is
+# no whitening; and of a search for starting values only.
+_SETTLED, _NEARLY, _CLOSE = 0.03, 0.15, 0.5
+# Steps with two-sided differences at the end; further ones would only move poorly determined initial states.
 _LAST_STEPS = 2
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Where a search ended, with everything the covariance needs."""
+    """End of a search, with all that the covariance needs."""
 
-    problem: Problem
+    problem: LeastSquaresProblem
     theta: Array
     nuisance: Array
     jacobian: Array
@@ -45,34 +42,22 @@ class Solution:
 
 
 def typical_size(values: Array, lower: Array, upper: Array) -> Array:
-    """Typical size of parameters: their value, or a part of a finite range where that is 0.
-
-    Parameters
-    ----------
-    values, lower, upper : array, shape (k,)
-
-    Returns
-    -------
-    array, shape (k,)
-        Positive.
-    """
+    """Typical size of parameters (k,): their value, or a hundredth of a finite range where that is 0."""
     size = np.abs(values)
     span = np.where(np.isfinite(upper - lower), upper - lower, 0.0)
     return np.where(size > 0, size, np.where(span > 0, 1e-2 * span, 1.0))
 
 
-def _probed_size(problem: Problem, point: Array, scale: Array, index: int, upper: Array) -> float:
-    """Size of a parameter that starts at 0: the change that moves the residual by a few units."""
+def _probed_size(problem: LeastSquaresProblem, point: Array, scale: Array, index: int, upper: Array) -> float:
+    """Size of a parameter that starts at 0, from its influence on the residual."""
     base = problem.residual(point)
-    best, distance = scale[index], np.inf
-    for exponent in range(-8, 7):
+
+    def change(step: float) -> float:
         moved = point.copy()
-        step = 10.0**exponent
         moved[index] += step if moved[index] + step <= upper[index] else -step
-        norm = float(np.linalg.norm(problem.residual(moved) - base))
-        if np.isfinite(norm) and norm > 0.0 and abs(np.log(norm / 10.0)) < distance:
-            best, distance = step, abs(np.log(norm / 10.0))
-    return float(best)
+        return float(np.linalg.norm(problem.residual(moved) - base))
+
+    return probed_size(change, float(scale[index]))
 
 
 def solve(
@@ -94,20 +79,20 @@ def solve(
     report : callable, optional
         Called with the share done and a short text.
     draft : bool
-        A start for another search is wanted: within a standard error is near enough.
+        End within a standard error: a start for another search.
     typical : array, shape (k,), optional
-        Values of the parameters elsewhere, which tell the size of those that start at 0.
+        Other values of the parameters, as the size of those that start at 0.
     exact_slopes : bool
-        Whether exact slopes of free runs have agreed with differences close to the start (`slopes_agree`).
+        Use sensitivity equations, which have been checked near the start (`slopes_agree`).
 
     Raises
     ------
     IdloopError
-        If the model gives no finite errors at the start, or beside the values that the search comes to.
+        If the model gives no finite errors at the start, or beside a point of the search.
     """
     theta = np.clip(start, lower, upper)
     k = len(theta)
-    problem = Problem(criterion, k)
+    problem = LeastSquaresProblem(criterion, k)
     sizes = np.zeros(0)
     step: Array | None = None
     iterations, settled, exact = 0, False, False
@@ -120,7 +105,7 @@ def solve(
         point = np.concatenate([theta, nuisance])
         low, high = np.concatenate([lower, nuisance_lower]), np.concatenate([upper, nuisance_upper])
         weights = problem.weights
-        # The first round is too far off for what is left over to be noise.
+        # In the first round the errors are mostly misfit, not noise.
         with np.errstate(all="ignore"):
             try:
                 problem.reweigh(point, criterion.whiten and round_ > 0)
@@ -138,12 +123,12 @@ def solve(
         scale = np.concatenate([now, nuisance_scale])
         if step is not None and len(step) != len(point):
             step = None
-        # One-sided slopes, carried on from step to step and from round to round, find the way; two-sided ones
-        # decide where it ends. Exact ones do both, once the weights are those of the noise.
+        # The search uses one-sided differences, updated over steps and rounds, and ends with two-sided ones;
+        # sensitivity equations serve for both from the second round on.
         exact = exact or (exact_slopes and round_ > 0)
-        borrowed = None if exact or slopes is None else problem.carried(slopes, weights)
+        borrowed = None if exact or slopes is None else problem.reweighted_jacobian(slopes, weights)
         first = 1e-4 * scale if step is None else step
-        derivative = FreeRunSlopes(problem, low, high, scale, first) if exact_slopes else None
+        derivative = FreeRunJacobian(problem, low, high, scale, first) if exact_slopes else None
         goal = _SETTLED if exact else near
         found = minimise(
             problem.residual, point, low, high, scale, step, quick=True, central=exact, leading=k, jacobian=borrowed,
@@ -178,19 +163,13 @@ def solve(
 
 
 def slopes_agree(found: Solution) -> bool:
-    """Whether exact slopes of free runs are those of differences where a search has ended.
-
-    Parameters
-    ----------
-    found : Solution
-        Of a `SimulationCriterion`.
-    """
-    slopes = FreeRunSlopes(found.problem, found.lower, found.upper, found.scale, found.step)
+    """Whether sensitivity equations agree with differences at the end of a search by a `SimulationCriterion`."""
+    slopes = FreeRunJacobian(found.problem, found.lower, found.upper, found.scale, found.step)
     return slopes.agree(np.concatenate([found.theta, found.nuisance]))
 
 
 def _conditional_errors(jacobian: Array, parameters: int) -> Array:
-    """Standard errors from the plain Hessian, to judge how far a step was."""
+    """Standard errors from the Hessian, as the unit of moves."""
     hessian = jacobian.T @ jacobian
     size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     inverse = np.linalg.pinv(hessian / np.outer(size, size), rcond=1e-12, hermitian=True)

@@ -1,4 +1,4 @@
-"""Signals that are combinations of each other, and what is said of such commands."""
+"""Collinear command signals, and the note on them."""
 
 from __future__ import annotations
 
@@ -16,38 +16,36 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_TOGETHER = 1e-8  # a direction of the signals of less than this part of their size is rounding
-_PART = 1e-6  # of such a direction, what a signal in it must have
-_INFLATED = 100.0  # times the variance of commands on their own, as at a correlation of 0.995: less is ordinary
-_UNCERTAIN = 0.15  # of the common effect, what one command's is uncertain by: its response errs by some half of itself
-_MOST = 1000.0  # told of it [%]
+_SINGULAR = 1e-8  # relative singular value of the signals that counts as zero
+_PART = 1e-6  # least part of a signal in a singular direction
+_INFLATED = 100.0  # variance inflation, as at a correlation of 0.995, below which commands are not collinear
+_UNCERTAIN = 0.15  # least uncertainty of one command's effect, as a part of the common effect, that gives a note
+_MOST_PERCENT = 1000.0  # largest uncertainty in the text [%]
 _MOST_LAGS = 8
-_SOME = 20_000  # windows that tell how alike commands are
-_EMPTY = 1e-6  # a direction of the windows of less than this part of the largest is none
+_MOST_WINDOWS = 20_000
+_EMPTY = 1e-6  # relative singular value of the windows that counts as zero
 
 
-def move_together(signals: Array) -> bool:
+def any_collinear(signals: Array) -> bool:
     """Whether some of several signals, shape (n, k), are a combination of the others at every sample."""
-    return bool(np.any(moving_together(signals)))
+    return bool(np.any(collinear_inputs(signals)))
 
 
-def moving_together(signals: Array) -> NDArray[np.bool_]:
+def collinear_inputs(signals: Array) -> NDArray[np.bool_]:
     """Which of several signals, shape (n, k), are a combination of others at every sample, shape (k,)."""
     size = np.linalg.norm(signals, axis=0)
     if signals.shape[1] < 2 or not np.all(size > 0.0):
         return np.zeros(signals.shape[1], dtype=bool)
     _, values, directions = np.linalg.svd(np.linalg.qr(signals / size, mode="r"))
     values = np.concatenate([values, np.zeros(len(directions) - len(values))])
-    return np.asarray(np.any(np.abs(directions[values <= _TOGETHER]) > _PART, axis=0))
+    return np.asarray(np.any(np.abs(directions[values <= _SINGULAR]) > _PART, axis=0))
 
 
-def together_notes(data: Sequence[SampledData], model: LinearModel) -> tuple[str, ...]:
-    """One note where the effects of some inputs cannot be told apart, none otherwise.
+def collinearity_notes(data: Sequence[SampledData], model: LinearModel) -> tuple[str, ...]:
+    """A note where the effects of some inputs cannot be separated: these are collinear, or nearly so beside the noise.
 
-    They are combinations of each other, or so nearly that the noise hides what each of them does. What an input does is
-    known with the variance that it would have alone times the mean of 1 / (1 - rho^2) over the canonical correlations
-    rho of its past with that of the others. That is held against the power of what all inputs make of the prediction
-    one sample ahead, beside which the noise is white.
+    The variance of an input's coefficients is inflated by the mean of 1 / (1 - rho^2) over the canonical correlations
+    rho of its past with that of the others. It is compared with the power of the one-step prediction from the inputs.
 
     Parameters
     ----------
@@ -58,7 +56,7 @@ def together_notes(data: Sequence[SampledData], model: LinearModel) -> tuple[str
     names = data[0].input_names
     if len(names) < 2:
         return ()
-    together = moving_together(np.vstack([one.input for one in data]))
+    together = collinear_inputs(np.vstack([one.input for one in data]))
     if np.any(together):
         those = [name for name, one in zip(names, together, strict=True) if one]
         return (f"{', '.join(those)} move together: only their common effect is known; excite them apart",)
@@ -71,7 +69,7 @@ def together_notes(data: Sequence[SampledData], model: LinearModel) -> tuple[str
     if not np.any(alike):
         return ()
     alone = ", ".join(name for name, one in zip(names, alike, strict=True) if one)
-    share = min(100.0 * float(np.max(uncertain[alike])), _MOST)
+    share = min(100.0 * float(np.max(uncertain[alike])), _MOST_PERCENT)
     return (
         (
             f"{alone} move nearly together: in this noise the effect of each alone is uncertain by {share:.0f} % of"
@@ -81,27 +79,27 @@ def together_notes(data: Sequence[SampledData], model: LinearModel) -> tuple[str
 
 
 def _inflation(data: Sequence[SampledData], lags: int) -> tuple[Array, Array]:
-    """How much the other inputs add to the variance of an input's coefficients, shape (m,), and how many there are."""
+    """Variance inflation of each input's coefficients, shape (m,), and their number."""
     long = [one.input for one in data if len(one) > lags]
     inputs = data[0].input.shape[1]
     if not long:
         return np.ones(inputs), np.ones(inputs)
-    step = max(sum(map(len, long)) // _SOME, 1)
+    step = max(sum(map(len, long)) // _MOST_WINDOWS, 1)
     windows = np.concatenate([sliding_window_view(one - np.mean(one, axis=0), lags, axis=0)[::step] for one in long])
     bases = []
     for index in range(inputs):
         left, sizes, _ = np.linalg.svd(windows[:, index], full_matrices=False)
-        # Directions that are rounding tell nothing, and one input's are like no other's.
+        # Directions of rounding are left out.
         bases.append(left[:, sizes > _EMPTY * sizes[0]])
     _, sizes, right = np.linalg.svd(np.hstack(bases), full_matrices=False)
-    variance = np.sum((right / np.maximum(sizes, _TOGETHER)[:, None]) ** 2, axis=0)
+    variance = np.sum((right / np.maximum(sizes, _SINGULAR)[:, None]) ** 2, axis=0)
     counts = np.array([base.shape[1] for base in bases])
     means = [float(np.mean(part)) if part.size else 1.0 for part in np.split(variance, np.cumsum(counts)[:-1])]
     return np.array(means), counts.astype(float)
 
 
 def _power_over_noise(data: Sequence[SampledData], model: LinearModel) -> float:
-    """Power of what the inputs make of the outputs' prediction one sample ahead, over that of the innovations."""
+    """Power of the one-step prediction of the outputs from the inputs, over that of the innovations."""
     from idloop.estimation.linear.propagate import respond
 
     noise = np.diag(model.covariance)

@@ -1,27 +1,65 @@
-"""Standard errors that hold under coloured residuals: HAC sandwich and block jackknife."""
+"""Covariance of estimates under coloured residuals: HAC sandwich, inverse Hessian and block jackknife."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from idloop.estimation.optimisation.problem import LeastSquaresProblem
+
 Array = NDArray[np.float64]
 
-# Part of the information on a parameter that is left without a stretch, below which that stretch alone tells it.
+# A segment alone determines a parameter when the others hold less than this part of the information on it.
 _ALONE = 0.2
+# Segments that the jackknife leaves out one by one.
+_SEGMENTS = 40
+
+
+def estimate_covariance(problem: LeastSquaresProblem, point: Array, residual: Array, jacobian: Array) -> Array:
+    """Covariance of the solution of a least-squares problem: the widest of sandwich, inverse Hessian and jackknife.
+
+    Each of the three is too small for some short records, and none is too large by much.
+
+    Parameters
+    ----------
+    problem : LeastSquaresProblem
+        With the weights of the solution.
+    point : array, shape (m,)
+    residual : array, shape (n,)
+        In units of its standard deviation.
+    jacobian : array, shape (n, m)
+
+    Returns
+    -------
+    array, shape (m, m)
+        NaN in the rows and columns of parameters without influence on the residual.
+    """
+    used = np.any(jacobian != 0.0, axis=0)
+    columns = jacobian[:, used]
+    covariance = np.full((len(used), len(used)), np.nan)
+    covariance[np.ix_(used, used)] = widest(
+        [
+            sandwich(columns.T @ columns, problem.scores(point, residual, columns)),
+            white_covariance(columns),
+            jackknife(columns, residual, problem.segments(point, _SEGMENTS)),
+        ]
+    )
+    return covariance
 
 
 def long_run_covariance(records: list[Array]) -> Array:
-    """Long-run covariance of a vector series: Σ_k E g_t g_{t−k}ᵀ.
+    """Long-run covariance Σ_k E g_t g_{t−k}ᵀ of a vector series.
 
-    Quadratic spectral kernel with the automatic bandwidth of Andrews
-    (Econometrica 59, 1991) after prewhitening by first-order autoregressions,
-    one per component (Andrews and Monahan, Econometrica 60, 1992).
+    Quadratic spectral kernel with the automatic bandwidth of Andrews (Econometrica 59, 1991), after prewhitening of
+    each component by a first-order autoregression (Andrews and Monahan, Econometrica 60, 1992).
 
     Parameters
     ----------
     records : list of arrays, shape (n_r, k)
-        Series of each record, mean zero by construction.
+        Series of each record, of mean zero.
 
     Returns
     -------
@@ -35,7 +73,7 @@ def long_run_covariance(records: list[Array]) -> Array:
     again = _first_order(white)
     variance = sum(np.sum(w**2, axis=0) for w in white) / total
     length = min(len(w) for w in white)
-    # Andrews (1991), eq. 6.4: weights equalise the components' units.
+    # Andrews (1991), eq. 6.4; the weights remove the components' units.
     scale = np.where(variance > 1e-150, 1.0 / np.maximum(variance, 1e-150) ** 2, 0.0)
     numerator = np.sum(scale * 4.0 * again**2 * variance**2 / (1.0 - again) ** 8)
     denominator = np.sum(scale * variance**2 / (1.0 - again) ** 4)
@@ -56,7 +94,7 @@ def long_run_covariance(records: list[Array]) -> Array:
 
 
 def _first_order(records: list[Array]) -> Array:
-    """First-order autocorrelation of each component, kept off the unit circle."""
+    """First-order autocorrelation of each component, at most 0.97."""
     top = sum(np.sum(g[1:] * g[:-1], axis=0) for g in records)
     bottom = sum(np.sum(g**2, axis=0) for g in records)
     return np.asarray(np.clip(np.where(bottom > 0, top / np.maximum(bottom, 1e-300), 0), -0.97, 0.97))
@@ -80,12 +118,11 @@ def sandwich(bread: Array, scores: list[Array]) -> Array:
     Returns
     -------
     array, shape (k, k)
-        ``H⁻¹ Ω H⁻ᵀ`` with the long-run covariance of the scores and the
-        small-sample factor n / (n − k).
+        ``H⁻¹ Ω H⁻ᵀ``, Ω the long-run covariance of the scores, times the small-sample factor n / (n − k).
     """
     total = sum(len(g) for g in scores)
     k = bread.shape[0]
-    # Unit diagonal first: parameters may differ by many orders of magnitude.
+    # Parameters differ by many orders of magnitude: scale to unit diagonal.
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(bread)), 1e-300))
     inverse = np.linalg.pinv(bread * np.outer(scale, scale), rcond=1e-13)
     omega = long_run_covariance([g * scale for g in scores]) * total
@@ -95,27 +132,17 @@ def sandwich(bread: Array, scores: list[Array]) -> Array:
 
 
 def white_covariance(jacobian: Array) -> Array:
-    """Covariance for white residuals of unit variance: the inverse Hessian.
-
-    Parameters
-    ----------
-    jacobian : array, shape (n, k)
-
-    Returns
-    -------
-    array, shape (k, k)
-    """
+    """Covariance (k, k) for white residuals of unit variance, the inverse Hessian, from a Jacobian (n, k)."""
     scale = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian * scale
     return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True) * np.outer(scale, scale))
 
 
 def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]]) -> Array:
-    """Covariance by leaving out one stretch of the data at a time, to first order.
+    """Covariance by leaving out one segment of the data at a time, to first order.
 
-    Sees what asymptotics do not: that the evidence for a parameter may lie in a few
-    stretches, and that the noise model was fitted to the same data (Künsch, Annals
-    of Statistics 17, 1989; one-step form of Cook and Weisberg).
+    Unlike asymptotic formulas it accounts for information that lies in few segments, and for a noise model that was
+    fitted to the same data (Künsch, Annals of Statistics 17, 1989; one-step form of Cook and Weisberg).
 
     Parameters
     ----------
@@ -123,12 +150,12 @@ def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]])
     residual : array, shape (n,)
         In units of its standard deviation.
     blocks : list of array of int
-        Rows of each stretch; together all rows.
+        Rows of each segment; together all rows.
 
     Returns
     -------
     array, shape (k, k)
-        Of a parameter that one stretch alone tells, leaving that out says nothing: its variance is 0.
+        The variance is 0 for a parameter that one segment alone determines: the jackknife does not apply to it.
     """
     scale = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian * scale
@@ -138,7 +165,7 @@ def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]])
     moved = np.einsum("bij,bj->bi", left, np.stack([part.T @ rest for part, rest in parts]))
     whole = np.diag(np.linalg.pinv(hessian, rcond=1e-13, hermitian=True))
     without = np.diagonal(left, axis1=1, axis2=2)
-    # Less information is a larger variance; a smaller one is that of a direction which has none left.
+    # Less information is a larger variance; a smaller one belongs to a direction without any information left.
     alone = np.any((_ALONE * without > whole) | (without < _ALONE * whole), axis=0)
     moved[:, alone] = 0.0
     total = moved.T @ moved
@@ -147,17 +174,7 @@ def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]])
 
 
 def widest(candidates: list[Array]) -> Array:
-    """First covariance, widened until no variance is below that of any other.
-
-    Parameters
-    ----------
-    candidates : list of array, shape (k, k)
-
-    Returns
-    -------
-    array, shape (k, k)
-        With the correlations of the first.
-    """
+    """First of several covariances (k, k), with each variance raised to the largest of all; correlations are kept."""
     variances = np.array([np.maximum(np.diag(c), 0.0) for c in candidates])
     own = np.maximum(variances[0], 1e-300)
     factor = np.sqrt(np.max(variances, axis=0) / own)

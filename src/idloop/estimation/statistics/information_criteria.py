@@ -1,4 +1,4 @@
-"""What a loss is worth beside the numbers that were estimated to get it."""
+"""Information criteria: the loss of a model weighed against the number of its parameters."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Information:
-    """Loss of a model and the criteria that follow from it.
+    """Loss of a model and its information criteria.
 
     Attributes
     ----------
     loss : float
         Determinant V of the covariance of the one-step errors.
     free : int
-        Numbers d that were estimated.
+        Number d of estimated parameters.
     samples : float
-        Samples N that they rest on.
+        Number N of samples.
     """
 
     loss: float
@@ -37,7 +37,7 @@ class Information:
 
     @property
     def aic(self) -> float:
-        """Akaike's information criterion N ln V + 2 d, without the constants that all models share."""
+        """Akaike's information criterion N ln V + 2 d, without constants that all models share."""
         return self._logarithm + 2.0 * self.free
 
     @property
@@ -51,41 +51,25 @@ class Information:
 
 
 def of_errors(errors: Array, free: int) -> Information:
-    """Criteria of one-step errors, shape (N, p)."""
+    """Criteria from one-step errors, shape (N, p)."""
     covariance = errors.T @ errors / max(len(errors), 1)
     return Information(float(np.linalg.det(covariance)), free, len(errors))
 
 
 def comparable(several: Sequence[Information]) -> list[Information]:
-    """Informations whose AIC and BIC differ by what the models are worth, not by how many samples they begin with.
+    """Criteria of models of the same data, all with the smallest of their numbers of samples.
 
-    Of models of the same data one begins a sample later than another. That sample's ln V counts in N ln V, and ln V
-    goes with the unit of the outputs.
-
-    Parameters
-    ----------
-    several : sequence of Information
-        Of models of the same data.
-
-    Returns
-    -------
-    list of Information
-        With the samples of that which rests on the fewest.
+    Models begin at different samples, and N ln V depends on N and on the unit of the outputs.
     """
     fewest = min((one.samples for one in several), default=0.0)
     return [replace(one, samples=fewest) for one in several]
 
 
 def independent_share(errors: Array) -> float:
-    """Share of one-step or free-run errors that counts as independent samples, 0 to 1.
+    """Effective number of independent samples of errors (N, p), over N.
 
     The inverse of the integrated autocorrelation time, summed while neighbouring pairs are positive (Geyer, Statistical
-    Science 7, 1992), on average over the outputs. Criteria that count samples take errors that go on for long for
-    many.
-
-    Parameters
-    ----------
-    errors : array, shape (N, p)
+    Science 7, 1992), averaged over the outputs.
     """
     n = len(errors)
     centred = errors - np.mean(errors, axis=0)

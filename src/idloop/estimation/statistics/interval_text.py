@@ -1,21 +1,15 @@
-"""An interval as one reads it: as many digits as tell its ends apart."""
+"""Text of an interval, with as many digits as its width needs."""
 
 from __future__ import annotations
 
 import math
 
-# Significant digits of the ends, at least and at most, and how many of them show the width.
+# Least and most significant digits of the ends, and how many of them show the width.
 _FEWEST, _MOST, _OF_WIDTH = 5, 15, 2
 
 
 def interval_text(low: float, high: float) -> str:
-    """Both ends of an interval.
-
-    Returns
-    -------
-    str
-        ``"0.00019998 .. 0.00020002"``; "not determined" where an end is not finite.
-    """
+    """Text such as ``"0.00019998 .. 0.00020002"``; "not determined" where an end is not finite."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "not determined"
     width, size = high - low, max(abs(low), abs(high))

@@ -1,4 +1,4 @@
-"""Student's t distribution for errors in which a few are far out: reversals, lost samples."""
+"""Student's t distribution for errors with outliers, such as reversals and lost samples."""
 
 from __future__ import annotations
 
@@ -9,41 +9,25 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Heavy enough that one error of ten standard deviations costs as much as one of four.
+# Degrees of freedom: an error of ten standard deviations costs as much as a normal one of four.
 FREEDOM = 4.0
 _CONSTANT = lgamma(0.5 * (FREEDOM + 1.0)) - lgamma(0.5 * FREEDOM) - 0.5 * log(FREEDOM * pi)
 _MOST_ROUNDS, _SETTLED = 50, 1e-8
 
 
 def weights(standardised: Array) -> Array:
-    """How much each error tells of what most of them have in common.
-
-    Parameters
-    ----------
-    standardised : array
-        Errors over their scale.
-
-    Returns
-    -------
-    array
-        About 1 for small errors, falling with their square.
-    """
+    """Weight of each error, given over the scale: about 1 for small ones, falling with the square of large ones."""
     return np.asarray((FREEDOM + 1.0) / (FREEDOM + standardised**2))
 
 
 def scale_of(errors: Array, count: float | None = None) -> float:
-    """Scale that makes errors most likely.
+    """Maximum-likelihood scale of errors, positive.
 
     Parameters
     ----------
     errors : array, shape (n,)
     count : float, optional
-        Of how many of them the scale is a part of the density; of all when left out.
-
-    Returns
-    -------
-    float
-        Positive.
+        Number of errors whose density contains the scale; all when left out.
     """
     square = errors**2
     number = len(square) if count is None else max(count, 1e-9)
@@ -59,6 +43,6 @@ def scale_of(errors: Array, count: float | None = None) -> float:
 
 
 def log_density(errors: Array, scale: float) -> Array:
-    """Logarithm of the density of each error."""
+    """Log-density of each error."""
     tail = np.log1p((errors / scale) ** 2 / FREEDOM)
     return np.asarray(_CONSTANT - log(scale) - 0.5 * (FREEDOM + 1.0) * tail)

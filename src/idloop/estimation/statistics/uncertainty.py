@@ -1,4 +1,4 @@
-"""How sure a fit is: covariance, parameters at bounds, combinations that the data cannot tell."""
+"""Parameters that the data do not determine: without influence, in combinations, or at bounds."""
 
 from __future__ import annotations
 
@@ -9,31 +9,18 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Below this eigenvalue of the unit-diagonal Hessian two parameters act as one (correlation 0.9999).
+# Eigenvalue of the unit-diagonal Hessian below which a combination of parameters is undetermined (correlation 0.9999).
 _TIED = 1e-4
-# Below this one nothing but rounding and difference steps tells them apart.
+# Eigenvalue below which only rounding separates them.
 _EXACT = 1e-8
-# Relative standard error above which tied parameters are worth a warning.
+# Relative standard error above which an undetermined combination gives a warning.
 _LOOSE = 0.2
-# A parameter of which nuisance parameters explain all but this much cannot be seen at all.
+# Part of the information on a parameter, after the nuisance parameters, below which it has no influence.
 _UNSEEN = 1e-8
 
 
 def reduced_hessian(hessian: Array, parameters: int) -> Array:
-    """Information on the parameters after the nuisance parameters took their share.
-
-    Parameters
-    ----------
-    hessian : array, shape (k + m, k + m)
-        Gauss-Newton Hessian, parameters first.
-    parameters : int
-        k.
-
-    Returns
-    -------
-    array, shape (k, k)
-        Schur complement.
-    """
+    """Information on the first parameters of a Hessian, with the others (nuisance) unknown: the Schur complement."""
     k = parameters
     if len(hessian) == k:
         return hessian
@@ -46,14 +33,14 @@ def reduced_hessian(hessian: Array, parameters: int) -> Array:
 
 @dataclass(frozen=True)
 class Tie:
-    """Parameters that act as one on this data.
+    """Parameters of which the data determine only a combination.
 
     Attributes
     ----------
     members : tuple of int
         Indices of the parameters.
     exact : bool
-        Whether nothing but rounding tells them apart.
+        Whether only rounding separates them.
     """
 
     members: tuple[int, ...]
@@ -61,21 +48,21 @@ class Tie:
 
 
 def ties(hessian: Array, parameters: int) -> tuple[list[Tie], NDArray[np.bool_]]:
-    """Find what the data cannot tell.
+    """Find parameters that the data do not determine.
 
     Parameters
     ----------
     hessian : array, shape (k + m, k + m)
         Gauss-Newton Hessian, parameters first.
     parameters : int
-        k.
+        Number k of parameters.
 
     Returns
     -------
     ties : list of Tie
         Combinations of two parameters or more.
     seen : array of bool, shape (k,)
-        Which parameters have any trace in the data.
+        Parameters that influence the data.
     """
     k = parameters
     reduced = reduced_hessian(hessian, k)
@@ -96,25 +83,12 @@ def ties(hessian: Array, parameters: int) -> tuple[list[Tie], NDArray[np.bool_]]
     return found, seen
 
 
-def findings(
+def uncertainty_warnings(
     names: tuple[str, ...], values: Array, stderr: Array, tied: list[Tie], seen: NDArray[np.bool_]
 ) -> list[str]:
-    """Say in words what the data cannot tell.
+    """One warning for each parameter or combination that the data do not determine, from the result of `ties`.
 
-    A combination that correlates strongly but is still known to a fifth of its value is no finding.
-
-    Parameters
-    ----------
-    names : tuple of str
-    values, stderr : array, shape (k,)
-        Estimates and standard errors.
-    tied, seen
-        Result of `ties`.
-
-    Returns
-    -------
-    list of str
-        One line each.
+    A combination with standard errors below a fifth of the values gives none.
     """
     lines = [
         f"{name} has no effect on this data; fix it or record motion that shows it"
@@ -130,16 +104,7 @@ def findings(
     return lines
 
 
-def bounded(values: Array, lower: Array, upper: Array, scale: Array) -> NDArray[np.bool_]:
-    """Which parameters ended on a bound.
-
-    Parameters
-    ----------
-    values, lower, upper, scale : array, shape (k,)
-
-    Returns
-    -------
-    array of bool, shape (k,)
-    """
+def at_bounds(values: Array, lower: Array, upper: Array, scale: Array) -> NDArray[np.bool_]:
+    """Which parameters ended on a bound, shape (k,)."""
     near = 1e-9 * scale
     return np.asarray((values <= lower + near) | (values >= upper - near))

@@ -1,8 +1,8 @@
-"""Parameters that the motion shows only together: one of them has to be held for the others to have a value.
+"""Parameters of which the motion determines only a combination: one of them is held at its value.
 
-The usual case is a drive of which neither gain nor inertia nor friction is known: forces multiplied by one number leave
-the motion as it is, so that only ratios can be told. No criterion has a minimum along such a direction, and a force
-balance is even perfect where all forces are 0; so it is found before a search, not by it.
+In the usual case neither the drive's gain nor inertia and friction are known: a common factor of all forces does not
+change the motion, and only their ratios are determined. No criterion has a minimum along such a direction, so that it
+is found before the search.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# A power of two, so that a scaled simulation differs in no digit but for constants that the scale must not have.
+# A power of two: a scaled simulation is equal in all digits unless some force is not scaled.
 _FACTOR = 2.0
 _SAME = 1e-9
 
 
 @dataclass(frozen=True)
 class Undetermined:
-    """Parameters that the motion shows only together.
+    """Parameters of which the motion determines only a combination.
 
     Attributes
     ----------
     names : tuple of str
         All of them.
     held : str
-        The one that is held at its value, so that the others have one.
+        The one that is held at its value.
     value : float
-        That value.
+        Value of the held one.
     unit : str
         Its unit.
     ratios : bool
-        Whether one factor for all of them changes nothing, so that their ratios are known.
+        Whether a common factor has no influence, so that the ratios are determined.
     """
 
     names: tuple[str, ...]
@@ -59,7 +59,7 @@ class Undetermined:
 
     @property
     def text(self) -> str:
-        """What the data cannot tell, which parameters form it, and what to do."""
+        """Warning: what the data cannot tell, and what to do."""
         listed = f"{', '.join(name for name in self.names if name != self.held)} and {self.held}"
         what, which = f"this data cannot tell {listed} apart", self.held
         if self.ratios:
@@ -71,24 +71,11 @@ class Undetermined:
         )
 
     def fixed(self, model: Model) -> Model:
-        """The model with the held parameter known."""
+        """The model with the held parameter fixed."""
         return model.with_free(name for name in model.free if name != self.held)
 
-    def of_all(self, model: Model, fitted: FitResult) -> FitResult:
-        """A fit of the fixed model as one of the whole model: what the data tell only together has no error.
-
-        Parameters
-        ----------
-        model : Model
-            Before the parameter was fixed.
-        fitted : FitResult
-            Fit of the fixed model.
-
-        Returns
-        -------
-        FitResult
-            With NaN for the standard errors of what cannot be told, and the ratios that can.
-        """
+    def extended(self, model: Model, fitted: FitResult) -> FitResult:
+        """Result for the whole model from a fit of the fixed one: no standard errors of these, but ratios."""
         names = model.free
         place = [names.index(name) for name in fitted.names]
         values = np.array([self.value if name == self.held else np.nan for name in names])
@@ -98,16 +85,16 @@ class Undetermined:
         members = [i for i, name in enumerate(names) if name in self.names]
         covariance[members, :] = covariance[:, members] = np.nan
         ratios = tuple(
-            Ratio(f"{name} / {self.held}", value / self.value, error / self.value, _quotient(unit, self.unit))
+            Ratio(f"{name} / {self.held}", value / self.value, error / self.value, f"{unit} / ({self.unit})")
             for name, value, error in zip(fitted.names, fitted.values, fitted.stderr, strict=True)
             if self.ratios and name in self.names and np.isfinite(error)
             for unit in [model.parameter(name).unit]
         )
-        told = fitted.model.with_free(names)
-        parameters = tuple(replace(p, stderr=None) if p.name in self.names else p for p in told.parameters)
+        freed = fitted.model.with_free(names)
+        parameters = tuple(replace(p, stderr=None) if p.name in self.names else p for p in freed.parameters)
         return replace(
             fitted,
-            model=replace(told, parameters=parameters),
+            model=replace(freed, parameters=parameters),
             names=tuple(names),
             values=values,
             stderr=np.sqrt(np.diag(covariance)),
@@ -118,20 +105,7 @@ class Undetermined:
 
 
 def common_scale(engine: Engine, data: list[Data]) -> Undetermined | None:
-    """Find the forces of which only the ratios can be told.
-
-    Parameters
-    ----------
-    engine : Engine
-        Compiled model, at its starting values.
-    data : list of Data
-        Records, whose command moves the model.
-
-    Returns
-    -------
-    Undetermined or None
-        None where some force is known.
-    """
+    """The forces of which only ratios are determined, at the model's starting values; None where a force is known."""
     model = engine.model
     forces = _forces(model)
     names = tuple(name for name in model.free if name in forces)
@@ -143,15 +117,9 @@ def common_scale(engine: Engine, data: list[Data]) -> Undetermined | None:
 
 
 def effect_scales(model: Model, records: Sequence[Record]) -> list[Undetermined]:
-    """Find the effects of which only ratios can be told, one of their parameters being held at its default.
+    """Effects of a fitted model of which only ratios are determined, as one of their parameters is held at its default.
 
-    A supply voltage is one: in what units it and the back-EMF are, only the winding's resistance says.
-
-    Parameters
-    ----------
-    model : Model
-        Fitted to the records.
-    records : sequence of Record
+    A supply voltage is one: only the winding's resistance gives its unit and that of the back-EMF.
     """
     values, free = model.values, model.free
     found = []
@@ -166,7 +134,7 @@ def effect_scales(model: Model, records: Sequence[Record]) -> list[Undetermined]
             continue
         engine = Engine(model.with_free([*free, *held]))
         data = prepare(engine.model, records)
-        # What does nothing by itself is no part of a ratio.
+        # A parameter without influence of its own is no part of a ratio.
         if _same_motion(engine, data, (*names, *held)) and not _same_motion(engine, data, held):
             known = model.parameter(held[0])
             found.append(Undetermined((*names, known.name), known.name, known.value, known.unit, ratios=True))
@@ -174,33 +142,24 @@ def effect_scales(model: Model, records: Sequence[Record]) -> list[Undetermined]
 
 
 def _same_motion(engine: Engine, data: list[Data], names: Sequence[str]) -> bool:
-    """Whether one factor for all these free parameters leaves the motion as it is."""
+    """Whether a common factor of some free parameters does not change the motion."""
     theta = engine.model.theta
     scaled = np.array([_FACTOR if name in names else 1.0 for name in engine.model.free]) * theta
     rule = SimulationCriterion(engine, data)
     start = rule.nuisance()[0]
     for record in range(len(data)):
         one, two = rule.simulated(theta, start, record), rule.simulated(scaled, start, record)
-        # A start that does not stay finite is judged by what there is before.
-        told = np.isfinite(one) & np.isfinite(two)
-        if not np.any(told) or np.max(np.abs(one - two)[told]) > _SAME * np.ptp(one[told]):
+        # A simulation that diverges is compared up to there.
+        finite = np.isfinite(one) & np.isfinite(two)
+        if not np.any(finite) or np.max(np.abs(one - two)[finite]) > _SAME * np.ptp(one[finite]):
             return False
     return True
 
 
 def exactly_tied(model: Model, jacobian: Array) -> Undetermined | None:
-    """Find parameters that nothing but rounding tells apart where a search has ended.
+    """Parameters that only rounding separates, from a Jacobian of the errors; the last one is held.
 
-    Parameters
-    ----------
-    model : Model
-    jacobian : array, shape (n, k + m)
-        Slopes of the errors, parameters first.
-
-    Returns
-    -------
-    Undetermined or None
-        The last of them is held: what was added to a model comes last.
+    The last parameter is the one that was added last to a model.
     """
     tied, _ = ties(jacobian.T @ jacobian, len(model.free))
     for tie in tied:
@@ -212,14 +171,10 @@ def exactly_tied(model: Model, jacobian: Array) -> Undetermined | None:
 
 
 def _forces(model: Model) -> set[str]:
-    """Parameters that are forces, or forces per command or per motion."""
+    """Parameters that are proportional to a force."""
     found = {"drive.gain"}
     found |= {f"{body}.{own}" for body in model.bodies for own in BODY_PARAMETERS}
     found |= {f"{coupling}.{own}" for coupling in model.couplings for own in COUPLING_PARAMETERS}
     for active in model.effects:
         found |= {f"{active.name}.{p.name}" for p in active.effect.parameters if p.unit.startswith("{force}")}
     return found
-
-
-def _quotient(unit: str, below: str) -> str:
-    return f"{unit} / ({below})"

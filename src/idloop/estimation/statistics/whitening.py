@@ -1,4 +1,4 @@
-"""Autoregressive whitening of residuals, one model common to all records."""
+"""Autoregressive whitening of residuals, with one model for all records."""
 
 from __future__ import annotations
 
@@ -34,18 +34,7 @@ class Whitener:
         return len(self.coefficients)
 
     def apply(self, series: Array) -> Array:
-        """Whiten one record.
-
-        Parameters
-        ----------
-        series : array, shape (n, p)
-            Residuals without NaN.
-
-        Returns
-        -------
-        array, shape (n − order, p)
-            Whitened residuals; the first ``order`` rows have no full past and are dropped.
-        """
+        """Whitened residuals (n − order, p) of one record (n, p) without NaN, without rows that lack a full past."""
         if self.order == 0:
             return series
         return np.asarray(_filter(np.ascontiguousarray(series), np.ascontiguousarray(self.coefficients)))
@@ -56,7 +45,7 @@ def _filter(series: Any, coefficients: Any) -> Any:
     """Prediction errors of an autoregression."""
     n, p = series.shape
     order = coefficients.shape[0]
-    # One series after the other in memory: sums along time then run several at once.
+    # Contiguous in time, so that the compiler vectorises the sums.
     past = series.T.copy()
     white = past[:, order:].copy()
     for j in range(p):
@@ -106,18 +95,18 @@ def _levinson(covariance: Any, innovation: Any) -> Any:
     covariance : array, shape (order + 1, p, p)
         Autocovariances of lag 0..order.
     innovation : array, shape (order + 1, p, p)
-        Takes the covariance of what each order leaves.
+        Receives the residual covariance of each order.
 
     Returns
     -------
     array, shape (k, p, p)
-        A_1..A_k of the highest order; fewer than asked for where nothing is left that more could say.
+        A_1..A_k of the highest order; k is lower where the covariance becomes singular.
     """
     order, p = covariance.shape[0] - 1, covariance.shape[1]
     ahead, back = np.zeros((order, p, p)), np.zeros((order, p, p))
     before_ahead, before_back = ahead.copy(), back.copy()
     left_ahead, left_back = covariance[0].copy(), covariance[0].copy()
-    for i in range(p):  # only matters for residuals that are exactly dependent, such as rounding-free data
+    for i in range(p):  # for exactly dependent residuals, such as data without rounding
         left_ahead[i, i] += 1e-10 * covariance[0, i, i]
         left_back[i, i] = left_ahead[i, i]
     innovation[0] = left_ahead
@@ -152,7 +141,7 @@ def _levinson(covariance: Any, innovation: Any) -> Any:
 
 
 def left_by_orders(covariance: Array) -> Array:
-    """Covariance of what autoregressions of all orders leave.
+    """Residual covariances of autoregressions of all orders.
 
     Parameters
     ----------
@@ -162,7 +151,7 @@ def left_by_orders(covariance: Array) -> Array:
     Returns
     -------
     array, shape (k + 1, p, p)
-        Of the orders 0..k; k is below ``order`` where nothing is left that more could say.
+        Of the orders 0..k; k is lower than ``order`` where the covariance becomes singular.
     """
     innovation = np.empty_like(covariance)
     return innovation[: len(_levinson(covariance, innovation)) + 1]
@@ -181,8 +170,7 @@ def fit_whitener(records: list[Array], order: int) -> Whitener:
     Returns
     -------
     Whitener
-        A stable autoregression (the biased autocovariances see to that), of the order asked for: where nothing is
-        left that more lags could say, theirs are zero.
+        A stable autoregression, by biased autocovariances; further lags are zero where the covariance becomes singular.
     """
     covariance = autocovariances(records, order)
     coefficients = np.zeros((order, *covariance.shape[1:]))
@@ -192,7 +180,7 @@ def fit_whitener(records: list[Array], order: int) -> Whitener:
 
 
 def choose_order(records: list[Array], limit: int | None = None) -> int:
-    """Order of the autoregression by Akaike's criterion.
+    """Order of the autoregression by Akaike's criterion, at most ``limit``; 0 for white or too short residuals.
 
     Parameters
     ----------
@@ -200,11 +188,6 @@ def choose_order(records: list[Array], limit: int | None = None) -> int:
         Residuals of each record, without NaN.
     limit : int, optional
         Largest order tried.
-
-    Returns
-    -------
-    int
-        Order; 0 for residuals that are white already or too short to tell.
     """
     p = records[0].shape[1]
     total = sum(len(e) for e in records)
@@ -217,7 +200,7 @@ def choose_order(records: list[Array], limit: int | None = None) -> int:
     innovation = left_by_orders(covariance)
     orders = np.array([order for order in _ORDERS if order < len(innovation)])
     sign, log_determinant = np.linalg.slogdet(innovation[orders])
-    # From where on nothing is left, no higher order can say more.
+    # No order above the first singular covariance.
     sound = np.logical_and.accumulate(sign > 0)
     if not sound[0]:
         return 0

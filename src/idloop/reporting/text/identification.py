@@ -222,7 +222,7 @@ def notes_blocks(outcomes: Sequence[Outcome]) -> Iterator[Block]:
                 yield f"{one.label}: {note}"
         for test in one.score.tests if one.score is not None else ():
             white = "white" if test.white else "not white"
-            free = f" (p {test.cross_p:.2g})" if test.told else ""
+            free = f" (p {test.cross_p:.2g})" if test.decided else ""
             yield (
                 f"{one.label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g})"
                 f" and {test.freedom}{free}"
@@ -231,7 +231,7 @@ def notes_blocks(outcomes: Sequence[Outcome]) -> Iterator[Block]:
 
 def loop_text(loop: Loop, biased: Sequence[str]) -> str:
     """One line on methods for the open loop that are given data of a closed one; empty where there are none."""
-    from idloop.estimation.feedback import suitable
+    from idloop.estimation.feedback import closed_loop_methods
 
     if not (loop.closed and biased):
         return ""
@@ -243,7 +243,7 @@ def loop_text(loop: Loop, biased: Sequence[str]) -> str:
     white = "; oe is right only where its residual is white" if "oe" in biased else ""
     return (
         f"the loop was closed ({', '.join(signs)}): {listed(biased)} {'is' if len(biased) == 1 else 'are'} for an open"
-        f" loop and {bias}{white}; right here: {', '.join(suitable(loop))}"
+        f" loop and {bias}{white}; right here: {', '.join(closed_loop_methods(loop))}"
     )
 
 
