@@ -100,7 +100,7 @@ def test_a_bare_column_is_a_condition_of_no_unit(tmp_path: Path) -> None:
     ("entry", "line"),
     [
         ({"column": "T", "unit": "K"}, "conditions temperature: unknown unit 'K'"),
-        ({"column": "T", "unit": "rad/s"}, "rad/s is no unit of a condition; known are V, mV"),
+        ({"column": "T", "unit": "rad/s"}, "rad/s is not a unit of a condition; known are V, mV"),
         ({"column": "Tm"}, "Tm"),
     ],
 )

@@ -49,8 +49,8 @@ def test_every_motion_of_a_model_can_be_imported_as_it_is(unit):
     [
         ("furlong", "position", "unknown unit 'furlong'"),
         ("degs", "position", "did you mean"),
-        ("deg/s", "position", "deg/s is no unit of a position"),
-        ("rad", "velocity", "rad is no unit of a velocity"),
+        ("deg/s", "position", "deg/s is not a unit of a position"),
+        ("rad", "velocity", "rad is not a unit of a velocity"),
         ("counts", "position", "give `scale:`"),
     ],
 )

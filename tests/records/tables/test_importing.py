@@ -79,7 +79,7 @@ def test_how_a_file_is_written_is_found_out_and_told(tmp_path):
     np.testing.assert_allclose(streams["/joint_command"].effort[:, 0], [1.5, -1.5, 2.5])
     np.testing.assert_allclose(np.degrees(streams["/joint_states"].position[:, 0]), [10.0, 20.0, 30.0])
     told = " ".join(finding.text for finding in result.findings)
-    for words in ("Windows-1252", "decimal commas", "taken for units and left out: s, V, °"):
+    for words in ("Windows-1252", "decimal commas", "read as units and left out: s, V, °"):
         assert words in told
     assert {finding.level for finding in result.findings} == {"note"}
 

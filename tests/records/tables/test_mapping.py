@@ -65,7 +65,7 @@ BAD = {
         {"reference": {"column": "r", "position": "r"}},
         "reference.column (known: position, velocity)",
     ),
-    "excitation of nothing": ({"excitation": {"column": "e"}}, "say what the signal is added to"),
+    "excitation of nothing": ({"excitation": {"column": "e"}}, "name what the signal is added to"),
     "no schema": ({"schema": "idloop/model/1"}, "must be idloop/mapping/1"),
     "two sources of time": ({"time": {"period": 0.1, "column": "t"}}, "give one of column, period"),
     "negative period": ({"time": {"period": -1}}, "time.period"),

@@ -73,7 +73,7 @@ def test_decimal_commas_are_found_out_and_told(tmp_path, name):
 def test_what_may_be_thousands_is_asked_and_not_guessed(tmp_path):
     path = _csv(tmp_path / "a.csv", "t;u\n0;1,234\n1;2,345\n")
     with pytest.raises(
-        InputError, match=r"'1,234' may be a decimal number or a thousand; say `csv: \{decimal: \",\"\}`"
+        InputError, match=r"'1,234' may be a decimal number or a thousand; set `csv: \{decimal: \",\"\}`"
     ):
         read_table(path)
     np.testing.assert_array_equal(read_table(path, options={"decimal": ","}).numbers("u"), [1.234, 2.345])
@@ -125,7 +125,7 @@ def test_a_row_of_units_below_the_header_is_left_out_and_told(tmp_path, name):
     for column, values in (("t", [0.0, 0.1]), ("u", [1.0, -1.0]), ("w", [2.0, 3.0])):
         np.testing.assert_array_equal(table.numbers(column), values)
     (note,) = table.notes
-    assert note.startswith("the row below the header is taken for units and left out: ")
+    assert note.startswith("the row below the header is read as units and left out: ")
 
 
 def test_a_first_row_with_a_number_is_data(tmp_path):
@@ -231,7 +231,7 @@ def test_misspelt_names(tmp_path):
 
 @pytest.mark.parametrize("stretch", [1, 4, 500_000])
 def test_a_table_is_the_same_in_however_many_stretches_it_is_read(tmp_path, monkeypatch, stretch):
-    monkeypatch.setattr(csv_file, "_STRETCH", stretch)
+    monkeypatch.setattr(csv_file, "_CELLS", stretch)
     rows = [f"2024-01-{day:02};{day};{day},5;;{'' if day % 3 else day}" for day in range(1, 29)]
     table = read_table(_csv(tmp_path / "a.csv", "when;n;x;none;some\n" + "\n".join(rows)))
     assert table.raw("when") == [row.partition(";")[0] for row in rows]
@@ -245,7 +245,7 @@ def test_a_table_is_the_same_in_however_many_stretches_it_is_read(tmp_path, monk
 
 @pytest.mark.parametrize("stretch", [1, 4, 500_000])
 def test_the_first_row_of_another_width_is_named(tmp_path, monkeypatch, stretch):
-    monkeypatch.setattr(csv_file, "_STRETCH", stretch)
+    monkeypatch.setattr(csv_file, "_CELLS", stretch)
     with pytest.raises(InputError, match="row 27 has 1 cells instead of 2"):
         read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 27 + "0\n0,1\n0,1,2\n"))
     with pytest.raises(InputError, match="row 27 has 3 cells instead of 2"):
@@ -253,7 +253,7 @@ def test_the_first_row_of_another_width_is_named(tmp_path, monkeypatch, stretch)
 
 
 def test_a_long_log_takes_eight_bytes_for_a_number(tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_file, "_STRETCH", 20_000)
+    monkeypatch.setattr(csv_file, "_CELLS", 20_000)
     path = _csv(tmp_path / "a.csv", "t,u,n\n" + "0.125,-1.5,7\n" * 200_000)
     tracemalloc.start()
     try:
@@ -269,7 +269,7 @@ def test_a_long_log_takes_eight_bytes_for_a_number(tmp_path, monkeypatch):
 
 def test_a_table_that_takes_more_than_the_limit_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(csv_file, "MOST_TABLE", 8 * 2 * 10)
-    monkeypatch.setattr(csv_file, "_STRETCH", 2)
+    monkeypatch.setattr(csv_file, "_CELLS", 2)
     assert len(read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 10)).columns["u"]) == 10
     with pytest.raises(InputError, match="11 rows of its 2 columns take more than"):
         read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 11))

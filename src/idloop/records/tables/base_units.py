@@ -1,4 +1,4 @@
-"""Units of foreign files, and those in which the topics carry them."""
+"""Units of foreign files, and the units of the topics."""
 
 from __future__ import annotations
 
@@ -69,16 +69,16 @@ def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
     Parameters
     ----------
     unit : str
-        Of the file; nothing where it does not say, which stays nothing.
+        Unit of the file; empty where not given, and then the result is empty.
     field : {"position", "velocity", "effort", "condition"}
-        Of sensor_msgs/JointState; a command is an effort. A condition was measured beside the axis.
+        Field of sensor_msgs/JointState; a command is an effort, a condition was measured beside the axis.
     where : str
-        Named in the message.
+        Place for the message.
 
     Raises
     ------
     InputError
-        An unknown unit, or one that is none of such a field.
+        Unknown unit, or a unit of another quantity.
     """
     if not unit:
         return "", 1.0
@@ -86,8 +86,8 @@ def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
     fitting = [name for name, (base, _) in _BASE.items() if base in _FIELDS[field]]
     if short not in _BASE:
         raise InputError(
-            f"{where}: unknown unit {unit!r}{did_you_mean_or_known(unit, fitting)}; of anything else give `scale:`"
+            f"{where}: unknown unit {unit!r}{did_you_mean_or_known(unit, fitting)}; for another unit give `scale:`"
         )
     if short not in fitting:
-        raise InputError(f"{where}: {unit} is no unit of a {field}; known are {', '.join(fitting)}")
+        raise InputError(f"{where}: {unit} is not a unit of a {field}; known are {', '.join(fitting)}")
     return _BASE[short]

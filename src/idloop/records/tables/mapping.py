@@ -1,4 +1,4 @@
-"""The mapping file: which column of a foreign file is what."""
+"""The mapping file: which column of a foreign file becomes which signal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from idloop.spelling import did_you_mean, did_you_mean_or_known, listed
 
 SCHEMA = "idloop/mapping/1"
 Name = Annotated[str, Field(max_length=MOST_NAME)]
-# Columns that are read as one kind of signal: each is a joint of its own.
+# Columns of one kind of signal, each of another joint.
 _MOST_CHANNELS = 100
 # Stamps are whole nanoseconds [s].
 _SHORTEST = 1e-9
@@ -93,7 +93,7 @@ Channels = Annotated[list[Channel], Field(max_length=_MOST_CHANNELS), BeforeVali
 
 
 def _is_signal(value: Any) -> bool:
-    """Whether this is a signal where signals by name are expected."""
+    """Whether a value is a signal itself, not a section of signals."""
     if isinstance(value, dict):
         return bool({"column", "topic"} & set(value)) and "position" not in value
     return isinstance(value, str | int | list)
@@ -138,7 +138,7 @@ class Excitation(_Strict):
     def _says_where(cls, value: Any) -> Any:
         if _is_signal(value):
             raise ValueError(
-                "say what the signal is added to: `excitation: {effort: ...}` for the command,"
+                "name what the signal is added to: `excitation: {effort: ...}` for the command,"
                 " `excitation: {position: ...}` for the reference"
             )
         return value
@@ -169,13 +169,13 @@ class Signals(_Strict):
 
 
 class Part(Signals):
-    """One record of a file that holds several; what it says replaces what the mapping says."""
+    """One record of a file that holds several; its keys replace those of the mapping."""
 
     description: str = ""
 
 
 class Csv(_Strict):
-    """How a CSV file is written; found out by itself where not said."""
+    """Format of a CSV file; detected where not given."""
 
     delimiter: str | None = None
     header: bool | None = None
@@ -227,9 +227,9 @@ class Mapping(Signals):
                 f" {listed(self.parts, 20)}{did_you_mean(part, self.parts)}"
             )
         own = self.parts[part]
-        said = {name: getattr(own, name) for name in own.model_fields_set if name in Signals.model_fields}
+        changed = {name: getattr(own, name) for name in own.model_fields_set if name in Signals.model_fields}
         shared = {name: getattr(self, name) for name in Signals.model_fields}
-        return Signals.model_construct(**(shared | said))
+        return Signals.model_construct(**(shared | changed))
 
 
 def ready_mappings() -> dict[str, Path]:
@@ -258,7 +258,7 @@ def load_mapping(name_or_path: str | Path) -> Mapping:
 
 
 def parse_mapping(content: Any, where: str) -> Mapping:
-    """Validate the content of a mapping file; InputError names file, key and cure."""
+    """Validate the content of a mapping file; InputError names file, key and correction."""
     if not isinstance(content, dict):
         raise InputError(f"{where}: a mapping file is a YAML mapping that starts with `schema: {SCHEMA}`")
     if content.get("schema") != SCHEMA:
@@ -282,7 +282,7 @@ _WORDS = {"schema"}.union(*(set(model.model_fields) for model in _MODELS))
 
 
 def _keys_at(place: list[str]) -> list[str]:
-    """Keys that a place of the file has, by the keys that lead to it."""
+    """Return the keys that are allowed at a place of the file, which is given by the keys that lead to it."""
     model: type[BaseModel] = Mapping
     if place:
         within_part = place[0] == "parts" and len(place) <= 2
@@ -292,7 +292,7 @@ def _keys_at(place: list[str]) -> list[str]:
 
 def _explain(error: ValidationError) -> str:
     first = error.errors()[0]
-    # Between the keys stand the names of our classes; the last one is a key, whatever it is called.
+    # The location also contains names of our classes between the keys; its last part is always a key.
     *parents, last = first["loc"] or ("mapping",)
     place = [str(part) for part in parents if not (isinstance(part, str) and part[:1].isupper())] + [str(last)]
     key = ".".join(place)

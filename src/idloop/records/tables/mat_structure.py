@@ -1,7 +1,7 @@
-"""Whether a MAT file of version 5 to 7 is put together as the format says.
+"""Whether a MAT file of version 5 to 7 has a valid structure.
 
-The reader of scipy is compiled and trusts the tags in the file: one that names no type ends the process instead of
-raising an error. So the tags are looked at first.
+The compiled reader of scipy trusts the tags in the file: one that names no type ends the process instead of raising an
+error. So the tags are checked first.
 
 Format: MathWorks, *MAT-File Format*, chapter "Version 5 MAT-File Format".
 """
@@ -32,7 +32,7 @@ _MOST_VARIABLES = 1_000_000
 
 
 class _DamagedError(Exception):
-    """The file is not put together as the format says."""
+    """The file does not follow the format."""
 
 
 class _Element(NamedTuple):
@@ -41,12 +41,12 @@ class _Element(NamedTuple):
 
 
 def mat_damage(data: bytes) -> str:
-    """Say what is wrong with the tags of a MAT file; empty when nothing is.
+    """Return what is wrong with the tags of a MAT file; empty when they are valid.
 
     Parameters
     ----------
     data : bytes
-        The whole file. One of version 4 or 7.3 has no such tags and nothing is said of it.
+        The whole file. Version 4 and 7.3 have no such tags and are not checked.
 
     Raises
     ------
@@ -95,14 +95,14 @@ def _elements(data: memoryview, order: str) -> Iterator[_Element]:
 
 
 class _File:
-    """What has been looked at of a file: how much it unpacks to, and how much its values take."""
+    """Sums over the part of a file that was checked: unpacked bytes, bytes of values, variables."""
 
     def __init__(self, order: str) -> None:
         self._order = order
         self._unpacked = self._values = self._variables = 0
 
     def unpacked(self, content: memoryview) -> bytes:
-        """Unpack a compressed element; InputError where there is no end of it."""
+        """Unpack a compressed element; InputError where it takes too much memory."""
         unpacking = zlib.decompressobj()
         data = unpacking.decompress(content, MOST_TABLE - self._unpacked + 1)
         self._unpacked += len(data)
@@ -113,7 +113,7 @@ class _File:
         return data
 
     def check(self, matrix: _Element, depth: int = 0) -> None:
-        """Raise when a variable is not put together as its class says, or takes too much."""
+        """Raise when a variable does not have the structure of its class, or takes too much memory."""
         if matrix.kind != _MATRIX:
             raise _DamagedError(f"type {matrix.kind} where a variable is due")
         if depth > _DEEPEST:

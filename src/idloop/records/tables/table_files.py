@@ -33,7 +33,7 @@ class Table:
     attributes : dict of str to float or str
         Single values beside the columns.
     notes : list of str
-        What had to be found out about how the file is written.
+        What was found out about the format of the file.
     """
 
     path: Path
@@ -77,10 +77,10 @@ class Table:
         try:
             return float(cell)
         except (TypeError, ValueError):
-            cure = ', say `csv: {decimal: ","}` if it has a decimal comma' if "," in str(cell) else ""
+            advice = ', set `csv: {decimal: ","}` if it has a decimal comma' if "," in str(cell) else ""
             raise InputError(
                 f"{self.path}: row {row} of column {name!r} is {str(cell)[:40]!r}, not a number;"
-                f" mend the file{cure} or choose another column"
+                f" correct the file{advice} or choose another column"
             ) from None
 
 
@@ -113,12 +113,12 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     readers = {"csv": _read_csv, "mat": _read_mat, "npz": _read_npz, "json": _read_json}
     if kind not in readers:
         raise InputError(
-            f"{path}: unknown format {path.suffix!r}; known are {listed(FORMATS)}, or say `format:` in the mapping"
+            f"{path}: unknown format {path.suffix!r}; known are {listed(FORMATS)}, or set `format:` in the mapping"
         )
     table = readers[kind](path, options)
     if not table.columns:
         raise InputError(f"{path}: no columns of numbers found; check that this is the data file")
-    # An array of elements without a size has any length.
+    # Elements without a size may form an array of any length.
     if 8 * sum(len(column) for column in table.columns.values()) > MOST_TABLE:
         raise InputError(f"{path}: its columns take more than {MOST_TABLE >> 30} GiB; cut the file")
     if not any(len(column) for column in table.columns.values()):
@@ -193,7 +193,7 @@ def _read_json(path: Path, options: dict[str, Any]) -> Table:
         table.attributes = attributes | table.attributes
         return table
     raise InputError(
-        f"{path}: neither a list of samples nor columns; say under which key they are: `entries:` in the mapping"
+        f"{path}: neither a list of samples nor columns; name the key that holds them as `entries:` in the mapping"
     )
 
 
@@ -227,7 +227,7 @@ def _from_tree(path: Path, tree: Mapping[str, Any], prefix: str = "") -> Table:
         elif array.ndim == 1:
             table.columns[full] = array
         elif array.ndim == 2:
-            # Samples run along the longer side.
+            # The longer axis is that of the samples.
             tall = array if array.shape[0] >= array.shape[1] else array.T
             table.columns |= {f"{full}[{index}]": tall[:, index] for index in range(tall.shape[1])}
     return table
