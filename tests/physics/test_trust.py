@@ -133,6 +133,13 @@ def test_what_is_read_is_what_runs(project: Project) -> None:
     assert trust.kept_copy(files, "lean.py").read_bytes() == files.sources["lean.py"]
 
 
+def test_equal_files_of_two_folders_share_no_machine_code(project: Project, tmp_path: Path) -> None:
+    shutil.copytree(project.folder, tmp_path / "copy")
+    here, there = (trust.read_effect_files(folder / "effects") for folder in (project.folder, tmp_path / "copy"))
+    assert here.checksum == there.checksum
+    assert trust.kept_copy(here, "lean.py") != trust.kept_copy(there, "lean.py")
+
+
 def test_helpers_alone_ask_nothing(project: Project) -> None:
     (project.effects / "lean.py").rename(project.effects / "_lean.py")
     load_model(project.model)

@@ -135,7 +135,7 @@ def revoke(folder: Path) -> None:
     if known is None:
         raise InputError(f"{folder}: is not trusted; `idloop trust --list` names what is")
     path.unlink(missing_ok=True)
-    shutil.rmtree(_copies(known[1]), ignore_errors=True)
+    shutil.rmtree(_copies(*known), ignore_errors=True)
 
 
 def trusted_folders() -> list[TrustedFolder]:
@@ -180,14 +180,15 @@ def kept_copy(files: EffectFiles, name: str) -> Path:
     InputError
         It cannot be written.
     """
-    path = _copies(files.checksum) / name
+    path = _copies(files.folder, files.checksum) / name
     if not path.is_file():
         _write(path, files.sources[name])
     return path
 
 
-def _copies(checksum: str) -> Path:
-    return _ours() / "effects" / checksum
+def _copies(folder: Path, checksum: str) -> Path:
+    # One place for each folder: cached machine code contains the name of its module, which depends on the folder.
+    return _ours() / "effects" / hashlib.sha256(os.fsencode(folder) + checksum.encode()).hexdigest()
 
 
 def _record(folder: Path) -> Path:
