@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 _VERDICTS = {
     "usable": "usable for identification",
     "not_excited": "nothing can be identified: no excitation",
-    "no_command": "no command found: nothing can be fitted without one",
-    "contradictory": "not usable as it is: a position stands still beside its moving velocity",
-    "several_runs": "not usable as it is: several runs in one bag, the clock was set back in between",
+    "no_command": "not usable: no command found, nothing can be fitted without one",
+    "contradictory": "not usable: a position is constant while its velocity moves",
+    "several_runs": "not usable: several runs in one bag, the clock was set back between them",
     "too_short": "nothing can be identified: too few samples",
-    "short": "hardly usable: few samples",
-    "unreadable": "no signal could be read",
+    "short": "hardly usable: too few samples for reliable estimates",
+    "unreadable": "not usable: no signal can be read",
 }
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from rosbags.typesys.store import Typestore
 
@@ -18,67 +19,28 @@ _SKIPPED = {"std_msgs/msg/Header", "builtin_interfaces/msg/Time", "std_msgs/msg/
 _LONGEST = 64  # longer arrays are images, scans or maps, not signals of an axis
 
 
-def has_header(fields: Mapping[str, Any], name: str) -> bool:
-    """Tell whether a message type starts with a std_msgs/Header."""
-    from rosbags.interfaces import Nodetype
-
-    return any(field == "header" and node == (Nodetype.NAME, "std_msgs/msg/Header") for field, node in fields[name][1])
-
-
 def carries_signals(fields: Mapping[str, Any], name: str) -> bool:
-    """Tell from its definition whether a type holds numbers of an axis rather than images, maps or text."""
-    kinds = set(_kinds(fields, name))
+    """Whether a type, by its definition, holds numbers of an axis rather than images, maps or text."""
+    kinds = {kind for _, kind in _leaves(fields, name)}
     return bool(kinds & {"number", "numbers"}) and "bulk" not in kinds
 
 
-def _kinds(fields: Mapping[str, Any], name: str) -> list[str]:
+def _leaves(fields: Mapping[str, Any], name: str, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Yield path and kind of the parts of a type: number, numbers (an array), text, or bulk (of any length)."""
     from rosbags.interfaces import Nodetype
 
-    kinds: list[str] = []
-    for _, (kind, args) in fields[name][1]:
-        if kind == Nodetype.BASE:
-            kinds.append("number" if args[0] in _NUMBERS else "text")
-        elif kind == Nodetype.NAME:
-            kinds.extend([] if args in _SKIPPED else _kinds(fields, args))
-        else:
-            inner_kind, inner = args[0]
-            if inner_kind != Nodetype.BASE or (kind == Nodetype.SEQUENCE and inner[0] in _BYTES):
-                kinds.append("bulk")
-            else:
-                kinds.append("numbers" if inner[0] in _NUMBERS else "text")
-    return kinds
-
-
-def leaf_values(message: Any, fields: Mapping[str, Any], name: str, prefix: str = "") -> dict[str, float]:
-    """Return the numbers of one message by path: ``wrench.force.x``, ``data[0]``."""
-    from rosbags.interfaces import Nodetype
-
-    found: dict[str, float] = {}
-    for field, (kind, args) in fields[name][1]:
-        value = getattr(message, field)
+    for field, (node, args) in fields[name][1]:
         path = prefix + field
-        if kind == Nodetype.BASE:
-            if args[0] in _NUMBERS:
-                found[path] = float(value)
-        elif kind == Nodetype.NAME:
-            if args not in _SKIPPED:
-                found.update(leaf_values(value, fields, args, path + "."))
-        elif args[0][0] == Nodetype.BASE and args[0][1][0] in _NUMBERS and len(value) <= _LONGEST:
-            found.update({f"{path}[{index}]": float(item) for index, item in enumerate(value)})
-    return found
-
-
-def table_of(rows: list[dict[str, float]]) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Return column names in the order of first appearance and the values (n, columns), NaN where absent."""
-    names: dict[str, int] = {}
-    for row in rows:
-        for name in row:
-            names.setdefault(name, len(names))
-    values = np.full((len(rows), len(names)), np.nan)
-    for index, row in enumerate(rows):
-        for name, value in row.items():
-            values[index, names[name]] = value
-    return tuple(names), values
+        if node == Nodetype.BASE:
+            yield path, "number" if args[0] in _NUMBERS else "text"
+        elif node == Nodetype.NAME:
+            yield from () if args in _SKIPPED else _leaves(fields, args, path + ".")
+        else:
+            item_node, item = args[0]
+            if item_node != Nodetype.BASE or (node == Nodetype.SEQUENCE and item[0] in _BYTES):
+                yield path, "bulk"
+            else:
+                yield path, "numbers" if item[0] in _NUMBERS else "text"
 
 
 def decode_any(
@@ -91,19 +53,36 @@ def decode_any(
     stamp_ns : ndarray of int64, shape (n,), or None
         Header stamps; None when the type has no header.
     names : tuple of str
-        Paths of the numbers; bare numbers and arrays (std_msgs) are named ``"0"``, ``"1"``, ...
+        Paths of the numbers, such as ``wrench.force.x`` and ``data[0]``, in the order of first appearance; bare numbers
+        and arrays (std_msgs) are named ``"0"``, ``"1"``, ...
     values : ndarray, shape (n, columns)
+        NaN where a message has no such number.
     """
+    from rosbags.interfaces import Nodetype
+
     fields = typestore.fielddefs
-    stamped = has_header(fields, type_name)
+    stamped = any(one == ("header", (Nodetype.NAME, "std_msgs/msg/Header")) for one in fields[type_name][1])
+    leaves = [(path, kind, attrgetter(path)) for path, kind in _leaves(fields, type_name)]
     stamps = np.zeros(len(payloads), dtype=np.int64)
-    rows = []
-    for index, payload in enumerate(payloads):
+    columns: dict[str, NDArray[np.float64]] = {}
+
+    def column(name: str) -> NDArray[np.float64]:
+        if name not in columns:
+            columns[name] = np.full(len(payloads), np.nan)
+        return columns[name]
+
+    for row, payload in enumerate(payloads):
         message: Any = typestore.deserialize_cdr(payload, type_name)
         if stamped:
-            stamps[index] = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        rows.append(leaf_values(message, fields, type_name))
-    names, values = table_of(rows)
+            stamps[row] = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        for path, kind, get in leaves:
+            if kind == "number":
+                column(path)[row] = get(message)
+            elif kind == "numbers" and len(values := get(message)) <= _LONGEST:
+                for index, value in enumerate(values):
+                    column(f"{path}[{index}]")[row] = value
+    names = tuple(columns)
     if type_name.startswith("std_msgs/msg/"):
         names = tuple(str(index) for index in range(len(names)))
-    return (stamps if stamped else None), names, values
+    table = np.column_stack(list(columns.values())) if columns else np.empty((len(payloads), 0))
+    return (stamps if stamped else None), names, table

@@ -1,4 +1,4 @@
-"""What a command excites: levels, amplitude, band, reversals, saturation."""
+"""Excitation by a command: levels, amplitude, band, sign changes, saturation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Excitation:
     zero_share : float
         Share of the time at exactly zero.
     limit_share : float
-        Share of the time at the largest or smallest value; nothing commanded is no limit.
+        Share of the time at the largest or smallest value, zero not counted as a limit.
     """
 
     minimum: float
@@ -90,7 +90,7 @@ def power_spectrum(time: Floats, value: Floats) -> tuple[Floats, Floats]:
     count = min(round((time[-1] - time[0]) / period) + 1, _LONGEST_SPECTRUM)
     grid = time[0] + period * (np.arange(count) + 0.5)
     held = resample_held(time, value, grid)
-    # Shares do not depend on the unit, but the squares of damaged values overflow.
+    # The shares do not depend on the scale; squares of damaged values would overflow.
     held = held / max(float(np.abs(held).max()), 1e-300)
     power: Floats = np.abs(np.fft.rfft(held - held.mean())) ** 2
     frequency: Floats = np.arange(power.size) / (count * period)
@@ -104,7 +104,7 @@ def _band(time: Floats, value: Floats) -> tuple[tuple[float, float], float]:
     if not share.size or share[-1] <= 0:
         return (0.0, 0.0), 0.0
     low, high = (float(frequency[min(int(np.searchsorted(share, level)), share.size - 1)]) for level in (0.05, 0.95))
-    # A smooth spectrum: single weak lines of a long record would otherwise hide between strong ones.
+    # Smoothed, because a long record has weak lines between strong ones.
     width = max(power.size // 200, 1)
     smooth = np.convolve(power, np.full(width, 1.0 / width), mode="same")
     return (low, high), float(frequency[np.flatnonzero(smooth >= 0.01 * smooth.max())[-1]])

@@ -44,6 +44,7 @@ from idloop.records.measured_conditions import ConditionSources
 from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 
 _COMMANDS = ("joint_command", "commands", "command")
 # Topics that are neither the command nor a measurement; their values may be sent ahead of their time.
@@ -212,33 +213,13 @@ def inspect_bag(
     findings: list[Finding] = []
     for topic in topics.values():
         stream = streams.get(topic.name)
-        received = stream.receive_ns if stream is not None else receive[topic.name]
-        stamps = stream.stamp_ns if stream is not None else received
+        received = receive[topic.name] if stream is None else stream.receive_ns
+        stamps = received if stream is None else stream.stamp_ns
         if topic.name == command_topic:
             stamps = while_measured(stamps, [one.stamp_ns for one in measured.values()])
-        report = TopicReport(
-            name=topic.name,
-            type=topic.type,
-            count=int(received.size),
-            readable=topic.name in readable,
-            stamped=stream is not None and stream.stamped,
-            stamps=stamp_statistics(stamps),
-            receive=stamp_statistics(received),
-            delay=_delay(stream) if stream is not None else {},
-        )
+        report = _topic_report(topic, stream, received, stamps, readable=topic.name in readable)
         reports.append(report)
-        if topic.count == 0:
-            findings.append(Finding("no_messages", f"{topic.name}: no message recorded", where=topic.name))
-            continue
-        if topic.type in unknown:
-            text = f"{topic.name}: the type {topic.type} is unknown, its content was not read"
-            findings.append(Finding("unread_topic", text, topic.count, topic.name, "warning"))
-        if stream is not None:
-            findings += stream.findings
-            # A bridge and the conditions are sent when they change only: a pause there is no loss.
-            if not topic.name.endswith((f"/{APPLIED_COMMAND}", f"/{CONDITIONS}")):
-                announced, held = topic.name.endswith(_ADDED), topic.name == command_topic
-                findings += stamp_findings(topic.name, report.stamps, announced=announced, held=held)
+        findings += _topic_findings(report, stream, known=topic.type not in unknown, held=topic.name == command_topic)
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
     left_out: list[str] = []
@@ -302,6 +283,38 @@ def _command_topic(
         if found:
             return found[0]
     return ""
+
+
+def _topic_report(
+    topic: Topic, stream: JointStream | None, received: Stamps, stamps: Stamps, *, readable: bool
+) -> TopicReport:
+    return TopicReport(
+        name=topic.name,
+        type=topic.type,
+        count=int(received.size),
+        readable=readable,
+        stamped=stream is not None and stream.stamped,
+        stamps=stamp_statistics(stamps),
+        receive=stamp_statistics(received),
+        delay={} if stream is None else _delay(stream),
+    )
+
+
+def _topic_findings(report: TopicReport, stream: JointStream | None, *, known: bool, held: bool) -> list[Finding]:
+    """Findings on one topic; `known` is whether its type is, `held` whether it is the command."""
+    name = report.name
+    if report.count == 0:
+        return [Finding("no_messages", f"{name}: no message recorded", where=name)]
+    found: list[Finding] = []
+    if not known:
+        text = f"{name}: the type {report.type} is unknown, its content was not read"
+        found.append(Finding("unread_topic", text, report.count, name, "warning"))
+    if stream is not None:
+        found += stream.findings
+        # A bridge and the conditions are sent when they change only: a pause there is no loss.
+        if not name.endswith((f"/{APPLIED_COMMAND}", f"/{CONDITIONS}")):
+            found += stamp_findings(name, report.stamps, announced=name.endswith(_ADDED), held=held)
+    return found
 
 
 def _delay(stream: JointStream) -> dict[str, float]:

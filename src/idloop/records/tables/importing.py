@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -63,20 +63,8 @@ class Imported:
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values, schema ``idloop/import/1``."""
-        return {
-            "schema": "idloop/import/1",
-            "bag": str(self.bag),
-            "source": str(self.source),
-            "mapping": self.mapping,
-            "part": self.part,
-            "samples": self.samples,
-            "duration": self.duration,
-            "period": self.period,
-            "channels": self.channels,
-            "attributes": self.attributes,
-            "findings": [finding.to_dict() for finding in self.findings],
-            "notes": list(self.notes),
-        }
+        plain = asdict(self) | {"bag": str(self.bag), "source": str(self.source), "notes": list(self.notes)}
+        return {"schema": "idloop/import/1", **plain, "findings": list(plain["findings"])}
 
 
 def import_bag(

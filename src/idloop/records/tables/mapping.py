@@ -277,8 +277,6 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "csv": Csv,
     "decode": SignBit,
 }
-_MODELS: tuple[type[BaseModel], ...] = (Mapping, Part, Channel, *_SECTIONS.values())
-_WORDS = {"schema"}.union(*(set(model.model_fields) for model in _MODELS))
 
 
 def _keys_at(place: list[str]) -> list[str]:
