@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idloop.reporting.figures.overlay import overlay
+from idloop.reporting.figures.comparison import overlay
 from idloop.reporting.frame import residual_frame, value_frame, widest
 from idloop.reporting.plots.comparison import Panel, plot_comparison
 

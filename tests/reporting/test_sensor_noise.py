@@ -42,7 +42,7 @@ def test_refuted_noise_is_no_floor_and_no_band_and_the_table_says_so(loud):
         assert np.isnan(panel_of(one).band[0])
         assert panel_of(one).band[1] == pytest.approx(1.96 * 5e-3)
     entries = [item.label.value for plot in page_figures(loud)["ladder"] for item in plot.legend[0].items]
-    assert [text for text in entries if "noise" in text] == ["motor.velocity, what its noise alone leaves"]
+    assert [text for text in entries if "noise" in text] == ["motor.velocity, noise floor"]
     said = page_words(loud)["noise"]
     assert said["motor.position"].startswith("at most 0.00")
     assert said["motor.position"].endswith(" rad on this data; the model file says 0.02 rad")

@@ -49,7 +49,7 @@ SPOILT = (step(error=0.1), step(COGGING, error=0.5))
 def test_what_spoils_the_free_run_is_not_what_is_missing(verdict: str) -> None:
     found = ladder(*SPOILT, verdict=verdict)
     said = conclusion(found)
-    assert said.startswith(f"{UNEXPLAINED} is missing: cogging@axis stands in for it")
+    assert said.startswith(f"{UNEXPLAINED} is missing: cogging@axis takes its place")
     assert VERDICTS[verdict] in said
     assert headline(found) == f"Missing from the model: {UNEXPLAINED}."
     assert verdict_text(found).lower().startswith(UNEXPLAINED)

@@ -1,4 +1,4 @@
-"""An error along one variable: where its bins are drawn, what is said of it, and which variable is shown first.
+"""An error along one variable: where its bins are drawn, its main finding in words, and which variable is shown first.
 
 The printed figure, the report and the workbench draw and say the same.
 """

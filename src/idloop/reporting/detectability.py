@@ -17,7 +17,7 @@ def undetectable(ladder: Ladder) -> dict[str, str]:
 
     An effect that the model has, that one of the model contains, or that ties with one of it, is not among them: what
     is left of it beside the other says nothing about what the data could show. Nor is one that was significant and was
-    not added: that is told of it, with the reason.
+    not added: it is listed with the reason.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def detection_limits(ladder: Ladder) -> dict[str, str]:
     Returns
     -------
     dict
-        Size by ``effect@site``, such as "width ≥ 0.012 V"; without what is told by name not to show.
+        Size by ``effect@site``, such as "width ≥ 0.012 V"; without those that `undetectable` lists.
     """
     hidden = {*_found(ladder), *_significant(ladder), *ladder.untestable}
     return {name: limit.short for name, limit in ladder.limits.items() if limit.short and name not in hidden}

@@ -43,13 +43,7 @@ def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
 
 
 def held_parameters(ladder: Ladder) -> dict[str, Parameter]:
-    """Parameters of the effects of a ladder that were held when these were added: no estimates.
-
-    Returns
-    -------
-    dict
-        By name; without those that a search has chosen.
-    """
+    """Parameters of added effects that were held then: no estimates. Without those that a search has chosen."""
     known = {p.name: p for p in ladder.model.parameters}
     return {
         f"{name}.{own}": known[f"{name}.{own}"]
@@ -60,13 +54,7 @@ def held_parameters(ladder: Ladder) -> dict[str, Parameter]:
 
 
 def read_off_parameters(ladder: Ladder) -> dict[str, Parameter]:
-    """Parameters of the effects of a ladder that were read off the data without a fit, such as a resolution.
-
-    Returns
-    -------
-    dict
-        By name.
-    """
+    """Parameters of added effects that were read off the data without a fit, such as a resolution."""
     return {
         f"{active.name}.{spec.name}": ladder.model.parameter(f"{active.name}.{spec.name}")
         for active in ladder.model.effects
@@ -100,18 +88,7 @@ def fit_text(value: float | None, digits: int = 4) -> str:
 
 
 def with_interval(value: float, stderr: float | None) -> str:
-    """Write an estimate with the half-width of its 95 % interval, both to the interval's second digit.
-
-    Parameters
-    ----------
-    stderr : float or None
-        Standard error; None for a known or a fixed value.
-
-    Returns
-    -------
-    str
-        Such as "20.34 ± 0.40".
-    """
+    """Write an estimate with its 95 % interval, both to the interval's second digit: "20.34 ± 0.40"."""
     if stderr is None or not math.isfinite(stderr) or stderr <= 0.0 or not math.isfinite(value):
         return figure_text(value)
     half = NORMAL_95 * stderr

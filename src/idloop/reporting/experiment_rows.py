@@ -71,18 +71,7 @@ class Row:
 
 
 def rows_of(suggestion: Suggestion) -> list[Row]:
-    """Simulate the experiment with every rival.
-
-    Parameters
-    ----------
-    suggestion : Suggestion
-        With its rivals.
-
-    Returns
-    -------
-    list of Row
-        From top to bottom.
-    """
+    """Simulate the experiment with every rival; rows from top to bottom."""
     experiment = suggestion.experiment
     records = [experiment.run(model) for _, model in suggestion.rivals]
     return [*_sent(suggestion, records), *_outputs(suggestion, records)]

@@ -58,7 +58,7 @@ class Next:
         """What goes beside the experiment in JSON."""
         return {
             "one_equation": [group.to_dict() for group in self.twins],
-            "untestable": dict(self.unshown),
+            "untestable": dict(self.undetectable),
             "reason": self.reason,
         }
 

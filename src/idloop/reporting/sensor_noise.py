@@ -38,29 +38,12 @@ def refuted_noise(comparisons: Iterable[Comparison]) -> dict[str, float]:
 
 
 def believed_noise(model: Model, refuted: Iterable[str]) -> dict[str, float]:
-    """Standard deviation of the noise of each output, where the model states it and the data do not refute it.
-
-    Parameters
-    ----------
-    refuted : iterable of str
-        Outputs without one, see `refuted_noise`.
-    """
+    """Standard deviation of the noise of each output: stated by the model file, and not among the refuted ones."""
     wrong = set(refuted)
     return {o.name: o.noise for o in model.outputs if o.noise is not None and o.name not in wrong}
 
 
 def least_error(ladder: Ladder, name: str) -> float:
-    """Least NRMSE of an output at any step; a floor well above it is none.
-
-    Parameters
-    ----------
-    name : str
-        Of the output.
-
-    Returns
-    -------
-    float
-        Infinite where none is known.
-    """
+    """Least NRMSE of an output at any step; infinite where none is known. A floor well above it is none."""
     every = [part.get("nrmse", {}).get(name) for step in ladder.steps for part in (step.validation, step.train)]
     return min((float(one) for one in every if one is not None and np.isfinite(one)), default=np.inf)

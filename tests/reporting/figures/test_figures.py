@@ -19,14 +19,14 @@ from idloop.reporting.figures.candidates import (
     diagnosis_rows,
     ladder_rows,
 )
+from idloop.reporting.figures.characteristic import unknown_figure
+from idloop.reporting.figures.comparison import force_figures, overlay
 from idloop.reporting.figures.evidence import MOST, Decided, evidence_figure
-from idloop.reporting.figures.force import force_figures
-from idloop.reporting.figures.ladder import error_lines, force_lines, ladder_figures, step_names
-from idloop.reporting.figures.overlay import overlay
+from idloop.reporting.figures.ladder import ladder_figures, step_names
 from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import DARK, LIGHT
-from idloop.reporting.figures.unknown import unknown_figure
 from idloop.reporting.figures.where import error_along
+from idloop.reporting.ladder_errors import error_lines, force_lines
 from idloop.reporting.page.page_figures import page_figures, panel_of, where_places
 from idloop.reporting.terms import effect_words, in_words
 from idloop.validation.variables import VARIABLES

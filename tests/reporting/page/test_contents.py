@@ -88,7 +88,7 @@ def test_the_force_is_shown_up_to_the_last_step_that_tells_it(hidden_motion):
     tile = words["changes"][0]
     assert (tile["name"], tile["data"]) == ("error of the drive force", "unseen data, up to step 1")
     assert tile["trend"] == "better"
-    assert words["no_force"].startswith("–: the force that a model with compliance @ motor needs cannot be read off")
+    assert words["no_force"].startswith("–: for a model with compliance @ motor, the measurements do not determine")
     where = {one["name"]: one for one in words["where"]}
     assert (where["drive force"]["end"], where["motor.position"]["end"]) == ("1 effect", "end of the ladder")
     assert where["drive force"]["after"]

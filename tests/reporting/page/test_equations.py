@@ -9,8 +9,7 @@ import pytest
 from idloop.physics import load_model, trust
 from idloop.physics.effect import built_in
 from idloop.physics.model_file import from_text
-from idloop.reporting.page.equations import equations, plain_words
-from idloop.reporting.page.mathml import to_mathml
+from idloop.reporting.page.equations import equations, plain_words, to_mathml
 
 SITES = {"input": "input", "body": "load1", "coupling": "motor-load1", "output": "position[load1]"}
 EFFECTS = [(name, effect.site) for name, several in built_in().items() for effect in several]

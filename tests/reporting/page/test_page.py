@@ -14,15 +14,15 @@ import pytest
 
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
 from idloop.errors import IdloopError, InputError
-from idloop.reporting.figures.ladder import error_lines
 from idloop.reporting.figures.theme import LIGHT
+from idloop.reporting.ladder_errors import error_lines
 from idloop.reporting.page.chromium import VARIABLE, find_chromium, print_pdf, take_picture
 from idloop.reporting.page.contents import gather
 from idloop.reporting.page.page import render_page
 from idloop.reporting.page.page_words import changes, headline
 
 SECTIONS = ("answer", "ladder", "measured", "where", "left", "open", "model", "data", "provenance")
-PHONE, DESK = {"width": 360, "height": 740}, {"width": 1280, "height": 900}
+PHONE, DESKTOP = {"width": 360, "height": 740}, {"width": 1280, "height": 900}
 
 
 class Outline(HTMLParser):
@@ -70,7 +70,7 @@ def test_what_was_passed_over_is_listed_once_with_its_reason(contents):
     ladder = replace(contents.ladder, passed_over={"saturation@input": "beside imbalance@motor nothing is left of it"})
     page = render_page(replace(contents, ladder=ladder))
     said = page.partition('<section id="open">')[2].partition("</section>")[0]
-    assert "Significant on the fitted data, yet not added" in said
+    assert "Significant on the fitted data, but not added" in said
     assert said.count("saturation @ input") == 1
     assert "<strong>saturation @ input</strong>: beside imbalance @ motor nothing" in said
 
@@ -83,7 +83,7 @@ def test_the_answer_comes_first(html, contents):
     answer = html[html.index('id="answer"') : html.index('id="ladder"')]
     for text in (said, "3.000 ± 0.039", "N·m", "p &lt; 0.001"):
         assert text in answer
-    assert "cannot tell it from dead zone @ input" in answer
+    assert "cannot distinguish it from dead zone @ input" in answer
     assert "What is left has a shape" in answer
     # What the headline says is not said again.
     assert answer.count("no effect of the catalogue explains") == 1
@@ -147,8 +147,11 @@ def test_effects_that_are_one_equation_get_their_check_by_hand(contents):
     names = ("input_offset@input", "load_torque@motor", "dead_zone@input")
     last = replace(step, added=added, model=model, set=names)
     page = render_page(replace(contents, ladder=replace(contents.ladder, steps=(start, last))))
-    assert "cannot tell it from dead zone @ input." in page
-    assert "No motion can tell it from load torque @ motor: they are one equation here. By hand:" in page
+    assert "cannot distinguish it from dead zone @ input." in page
+    assert (
+        "No experiment can distinguish it from load torque @ motor: both give the same equation of motion. "
+        "Check by hand:" in page
+    )
 
 
 def test_words_of_a_model_are_escaped(html, contents):
@@ -199,7 +202,7 @@ def test_a_ladder_without_a_step_says_so(contents):
             judged=tuple(replace(one, rows=one.rows[:1]) for one in contents.judged),
         )  # fmt: skip
         page = render_page(bare)
-        assert "Every effect that was looked for would have shown" in page
+        assert "This data would have shown every effect that was looked for" in page
         assert tuple(Outline(page).sections) == SECTIONS
 
 
@@ -248,7 +251,7 @@ def drawn(page) -> int:
 
 @pytest.mark.slow
 def test_every_figure_is_drawn_from_disk_without_a_network(opened, items, contents):
-    page = opened(viewport=DESK)
+    page = opened(viewport=DESKTOP)
     assert drawn(page) == len(items)
     assert page.locator("#answer h1").inner_text() == headline(contents.ladder)
     assert page.locator("math").count() > 3
@@ -259,6 +262,12 @@ def test_a_phone_shows_it_without_sideways_scrolling(opened, items):
     page = opened(viewport=PHONE, has_touch=True, is_mobile=True, color_scheme="dark")
     assert drawn(page) == len(items)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    # The ladder's table is whole: its columns stand below one another, each with its name.
+    assert page.evaluate(
+        "(({ scrollWidth, clientWidth }) => scrollWidth <= clientWidth)(document.querySelector('.stacked'))"
+    )
+    label = page.evaluate("getComputedStyle(document.querySelector('.stacked td:last-child'), '::before').content")
+    assert "FIT" in label
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
     # A finger on a figure scrolls the page: no tool that drags is on.
     assert page.evaluate(
@@ -269,7 +278,7 @@ def test_a_phone_shows_it_without_sideways_scrolling(opened, items):
 
 @pytest.mark.slow
 def test_light_and_dark_are_switched_and_paper_gets_pictures(opened, items):
-    page = opened(viewport=DESK)
+    page = opened(viewport=DESKTOP)
     page.click("#theme")
     page.wait_for_selector('html[data-ready][data-theme="dark"]', timeout=200_000)
     assert drawn(page) == len(items)
@@ -306,7 +315,7 @@ def test_paper_shows_what_a_click_unfolds_where_nothing_else_says_it(opened, con
     limits = {"backlash@position[motor]": DetectionLimit("gap", "rad", 0.01, 0.02)}
     shown = tmp_path / "limits.html"
     shown.write_text(render_page(replace(contents, ladder=replace(contents.ladder, limits=limits))), encoding="utf-8")
-    page = opened(shown, viewport=DESK)
+    page = opened(shown, viewport=DESKTOP)
     folded = page.locator("details.paper")
     assert folded.count() == 1
     assert not folded.locator("table").is_visible()

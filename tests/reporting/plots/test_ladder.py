@@ -8,7 +8,8 @@ import pytest
 from idloop import drawing
 from idloop.diagnosis import Candidate, Ladder, Step, UnknownStructure
 from idloop.physics import load_model
-from idloop.reporting.plots.ladder import p_text, plot_ladder, plot_unknown, step_label
+from idloop.reporting.plots.ladder import plot_ladder, plot_unknown, step_label
+from idloop.reporting.terms import p_text
 
 MODEL = load_model("dc_motor")
 UNKNOWN = UnknownStructure(
@@ -41,13 +42,13 @@ def test_the_errors_of_every_step_are_drawn_by_output_for_train_and_validation()
     axes = plot_ladder(ladder(), {"motor.position": 0.01}).axes[0]
     lines = {line.get_label(): line for line in axes.lines}
     assert set(lines) == {
-        "motor.position, fitted",
-        "motor.position, unseen",
+        "motor.position, fitted data",
+        "motor.position, unseen data",
         "motor.position, noise floor",
-        "motor.velocity, fitted",
-        "motor.velocity, unseen",
+        "motor.velocity, fitted data",
+        "motor.velocity, unseen data",
     }
-    np.testing.assert_allclose(lines["motor.position, unseen"].get_ydata(), [0.36, 0.06])
+    np.testing.assert_allclose(lines["motor.position, unseen data"].get_ydata(), [0.36, 0.06])
     assert set(lines["motor.position, noise floor"].get_ydata()) == {0.01}
     assert axes.get_ylabel() == "NRMSE of the free run [-]"
     assert axes.get_yscale() == "log"

@@ -261,7 +261,7 @@ def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_conf
     assert source.orders[-1] == ("automatic", "experiment on")
     assert "you see the limits first" in page.inner_text("#onward-words")
     source.state.change(activity=Activity("working out the next experiment"))
-    page.wait_for_selector("#onward-words >> text=without being asked")
+    page.wait_for_selector("#onward-words >> text=automatically")
 
 
 def breakdown(variable, follows, *, loud=False):
@@ -459,7 +459,7 @@ def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visi
 
 def test_the_model_can_be_left_alone_and_the_newest_data_are_taken(site, source, visit):
     page = visit(site.address).page
-    assert "even a poor one looks good" in page.inner_text("#corrected")
+    assert "even a poor model looks good" in page.inner_text("#corrected")
     page.click("#alone")
     page.wait_for_selector("#corrected", state="hidden")
     assert page.input_value("#shown") == "free_run"

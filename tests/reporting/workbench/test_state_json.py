@@ -13,6 +13,7 @@ from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.physics import load_model
 from idloop.reporting import breakdowns
 from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, TrustedEstimate
 

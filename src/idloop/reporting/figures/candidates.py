@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis, Ladder
 
 ADDED, TIED, MISSING, WEIGHED, UNTESTABLE = "added", "tied", "missing", "weighed", "untestable"
-SAID = {
+STANDINGS = {
     ADDED: "added",
     TIED: "as likely",
     MISSING: "missing",
@@ -37,7 +37,7 @@ class EffectRow:
     name : str
         ``effect@site``.
     standing : {"added", "tied", "missing", "weighed", "untestable"}
-        ``tied``: this data cannot tell it from `tied_with`.
+        ``tied``: this data cannot distinguish it from `tied_with`.
     explains : float
         Share of the error's power that it takes away, 0 to 1; NaN where it was not fitted.
     p_value : float
@@ -64,8 +64,8 @@ class EffectRow:
         if self.standing == TIED:
             return f"as likely as {effect_words(self.tied_with)}"
         if self.standing == UNTESTABLE or not np.isfinite(self.p_value):
-            return SAID[self.standing]
-        return f"{SAID[self.standing]}, {p_text(self.p_value)}"
+            return STANDINGS[self.standing]
+        return f"{STANDINGS[self.standing]}, {p_text(self.p_value)}"
 
 
 def ladder_rows(ladder: Ladder) -> list[EffectRow]:
@@ -122,25 +122,25 @@ def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: 
     share = np.array([100.0 * row.explains for row in drawn])
     most_share = max(float(np.nanmax(share)) if np.any(np.isfinite(share)) else 0.0, 1.0)
     plot = new_figure(
-        theme, ("error's power that it explains", "%"), ("", None),
+        theme, ("explained share of the error power", "%"), ("", None),
         x_range=Range1d(start=0.0, end=1.04 * most_share), height=60 + ROW * len(names), tools="reset,save",
         active_drag=None,
     )  # fmt: skip
-    said = [f"{name}: {_share_text(row)}{_standing(row)}" for name, row in zip(names, drawn, strict=True)]
-    places = name_rows(plot, said, theme)
+    labels = [f"{name}: {_share_text(row)}{_standing(row)}" for name, row in zip(names, drawn, strict=True)]
+    places = name_rows(plot, labels, theme)
     colours = {ADDED: theme.found, MISSING: theme.found, TIED: theme.found, WEIGHED: theme.band}
-    told = source(
+    columns = source(
         name=names, y=places, share=np.nan_to_num(share), colour=[colours[row.standing] for row in drawn],
-        said=[row.evidence for row in drawn], text=[row.text for row in drawn],
+        evidence=[row.evidence for row in drawn], text=[row.text for row in drawn],
         gain=[f"{row.gain:.4g}" if np.isfinite(row.gain) else "-" for row in drawn],
     )  # fmt: skip
     bars = plot.hbar(
-        y="y", right="share", height=0.3, source=told, fill_color="colour", line_color="colour", fill_alpha=0.9
+        y="y", right="share", height=0.3, source=columns, fill_color="colour", line_color="colour", fill_alpha=0.9
     )
     plot.add_tools(
         HoverTool(
             renderers=[bars],
-            tooltips=[("", "@name: @text"), ("", "@said"), ("log-likelihood gained", "@gain")],
+            tooltips=[("", "@name: @text"), ("", "@evidence"), ("log-likelihood gained", "@gain")],
         )
     )
     return plot
@@ -150,7 +150,7 @@ def _standing(row: EffectRow) -> str:
     """As few words as a phone has room for."""
     if row.standing == TIED:
         return f"ties with {effect_words(row.tied_with).partition(' @ ')[0]}"
-    return p_text(row.p_value) if row.standing == WEIGHED else SAID[row.standing]
+    return p_text(row.p_value) if row.standing == WEIGHED else STANDINGS[row.standing]
 
 
 def _share_text(row: EffectRow) -> str:

@@ -65,10 +65,10 @@ def evidence_figure(
     # In the order in which they appeared, so that a line keeps its colour.
     for index, name in enumerate(one for one in lines if one in shown):
         look, mark = theme.model(index), MARKS[index % len(MARKS)]
-        told = source(x=list(seconds), y=list(lines[name]), name=[effect_words(name)] * len(seconds))
+        columns = source(x=list(seconds), y=list(lines[name]), name=[effect_words(name)] * len(seconds))
         drawn = [
-            plot.line("x", "y", source=told, line_width=2, **look),
-            plot.scatter("x", "y", source=told, size=4, marker=mark, color=look["color"], name="looks"),
+            plot.line("x", "y", source=columns, line_width=2, **look),
+            plot.scatter("x", "y", source=columns, size=4, marker=mark, color=look["color"], name="looks"),
         ]
         if name in decided:
             one = decided[name]
@@ -89,7 +89,7 @@ def evidence_figure(
         entries.append((effect_words(name), drawn))
     look = {"line_color": theme.limit, "line_dash": [6, 4], "line_width": 1.6}
     plot.add_layout(Span(location=threshold, dimension="width", **look))
-    entries.append((f"decides: log(m/α) = {threshold:.1f}", [plot.line([np.nan], [np.nan], **look)]))
+    entries.append((f"threshold log(m/α) = {threshold:.1f}", [plot.line([np.nan], [np.nan], **look)]))
     for kind, last in (("looks", ("log E", "@y{0.0}")), ("decided", ("decided after", "@samples samples"))):
         found: Any = [one for one in plot.renderers if one.name == kind]
         plot.add_tools(HoverTool(renderers=found, tooltips=[("", "@name"), ("new samples", "@x{0.0} s"), last]))

@@ -8,8 +8,8 @@ from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.plotting import figure
 
 from idloop.reporting.experiment_rows import Row, reach, rival_name, rows_of
-from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, padded, source
-from idloop.reporting.figures.thinning import BUCKETS, thinned
+from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, padded
+from idloop.reporting.figures.thinning import BUCKETS, draw_thinned
 from idloop.reporting.terms import in_words
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def experiment_figures(suggestion: Suggestion, theme: Theme = LIGHT, *, buckets:
     span = padded(0.0, suggestion.experiment.duration, 0.01)
     plots, named = [], False
     for row in rows_of(suggestion):
-        plot, glyphs = _draw(row, theme, span, buckets, _said(row, suggestion))
+        plot, glyphs = _draw(row, theme, span, buckets, _heading(row, suggestion))
         if not named and row.curves[0].rival is not None:
             # As short as a phone wants it; what the differences are from stands above them.
             names = (rival_name(suggestion, index, first=False) for index in range(len(glyphs)))
@@ -47,17 +47,17 @@ def experiment_figures(suggestion: Suggestion, theme: Theme = LIGHT, *, buckets:
     return plots
 
 
-def _said(row: Row, suggestion: Suggestion) -> str:
+def _heading(row: Row, suggestion: Suggestion) -> str:
     """Limits, bands and the difference of a row in words."""
     # With many rivals their differences do not fit a line; the outcomes beside the figure have the numbers.
     several = len(suggestion.rivals) > 2
-    told = "; ".join(text for text, which in row.entries if not (several and which.isdigit()))
+    notes = "; ".join(text for text, which in row.entries if not (several and which.isdigit()))
     begin = [f"from {in_words(suggestion.rivals[0][0])}"] if row.kind == "difference" else []
     # A line each: a phone cuts what is longer.
-    return "\n".join([*begin, *([told] if told else [])])
+    return "\n".join([*begin, *([notes] if notes else [])])
 
 
-def _draw(row: Row, theme: Theme, span: Any, buckets: int, said: str) -> tuple[figure, list[Any]]:
+def _draw(row: Row, theme: Theme, span: Any, buckets: int, heading: str) -> tuple[figure, list[Any]]:
     name, _, unit = row.label.rpartition(" [")
     low, high = reach(row.curves)
     if row.band is not None:
@@ -65,7 +65,7 @@ def _draw(row: Row, theme: Theme, span: Any, buckets: int, said: str) -> tuple[f
     low, high = min((low, *row.limits)), max((high, *row.limits))
     plot = new_figure(
         theme, ("time", "s"), (name, unit.rstrip("]")),
-        x_range=span, y_range=padded(low, high), height=_HEIGHTS[row.kind], title=said,
+        x_range=span, y_range=padded(low, high), height=_HEIGHTS[row.kind], title=heading,
     )  # fmt: skip
     for limit in row.limits:
         plot.add_layout(Span(location=limit, dimension="width", line_color=theme.limit, line_dash=[6, 3], line_width=1))
@@ -75,14 +75,10 @@ def _draw(row: Row, theme: Theme, span: Any, buckets: int, said: str) -> tuple[f
         )
     glyphs: list[Any] = []
     for curve in row.curves:
-        x, y = thinned(curve.time, curve.value, buckets)
         if curve.rival is None:
             look: dict[str, Any] = {"color": theme.command, "line_width": 1.3}
         else:
             wide = curve.rival == 0 and row.kind != "difference"
             look = {**theme.model(curve.rival), "line_width": 3.0 if wide else 1.3, "alpha": 0.55 if wide else 1.0}
-        if curve.held:
-            glyphs.append(plot.step("x", "y", source=source(x=x, y=y), mode="after", **look))
-        else:
-            glyphs.append(plot.line("x", "y", source=source(x=x, y=y), **look))
+        glyphs.append(draw_thinned(plot, curve.time, curve.value, buckets, held=curve.held, **look))
     return plot, glyphs

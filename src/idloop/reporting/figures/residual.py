@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from bokeh.models.annotations import Span
 from bokeh.plotting import figure
 
-from idloop.reporting.figures.theme import LIGHT, Theme, new_figure, source
+from idloop.reporting.figures.theme import LIGHT, Theme, add_zero_line, new_figure, source
 from idloop.validation.residual import ResidualTest
 
 
@@ -40,5 +39,5 @@ def _stems(theme: Theme, name: str, lag: Any, value: Any, half: Any, passed: boo
     plot.varea("x", "low", "high", source=data, fill_color=theme.band, fill_alpha=0.3)
     plot.segment("x", 0, "x", "y", source=data, color=colour, line_width=2.0)
     plot.scatter("x", "y", source=data, color=colour, size=4)
-    plot.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
+    add_zero_line(plot, theme)
     return plot

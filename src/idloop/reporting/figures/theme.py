@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from bokeh.models import ColumnDataSource, Range1d
-from bokeh.models.annotations import Legend
+from bokeh.models.annotations import Legend, Span
 from bokeh.plotting import figure
 
 from idloop import drawing
@@ -148,6 +148,11 @@ def add_legend(plot: figure, theme: Theme, entries: list[tuple[str, list[Any]]])
         "above",
     )
     plot.height = int(plot.height or 0) + 16 * len(entries)
+
+
+def add_zero_line(plot: figure, theme: Theme) -> None:
+    """Draw where a value is zero."""
+    plot.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
 
 
 def source(**columns: Any) -> ColumnDataSource:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from bokeh.models import ColumnDataSource
+from bokeh.models.renderers import GlyphRenderer
+from bokeh.plotting import figure
 from numpy.typing import ArrayLike, NDArray
 
 # Stretches of a figure: more than a wide screen has pixels, so that some zooming shows more.
@@ -55,3 +60,12 @@ def thinned(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> tuple[NDArray
     """
     index = kept(x, y, buckets)
     return np.asarray(x, dtype=np.float32)[index], np.asarray(y, dtype=np.float32)[index]
+
+
+def draw_thinned(
+    plot: figure, x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS, *, held: bool = False, **look: Any
+) -> GlyphRenderer[Any]:
+    """Draw a curve with as few points as it takes; with `held`, each value until the next instant."""
+    place, value = thinned(x, y, buckets)
+    data = ColumnDataSource(data={"x": place, "y": value})
+    return plot.step("x", "y", source=data, mode="after", **look) if held else plot.line("x", "y", source=data, **look)

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from bokeh.models import DataRange1d, FixedTicker, HoverTool
-from bokeh.models.annotations import BoxAnnotation, Label, Span
+from bokeh.models.annotations import BoxAnnotation, Label
 from bokeh.plotting import figure
 
 from idloop.reporting.breakdowns import MARKED_STRETCHES, axis_name, bins, legend_entry, named_ticks
-from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, padded, source
-from idloop.reporting.figures.thinning import BUCKETS, thinned
+from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, add_zero_line, new_figure, padded, source
+from idloop.reporting.figures.thinning import BUCKETS, draw_thinned
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES
 from idloop.validation.where import ErrorMap
@@ -55,7 +55,7 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
         glyphs = _draw(plot, breakdown, theme.models[index % len(theme.models)])
         entries.append((legend_entry(maps, index), glyphs))
     if not frequency:
-        plot.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
+        add_zero_line(plot, theme)
     _name_ticks(plot, first)
     plot.add_tools(
         HoverTool(
@@ -93,11 +93,10 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
     plot = new_figure(theme, ("time", "s"), ("error", maps[0][1].unit), height=210)
     entries = []
     for index, (_, one) in enumerate(maps):
-        x, y = thinned(one.time, one.error, buckets)
         colour = theme.models[index % len(theme.models)]
-        drawn = plot.line("x", "y", source=source(x=x, y=y), color=colour, line_width=1.0)
+        drawn = draw_thinned(plot, one.time, one.error, buckets, color=colour, line_width=1.0)
         entries.append((legend_entry(maps, index), [drawn]))
-    plot.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
+    add_zero_line(plot, theme)
     for number, stretch in enumerate(maps[-1][1].loud_stretches[:MARKED_STRETCHES], start=1):
         plot.add_layout(
             BoxAnnotation(
@@ -131,7 +130,7 @@ def _draw(plot: figure, breakdown: Breakdown, colour: str) -> list[Any]:
 
 def _name_ticks(plot: figure, breakdown: Breakdown) -> None:
     """Words or edges under bins that are no ranges of a plain axis."""
-    ticks = named_ticks(breakdown)
+    ticks: Any = named_ticks(breakdown)  # Bokeh asks for a wider type of keys
     if ticks:
         plot.xaxis.ticker = FixedTicker(ticks=list(ticks))
         plot.xaxis.major_label_overrides = ticks

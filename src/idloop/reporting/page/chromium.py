@@ -17,13 +17,7 @@ _PATIENCE, _PAGE_TIME = 180, 60_000
 
 
 def find_chromium() -> str:
-    """Path of a browser that can print.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Path of a browser that can print; InputError where there is none."""
     named = os.environ.get(VARIABLE)
     for name in [named] if named else NAMES:
         found = shutil.which(name)
@@ -36,19 +30,7 @@ def find_chromium() -> str:
 
 
 def print_pdf(page: Path, target: Path) -> Path:
-    """Print a page that needs no network.
-
-    Parameters
-    ----------
-    page : Path
-        HTML file.
-    target : Path
-        PDF file.
-
-    Returns
-    -------
-    Path
-        The target.
+    """Print an HTML file that needs no network as PDF.
 
     Raises
     ------
@@ -63,29 +45,7 @@ def print_pdf(page: Path, target: Path) -> Path:
 
 
 def take_picture(page: Path, target: Path, width: int = 1280, height: int = 1620) -> Path:
-    """Take a picture of the upper part of a page, for a message or a slide.
-
-    Parameters
-    ----------
-    page : Path
-        HTML file.
-    target : Path
-        PNG file.
-    width, height : int
-        Of the window [CSS pixels].
-
-    Returns
-    -------
-    Path
-        The target.
-
-    Raises
-    ------
-    InputError
-        There is no browser.
-    IdloopError
-        It fails.
-    """
+    """Take a PNG of the upper part of a page in a window of a size [CSS pixels]; raises as `print_pdf`."""
     return _run(page, target, f"--window-size={width},{height}", f"--screenshot={target.resolve()}")
 
 

@@ -92,13 +92,7 @@ class Contents:
 
 
 def driven_step(ladder: Ladder) -> int | None:
-    """Last step whose drive force can be read off the motion, where the last one's cannot.
-
-    Returns
-    -------
-    int or None
-        None where that of the last step can be, or of none but the first.
-    """
+    """Last step whose drive force is known, where the last one's is not; None where it is, or only the first's."""
     known = [n for n, step in enumerate(ladder.steps) if step_force(step) is not None]
     if not known or known[-1] in (0, len(ladder.steps) - 1):
         return None
@@ -106,13 +100,7 @@ def driven_step(ladder: Ladder) -> int | None:
 
 
 def step_force(step: Step) -> float | None:
-    """Error of the drive force at a step, of unseen data where there are any.
-
-    Returns
-    -------
-    float or None
-        Relative to the applied force; None where it cannot be told.
-    """
+    """Relative error of the drive force at a step, of unseen data where there are any; None where not known."""
     force = (step.validation or step.train).get("force")
     return None if force is None or not np.isfinite(force) else float(force)
 
@@ -148,7 +136,7 @@ def gather(
     progress : callable, optional
         Called with the share done and a text.
     """
-    tell = progress or (lambda share, text: None)
+    report = progress or (lambda share, text: None)
     models = labelled_models(ladder)
     # What was not fitted first, and the longest of it: where the model fails is read off the first.
     validation = sorted(validation, key=lambda record: -record.duration)
@@ -158,10 +146,10 @@ def gather(
     driven = driven_step(ladder)
     judged = []
     for index, (use, record) in enumerate(every):
-        tell(0.8 * index / max(len(every), 1), f"comparing with {record.name}")
+        report(0.8 * index / max(len(every), 1), f"comparing with {record.name}")
         one_more = None if driven is None else (_effects(driven), compare(ladder.steps[driven].model, record))
         judged.append(Judged(use, tuple((label, compare(model, record)) for label, model in models), one_more))
-    tell(0.8, "characteristics")
+    report(0.8, "characteristics")
     found: dict[str, Characteristic] = {}
     drawn_at: dict[str, int] = {}
     for number, step in enumerate(ladder.steps):
@@ -176,7 +164,7 @@ def gather(
                 if place != having[0]:
                     drawn_at[name] = place
                 break
-    tell(0.95, "describing functions")
+    report(0.95, "describing functions")
     refuted = refuted_noise(comparison for one in judged for _, comparison in one.rows)
     return Contents(
         ladder, tuple(judged), noise_floor(ladder.model, validation or records, refuted), found,
@@ -189,13 +177,7 @@ def _has(step: Step, name: str) -> bool:
 
 
 def noise_floor(model: Model, records: Sequence[Record], refuted: Iterable[str] = ()) -> dict[str, float]:
-    """NRMSE that the measurement noise alone leaves, by output; only where the model states the noise.
-
-    Parameters
-    ----------
-    refuted : iterable of str
-        Outputs whose stated noise the data refute: they have no floor.
-    """
+    """NRMSE that the noise of each sensor alone leaves, where the model states it and the data do not refute it."""
     floor = {}
     noise = believed_noise(model, refuted)
     for column, output in enumerate(model.outputs):

@@ -1,9 +1,10 @@
-"""A model's equations in LaTeX, and the symbol of each of its parameters."""
+"""A model's equations in LaTeX and, for a browser that sets them by itself, in MathML."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, EffectEquation
@@ -207,3 +208,11 @@ def _reading(writer: _Writer, output: OutputSignal) -> None:
     writer.lines.append(
         Equation(rf"y_{{\text{{{plain_words(output.name)}}}}} = {signal}{noise}", f"reading {output.name}, noise e")
     )  # fmt: skip
+
+
+@lru_cache(maxsize=512)
+def to_mathml(latex: str, *, block: bool = False) -> str:
+    """Turn a line of LaTeX, without dollar signs, into a ``<math>`` element; `block` on a line of its own."""
+    from latex2mathml.converter import convert
+
+    return str(convert(latex, display="block" if block else "inline"))

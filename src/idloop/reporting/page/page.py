@@ -1,20 +1,21 @@
-"""The report as one HTML page that needs nothing else."""
+"""The report as one HTML page that loads nothing: words, figures and the browser code that draws them."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop import __version__
 from idloop.reporting.figures.theme import DARK, LIGHT
-from idloop.reporting.page.embed import browser_code, figure_items
-from idloop.reporting.page.equations import equations
-from idloop.reporting.page.mathml import to_mathml
+from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.page.page_figures import page_figures
 from idloop.reporting.page.page_words import page_words
 
 if TYPE_CHECKING:
+    from bokeh.plotting import figure
+
     from idloop.reporting.page.contents import Contents
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -58,3 +59,28 @@ def render_page(contents: Contents) -> str:
 
 def _read(name: str) -> str:
     return (TEMPLATES / name).read_text(encoding="utf-8")
+
+
+def figure_items(places: Mapping[str, Sequence[figure]]) -> str:
+    """Figures as a JSON text that may stand in a script element.
+
+    Parameters
+    ----------
+    places : mapping of str to sequence of figure
+        Figures that stand below one another, by the name of their place.
+    """
+    from bokeh.embed import json_item
+    from bokeh.layouts import column
+
+    items: dict[str, Any] = {}
+    for name, figures in places.items():
+        items[name] = json_item(column(*figures, sizing_mode="stretch_width"))
+    # A closing tag in a name must not close the script.
+    return json.dumps(items, separators=(",", ":"), ensure_ascii=False, allow_nan=True).replace("</", "<\\/")
+
+
+def browser_code() -> str:
+    """The JavaScript of Bokeh that the figures need: no widgets, no tables, no fonts."""
+    from bokeh.resources import Resources
+
+    return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw).replace("</script", "<\\/script")

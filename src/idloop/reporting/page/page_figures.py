@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idloop.reporting.figures.candidates import candidates_figure, ladder_rows
-from idloop.reporting.figures.characteristic import characteristic_figure
+from idloop.reporting.figures.characteristic import characteristic_figure, unknown_figure
+from idloop.reporting.figures.comparison import force_figures, overlay
 from idloop.reporting.figures.describing import describing_figures
-from idloop.reporting.figures.force import force_figures
 from idloop.reporting.figures.ladder import ladder_figures
 from idloop.reporting.figures.next_experiment import experiment_figures
-from idloop.reporting.figures.overlay import overlay
 from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import LIGHT, Theme
 from idloop.reporting.figures.thinning import BUCKETS
-from idloop.reporting.figures.unknown import unknown_figure
 from idloop.reporting.figures.where import error_along
 from idloop.reporting.plots.comparison import Panel, make_panel
+from idloop.reporting.residual_findings import FEWEST_FOR_TESTS
 from idloop.validation.variables import VARIABLES
 from idloop.validation.where import DRIVE_FORCE
 
@@ -33,8 +32,6 @@ MOST_RECORDS = 3
 # Bytes of a point in the page (two numbers of four bytes as text), and what all lines over time may take.
 _POINT, _ROOM = 11.0, 2.2e6
 _FEWEST = 300
-# The residual tests look at 25 lags, which fewer samples do not carry.
-_FEWEST_FOR_TESTS = 100
 
 
 def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[figure]]:
@@ -68,7 +65,7 @@ def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[fig
             places[where_place(name, variable)] = [drawn]
     if contents.ladder.unknown is not None:
         places["unknown"] = [unknown_figure(contents.ladder.unknown, theme)]
-    if contents.judged and len(contents.judged[0].record.time) >= _FEWEST_FOR_TESTS:
+    if contents.judged and len(contents.judged[0].record.time) >= FEWEST_FOR_TESTS:
         for test in contents.judged[0].rows[-1][1].residual_tests():
             places[f"residual-{test.name}"] = residual_figures(test, theme)
     for index, measured in enumerate(contents.describing):
@@ -79,13 +76,7 @@ def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[fig
 
 
 def maps_of(judged: Judged, name: str) -> list[tuple[str, ErrorMap]]:
-    """Where the first and the last model fail, of one output or of the drive force.
-
-    Returns
-    -------
-    list of (str, ErrorMap)
-        Label and map; none of a model that does not tell.
-    """
+    """Label and error map of the first and the last model, of one output or the drive force, where known."""
     rows = judged.force_rows if name == DRIVE_FORCE else judged.rows
     return [(label, one) for label, c in rows for one in c.where.maps if one.name == name]
 

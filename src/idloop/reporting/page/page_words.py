@@ -15,10 +15,11 @@ from idloop.reporting.breakdowns import finding
 from idloop.reporting.detectability import detection_limits, undetectable
 from idloop.reporting.estimates import NORMAL_95, figure_text, fit_text, held_parameters, percent_text, with_interval
 from idloop.reporting.figures.candidates import UNTESTABLE, ladder_rows
+from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.contents import driven_step, step_force
 from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
 from idloop.reporting.residual_findings import FEWEST_FOR_TESTS, ResidualFinding, residual_findings, residual_warnings
-from idloop.reporting.terms import DATA_USE, FITTED, effect_words, in_words, p_text
+from idloop.reporting.terms import DATA_USE, FITTED, capitalised, effect_words, in_words, p_text, sentence
 from idloop.reporting.verdicts import (
     CRITERIA,
     basis,
@@ -55,7 +56,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "changes": changes(ladder),
         "no_force": _no_force(ladder),
         "against": [
-            _capital(line) + "."
+            sentence(line)
             for line in (
                 *(f"beware: {one.text}" for one in ladder.worsened),
                 *residual_warnings(ladder.verdict, _fitted_remainders(contents)),
@@ -81,7 +82,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "most_records": MOST_RECORDS,
         "where": _where(contents),
         "residuals": _residuals(contents),
-        "unknown": None if ladder.unknown is None else _capital(ladder.unknown.text),
+        "unknown": None if ladder.unknown is None else capitalised(ladder.unknown.text),
         "weighed": [
             {
                 "name": effect_words(row.name),
@@ -93,9 +94,9 @@ def page_words(contents: Contents) -> dict[str, Any]:
             for row in ladder_rows(ladder)
             if row.standing != UNTESTABLE
         ],
-        "passed_over": [{"name": effect_words(name), "why": in_words(why)} for name, why in ladder.passed_over.items()],
-        "untestable": _untestable(ladder),
-        "detection_limits": [{"name": effect_words(name), "size": size} for name, size in detection_limits(ladder).items()],
+        "passed_over": _table(ladder.passed_over, "why"),
+        "untestable": _table(undetectable(ladder), "why"),
+        "detection_limits": _table(detection_limits(ladder), "size"),
         "findings": list(ladder.findings),
         "suggestion": _suggestion(ladder),
         "experiment": _experiment(ladder),
@@ -105,7 +106,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         ],
         "criterion": CRITERIA.get(ladder.criterion, ladder.criterion),
         "explained_of": explained_of(ladder.criterion),
-        "residual_of": _first_title(contents),
+        "residual_of": contents.judged[0].title if contents.judged else "",
         "basis": basis(["what is still missing"] if ladder.verdict == "missing" else []),
         "level": figure_text(100.0 * ladder.level, 3),
         "provenance": {"commands": [], "seed": None, "versions": {}, "bags": [], **contents.provenance},
@@ -128,7 +129,7 @@ def headline(ladder: Ladder) -> str:
     if effects_looked_for(ladder):
         return {
             "adequate": "Nothing that was looked for is missing.",
-            "unknown_structure": f"{_capital(something)} is missing.",
+            "unknown_structure": sentence(f"{something} is missing"),
             "not_excited": "Nothing that was looked for shows, but this data cannot show everything.",
         }.get(ladder.verdict, "No effect was added.")
     return {
@@ -139,7 +140,7 @@ def headline(ladder: Ladder) -> str:
 
 
 def _or_its_rivals(ladder: Ladder, name: str) -> str:
-    """An added effect without its place, and that it may as well be another one where the data cannot tell."""
+    """An added effect without its place, and the others that it may as well be."""
     plain = effect_words(name).partition(" @ ")[0]
     step = next((s for s in ladder.steps if s.added is not None and s.added.name == name), None)
     rivals = () if step is None else ladder.rivals(step)
@@ -149,7 +150,7 @@ def _or_its_rivals(ladder: Ladder, name: str) -> str:
         return plain
     if len(others) == 1:
         return f"{plain} or {others[0]}"
-    return f"{plain} or one of {len(others)} others that this data cannot tell from it"
+    return f"{plain} or one of {len(others)} others that this data cannot distinguish from it"
 
 
 def verdict_text(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
@@ -163,9 +164,9 @@ def verdict_text(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
     only = scope_text(ladder)
     end = conclusion(ladder, left, only)
     if end.startswith(unexplained_cause(only)):
-        return f"{_capital(end)}."
+        return sentence(end)
     if only:
-        return f"{_end_text(ladder, end.partition(':')[0])} {_capital(only)}."
+        return f"{_end_text(ladder, end.partition(':')[0])} {capitalised(only)}."
     return _end_text(ladder, end)
 
 
@@ -181,15 +182,11 @@ def _end_text(ladder: Ladder, end: str) -> str:
     if ladder.verdict == "unknown_structure" and shape is not None and len(shape.force):
         if shape.coefficient:
             apart = figure_text(float(np.ptp(shape.force)), 3)
-            return f"{_capital(shape.of)} changes over {shape.along}: by {apart} {shape.force_unit} in all."
+            return f"{capitalised(shape.of)} changes over {shape.along}: by {apart} {shape.force_unit} in all."
         # That nothing in the catalogue explains it stands in the headline.
         largest = figure_text(float(np.max(np.abs(shape.force))), 3)
         return f"What is left has a shape over {shape.along}: up to {largest} {shape.force_unit}."
-    return f"{_capital(end)}."
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
+    return sentence(end)
 
 
 def changes(ladder: Ladder) -> list[dict[str, str]]:
@@ -233,7 +230,7 @@ def _no_force(ladder: Ladder) -> str:
     first = len(known) - known[::-1].index(True)
     added = ladder.steps[first].added
     what = "" if added is None else f" with {effect_words(added.name)}"
-    return f"–: the force that a model{what} needs cannot be read off what is measured."
+    return f"–: for a model{what}, the measurements do not determine the drive force."
 
 
 def _drawn(name: str, contents: Contents) -> str:
@@ -246,15 +243,15 @@ def _drawn(name: str, contents: Contents) -> str:
 
 def _noise(contents: Contents) -> dict[str, str]:
     """Noise of every output as its cell of the table says it."""
-    said = {}
+    texts = {}
     for output in contents.ladder.model.outputs:
-        said[output.name] = "from the data"
+        texts[output.name] = "from the data"
         if output.noise is not None:
-            said[output.name] = f"{figure_text(output.noise, 3)} {output.unit}"
+            texts[output.name] = f"{figure_text(output.noise, 3)} {output.unit}"
         if output.name in contents.refuted_noise:
             most = figure_text(contents.refuted_noise[output.name], 3)
-            said[output.name] = f"at most {most} {output.unit} on this data; the model file says {said[output.name]}"
-    return said
+            texts[output.name] = f"at most {most} {output.unit} on this data; the model file says {texts[output.name]}"
+    return texts
 
 
 def _fitted_remainders(contents: Contents) -> list[ResidualFinding]:
@@ -274,17 +271,17 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     # Of the last model: those of the step are biased by what was still missing then.
     now = effect_parameters(last, added.name) or added.parameters
     twins = [group for group in ladder_twins(ladder) if added.name in group.names]
-    told = {name for group in twins for name in group.names}
-    others = [effect_words(name) for name in ladder.rivals(step) if name not in told]
+    equivalent = {name for group in twins for name in group.names}
+    others = [effect_words(name) for name in ladder.rivals(step) if name not in equivalent]
     return {
         "number": number,
-        "name": _capital(effect_words(added.effect)),
+        "name": capitalised(effect_words(added.effect)),
         "site": added.at,
         "text": added.text,
-        "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
+        "evidence": step_evidence(step),
         "explains": figure_text(100.0 * added.explains, 2),
         "ties": others,
-        "replaces": _capital(in_words(ladder.replaced(step))),
+        "replaces": capitalised(in_words(ladder.replaced(step))),
         "place": effect_place(added.name),
         "no_picture": _no_picture(added.name, step.model),
         "parameters": [
@@ -304,8 +301,8 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
 def _no_picture(name: str, model: Model) -> str:
     """Why an effect has no characteristic, where it has none."""
     if any(shifts_in_time(active.effect) for active in model.effects if active.name == name):
-        return "it shifts the command in time, which shows over time and not as a curve over the motion"
-    return "the force of it cannot be read off what is measured"
+        return "it shifts the command in time, which no curve over the motion shows"
+    return "the measurements do not determine its force"
 
 
 def _then(added: Candidate, last: Model) -> str:
@@ -321,17 +318,13 @@ def _then(added: Candidate, last: Model) -> str:
         return ""
     unit = f" {final.unit}" if final.unit != "-" else ""
     gone = final.stderr is not None and abs(final.value) < NORMAL_95 * final.stderr
-    tail = "; at the last step it is not different from 0 any more." if gone else "."
+    tail = "; in the last model it does not differ significantly from 0." if gone else "."
     return f"When it was added: {name.replace('_', ' ')} {then}{unit}{tail}"
 
 
 def _said(group: Twins, name: str) -> dict[str, Any]:
     others = [effect_words(other) for other in group.names if other != name]
-    return {"others": joined_names(others), "checks": [_capital(check) for check in group.checks]}
-
-
-def _evidence(p_value: float | None) -> str:
-    return "" if p_value is None else p_text(p_value)
+    return {"others": joined_names(others), "checks": [capitalised(check) for check in group.checks]}
 
 
 def rungs(ladder: Ladder) -> list[dict[str, Any]]:
@@ -354,8 +347,8 @@ def rungs(ladder: Ladder) -> list[dict[str, Any]]:
             }
         rows.append(
             {
-                "name": "start" if step.added is None else f"+ {effect_words(step.added.name)}",
-                "evidence": "chosen by the user" if step.chosen_by == "user" else _evidence(step.p_value),
+                "name": step_title(step),
+                "evidence": step_evidence(step),
                 "errors": errors,
             }
         )
@@ -394,8 +387,8 @@ def _where(contents: Contents) -> list[dict[str, Any]]:
                 figures.append(
                     {"place": where_place(name, variable), "title": TITLES[variable], "caption": caption}
                 )  # fmt: skip
-        told = maps_of(contents.judged[0], one.name)
-        label, after = told[-1] if len(told) > 1 else ("", None)
+        maps = maps_of(contents.judged[0], one.name)
+        label, after = maps[-1] if len(maps) > 1 else ("", None)
         found.append(
             {
                 "name": one.name,
@@ -409,11 +402,6 @@ def _where(contents: Contents) -> list[dict[str, Any]]:
     return found
 
 
-def _first_title(contents: Contents) -> str:
-    """Use and name of the record whose residual is shown."""
-    return contents.judged[0].title if contents.judged else ""
-
-
 def _residuals(contents: Contents) -> list[dict[str, Any]]:
     if not contents.judged or len(contents.judged[0].record.time) < FEWEST_FOR_TESTS:
         return []
@@ -424,14 +412,10 @@ def _residuals(contents: Contents) -> list[dict[str, Any]]:
             "white": "is white" if test.white else "is not white",
             "white_p": p_text(test.ljung_box_p),
             "free": test.freedom,
-            "free_p": p_text(test.cross_p) if test.told else "",
+            "free_p": p_text(test.cross_p) if test.decided else "",
         }
         for test in contents.judged[0].rows[-1][1].residual_tests()
     ]
-
-
-def _untestable(ladder: Ladder) -> list[dict[str, str]]:
-    return [{"name": effect_words(name), "why": why} for name, why in undetectable(ladder).items()]
 
 
 def _experiment(ladder: Ladder) -> str:
@@ -446,8 +430,8 @@ def _suggestion(ladder: Ladder) -> dict[str, Any] | None:
     suggested = ladder.suggested_experiment
     if suggested is None:
         return None
-    outcomes = [f"{_capital(in_words(one['text']))}." for one in suggested["outcomes"]]
-    return {"text": f"{_capital(in_words(suggested['text']))}.", "outcomes": outcomes}
+    outcomes = [sentence(in_words(one["text"])) for one in suggested["outcomes"]]
+    return {"text": sentence(in_words(suggested["text"])), "outcomes": outcomes}
 
 
 def _parameters(ladder: Ladder) -> list[dict[str, Any]]:
@@ -467,3 +451,8 @@ def _parameters(ladder: Ladder) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _table(texts: Mapping[str, str], column: str) -> list[dict[str, str]]:
+    """Rows of a table by effect."""
+    return [{"name": effect_words(name), column: in_words(text)} for name, text in texts.items()]

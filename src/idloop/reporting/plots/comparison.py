@@ -72,7 +72,7 @@ class Panel:
         half = None if self.band is None else float(self.band[column])
         return residual_frame(self.output[:, column], self.values(column), half)
 
-    def said(self, label: str, column: int) -> str:
+    def legend_entry(self, label: str, column: int) -> str:
         """A model's entry in the legend: its note, and how far it leaves the frame."""
         note, frame = self.notes.get(label), self.value_frame(column)
         parts = [note[column]] if note else []
@@ -126,11 +126,6 @@ def plot_comparison(
         Such as "motor.position" and "rad".
     input_name, input_unit : str
         Such as "motor.effort" and "V".
-
-    Returns
-    -------
-    matplotlib Figure
-        For `idloop.drawing.save`.
     """
     with drawing.styled():
         heights = (2.0, 1.2) * len(output_names) + (1.2,)
@@ -166,7 +161,7 @@ def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
         below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
         for index, (label, modelled) in enumerate(panel.modelled.items()):
             look = drawing.model_look(index)
-            drawing.line(top, panel.time, modelled[:, row], label=panel.said(label, row), **look)
+            drawing.line(top, panel.time, modelled[:, row], label=panel.legend_entry(label, row), **look)
             drawing.line(below, panel.time, panel.output[:, row] - modelled[:, row], **look)
         if panel.band is not None and np.isfinite(panel.band[row]):
             half = float(panel.band[row])

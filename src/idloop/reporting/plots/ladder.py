@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop import drawing
-from idloop.reporting.terms import DATA_USE, effect_words, p_text
+from idloop.reporting.ladder_errors import TRAIN, ErrorLine, error_lines, force_lines, in_decades, step_evidence
+from idloop.reporting.terms import effect_words
 from idloop.reporting.verdicts import conclusion, scope_text
 
 if TYPE_CHECKING:
@@ -26,30 +27,25 @@ def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Fig
     ----------
     floor : mapping of str to float, optional
         NRMSE that the noise of each output alone leaves, by its name.
-
-    Returns
-    -------
-    matplotlib Figure
-        For `idloop.drawing.save`.
     """
     from matplotlib.figure import Figure
 
-    forces = any(_force(step, kind) is not None for step in ladder.steps for kind in ("train", "validation"))
-    rows = 1 + forces + (ladder.unknown is not None)
+    forces, places = force_lines(ladder), np.arange(len(ladder.steps))
+    rows = 1 + bool(forces) + (ladder.unknown is not None)
     width = 4.2 + _STEP_WIDTH * len(ladder.steps)
     with drawing.styled():
         figure = Figure(figsize=(width, 2.4 * rows + 1.3), layout="constrained")
         axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
-        errors = int(forces and ladder.criterion == "force")  # what the steps were judged by comes first
-        _draw_errors(axes[errors], ladder, floor or {})
+        errors = int(bool(forces) and ladder.criterion == "force")  # what the steps were judged by comes first
+        _draw_errors(axes[errors], error_lines(ladder), floor or {})
         if forces:
-            _draw_forces(axes[1 - errors], ladder)
-            axes[0].set_xticks(np.arange(len(ladder.steps)), [""] * len(ladder.steps))
+            _draw_forces(axes[1 - errors], forces)
+            axes[0].set_xticks(places, [""] * len(places))
             # Equal, so that a step stands below itself; the error of the force may end before the ladder does.
             ends = [axes[row].get_xlim() for row in (0, 1)]
             for row in (0, 1):
                 axes[row].set_xlim(min(low for low, _ in ends), max(high for _, high in ends))
-        _name_steps(axes[int(forces)], ladder)
+        axes[int(bool(forces))].set_xticks(places, [step_label(step, ladder) for step in ladder.steps])
         if ladder.unknown is not None:
             _draw_unknown(axes[-1], ladder.unknown)
         axes[0].set_title(
@@ -69,46 +65,39 @@ def plot_unknown(unknown: UnknownStructure) -> Figure:
     return figure
 
 
-def _draw_errors(axes: Any, ladder: Ladder, floor: Mapping[str, float]) -> None:
+def _draw_errors(axes: Any, lines: list[ErrorLine], floor: Mapping[str, float]) -> None:
     """One colour for each output; what the fit did not see is drawn full, the fitted data dashed."""
-    places = np.arange(len(ladder.steps))
-    names = list(dict.fromkeys(name for step in ladder.steps for name in step.train.get("nrmse", {})))
-    unseen = any(step.validation for step in ladder.steps)
-    for index, name in enumerate(names):
-        colour = drawing.MODELS[index % len(drawing.MODELS)]
-        for kind, look in (("train", (0, (4, 2))), ("validation", "-")):
-            values = np.array([_measure(step, kind, "nrmse", name) for step in ladder.steps])
-            if np.any(np.isfinite(values)):
-                label = f"{name}, {DATA_USE[kind]}" if unseen else name
-                axes.plot(places, values, color=colour, linestyle=look, marker="o", markersize=3.5, label=label)
-        if np.isfinite(floor.get(name, np.nan)) and floor[name] > 0.0:
-            axes.axhline(floor[name], color=colour, linewidth=0.8, linestyle=":", label=f"{name}, noise floor")
-    _scale(axes, "NRMSE of the free run [-]")
+    for line in lines:
+        _draw_line(axes, line, drawing.MODELS[line.colour % len(drawing.MODELS)])
+    for colour, name in dict.fromkeys((line.colour, line.quantity) for line in lines):
+        if floor.get(name, np.nan) > 0.0:
+            look: dict[str, Any] = {"color": drawing.MODELS[colour % len(drawing.MODELS)], "linestyle": ":"}
+            axes.axhline(floor[name], linewidth=0.8, label=f"{name}, noise floor", **look)
+    every = (*(line.error for line in lines), np.array(list(floor.values()), dtype=float))
+    _scale(axes, "NRMSE of the free run [-]", decades=in_decades(*every))
 
 
-def _draw_forces(axes: Any, ladder: Ladder) -> None:
-    places = np.arange(len(ladder.steps))
-    for kind, look in (("train", (0, (4, 2))), ("validation", "-")):
-        found = [_force(step, kind) for step in ladder.steps]
-        values = np.array([np.nan if value is None else 100.0 * value for value in found])
-        if np.any(np.isfinite(values)):
-            axes.plot(
-                places, values, color=drawing.COMMAND, linestyle=look, marker="o", markersize=3.5, label=DATA_USE[kind]
-            )
-            shown = values  # of unseen data, where there is any
-    for place, value in zip(places, shown, strict=True):
+def _draw_forces(axes: Any, lines: list[ErrorLine]) -> None:
+    for line in lines:
+        _draw_line(axes, line, drawing.COMMAND)
+    # Of unseen data, where there is any.
+    for place, value in enumerate(lines[0].error):
         if np.isfinite(value):
             axes.annotate(f"{value:.3g} %", (place, value), (6, 5), textcoords="offset points", fontsize="small")
     _scale(axes, "force error [%]", decades=False)
 
 
-def _scale(axes: Any, label: str, *, decades: bool = True) -> None:
+def _draw_line(axes: Any, line: ErrorLine, colour: str) -> None:
+    dashes: Any = (0, (4, 2)) if line.kind == TRAIN and line.use else "-"
+    look: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": "o", "markersize": 3.5}
+    axes.plot(np.arange(len(line.error)), line.error, label=line.label, **look)
+
+
+def _scale(axes: Any, label: str, *, decades: bool) -> None:
     """Decades where the errors span some; the legend beside."""
     from matplotlib.ticker import LogLocator
 
-    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines] or [np.zeros(0)])
-    positive = values[np.isfinite(values) & (values > 0.0)]
-    if decades and len(positive) and np.max(positive) > 5.0 * np.min(positive):
+    if decades:
         axes.set_yscale("log")
         # Plain numbers: a span of one decade or two is read better without powers of ten.
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
@@ -129,12 +118,8 @@ def _legend_beside(axes: Any) -> None:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
 
 
-def _name_steps(axes: Any, ladder: Ladder) -> None:
-    axes.set_xticks(np.arange(len(ladder.steps)), [step_label(step, ladder) for step in ladder.steps])
-
-
 def step_label(step: Step, ladder: Ladder) -> str:
-    """What a step added, its evidence, and in brackets what the data cannot tell it from.
+    """What a step added, its evidence, and in brackets what the data cannot distinguish it from.
 
     Parameters
     ----------
@@ -149,10 +134,7 @@ def step_label(step: Step, ladder: Ladder) -> str:
     if step.added is None:
         return "start"
     lines = [f"+ {effect_words(step.added.effect)}", f"@ {step.added.at}"]
-    if step.chosen_by == "user":
-        lines.append("chosen by the user")
-    elif step.p_value is not None:
-        lines.append(p_text(step.p_value))
+    lines += [evidence] if (evidence := step_evidence(step)) else []
     lines += [f"[or {effect_words(name)}]" for name in ladder.rivals(step)]
     return "\n".join(lines)
 
@@ -162,18 +144,8 @@ def _draw_unknown(axes: Any, unknown: UnknownStructure) -> None:
     colour = drawing.MODELS[1]
     axes.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     axes.fill_between(at, force - band, force + band, color=drawing.BAND, alpha=0.35, linewidth=0, label="95 % band")
-    axes.plot(at, force, color=colour, label="as learnt")
+    axes.plot(at, force, color=colour, label="estimate")
     axes.set_xlabel(drawing.label(unknown.along, unknown.unit))
     axes.set_ylabel(drawing.label(unknown.what, unknown.force_unit))
-    axes.set_title(f"explains {100.0 * unknown.share:.0f} % of what is left", loc="left")
+    axes.set_title(f"explains {100.0 * unknown.share:.0f} % of the remaining error", loc="left")
     _legend_beside(axes)
-
-
-def _measure(step: Step, kind: str, measure: str, name: str) -> float:
-    value = getattr(step, kind).get(measure, {}).get(name)
-    return np.nan if value is None else float(value)
-
-
-def _force(step: Step, kind: str) -> float | None:
-    value = getattr(step, kind).get("force")
-    return None if value is None or not np.isfinite(value) else float(value)

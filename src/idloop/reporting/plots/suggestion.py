@@ -48,11 +48,6 @@ def plot_suggestion(suggestion: Suggestion) -> Figure:
     ----------
     suggestion : Suggestion
         With its rivals.
-
-    Returns
-    -------
-    matplotlib Figure
-        For `idloop.drawing.save`.
     """
     rows, duration = rows_of(suggestion), suggestion.experiment.duration
     whole, stretch = (0.0, duration), _stretch(rows, duration)
@@ -113,7 +108,7 @@ def _new_page(suggestion: Suggestion, rows: list[Row], widths: tuple[float, ...]
 
 
 def _title(suggestion: Suggestion, wide: float) -> list[str]:
-    """The experiment and what it is expected to tell, in lines that fit a width [inches]."""
+    """The experiment and its expected discrimination, in lines that fit a width [inches]."""
     from idloop.diagnosis.design.expected_outcome import lead_text
 
     signal, unit = suggestion.signal, sent_unit(suggestion)

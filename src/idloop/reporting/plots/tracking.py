@@ -35,11 +35,6 @@ def plot_tracking(
         Of the command.
     settle : float
         Seconds at the start that the errors in the legend leave out.
-
-    Returns
-    -------
-    matplotlib Figure
-        For `idloop.drawing.save`.
     """
     column = without.names.index(output)
     unit = without.units[column]

@@ -38,11 +38,6 @@ def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
     ----------
     models : sequence of (str, Where)
         Label of each model and where it fails, all on the same record.
-
-    Returns
-    -------
-    matplotlib Figure
-        For `idloop.drawing.save`.
     """
     from matplotlib.figure import Figure
 

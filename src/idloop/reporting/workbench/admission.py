@@ -109,9 +109,9 @@ class _Visitor(HTTPMessageDelegate):
 
     def _refuse(self, status: int, more: Mapping[str, str]) -> None:
         text = f"{status} {HTTPStatus(status).phrase}\n".encode()
-        told = {**more, "Content-Type": "text/plain", "Content-Length": str(len(text))}
+        answer = {**more, "Content-Type": "text/plain", "Content-Length": str(len(text))}
         self._request_conn.write_headers(
-            ResponseStartLine("HTTP/1.1", status, HTTPStatus(status).phrase), HTTPHeaders(told), text
+            ResponseStartLine("HTTP/1.1", status, HTTPStatus(status).phrase), HTTPHeaders(answer), text
         )
         self._request_conn.finish()
 

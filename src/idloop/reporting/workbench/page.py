@@ -15,11 +15,11 @@ from bokeh.models.widgets import Div
 
 from idloop.documents import read_json
 from idloop.errors import InputError
+from idloop.reporting.figures.characteristic import unknown_figure
 from idloop.reporting.figures.evidence import evidence_figure
 from idloop.reporting.figures.ladder import ladder_figures
 from idloop.reporting.figures.next_experiment import experiment_figures
 from idloop.reporting.figures.theme import LIGHT, THEMES
-from idloop.reporting.figures.unknown import unknown_figure
 from idloop.reporting.figures.where import error_along
 from idloop.reporting.sensor_noise import REFUTED, least_error
 from idloop.reporting.workbench.redraw import Canvas
@@ -40,18 +40,7 @@ TEMPLATE = Path(__file__).with_name("assets") / "page.html"
 
 
 def judged_spread(ladder: Ladder, name: str) -> float:
-    """Standard deviation of an output on the data that the last step of a ladder is judged on.
-
-    Parameters
-    ----------
-    name : str
-        Of the output.
-
-    Returns
-    -------
-    float
-        0 where its errors do not say.
-    """
+    """Standard deviation of an output on the data that judge the last step; 0 where its errors do not say."""
     last = ladder.steps[-1]
     errors = last.validation or last.train
     missed, relative = (errors.get(measure, {}).get(name) for measure in ("rmse", "nrmse"))
@@ -114,7 +103,7 @@ class Page:
         self.signals: Signals = source.signals
         self.look: dict[str, Any] = {"theme": theme, "error": "", "variable": "", "seen": True}
         self._doc = doc
-        self._seen: dict[str, Any] = {}
+        self._drawn: dict[str, tuple[Any, Any]] = {}
         self.choice = ColumnDataSource(name="look", data={"json": [json.dumps(self.look)]})
         self.choice.on_change("data", self._chosen)
         self.roots = {name: column(name=name, sizing_mode="stretch_width") for name in FIGURES}
@@ -161,23 +150,23 @@ class Page:
             self._doc.unhold()
 
     def _draw_findings(self, snapshot: Snapshot) -> None:
-        look = (self.look["theme"], self.look["error"], self.look["variable"])
-        if self._is_new("where", snapshot.assessment, look):
-            self._canvases["where"].draw(self._where(snapshot))
-        if self._is_new("ladder", snapshot.ladder, self.look["theme"]):
-            self._canvases["ladder"].draw(self._ladder(snapshot))
-        if self._is_new("evidence", snapshot.evidence, self.look["theme"]):
-            self._canvases["evidence"].draw(self._evidence(snapshot))
-        if self._is_new("next", snapshot.suggestion, self.look["theme"]):
-            found = snapshot.suggestion
-            self._canvases["next"].draw([] if found is None else experiment_figures(found, self._theme))
+        theme = self.look["theme"]
+        parts: dict[str, tuple[Any, Callable[[Snapshot], list[Any]]]] = {
+            "where": (snapshot.assessment, self._where),
+            "ladder": (snapshot.ladder, self._ladder),
+            "evidence": (snapshot.evidence, self._evidence),
+            "next": (snapshot.suggestion, self._next),
+        }
+        for name, (finding, draw) in parts.items():
+            look = (theme, self.look["error"], self.look["variable"]) if name == "where" else (theme,)
+            before = self._drawn.get(name)
+            if before is None or before[0] is not finding or before[1] != look:
+                self._drawn[name] = finding, look
+                self._canvases[name].draw(draw(snapshot))
 
-    def _is_new(self, what: str, thing: Any, look: Any) -> bool:
-        before = self._seen.get(what)
-        if before is not None and before[0] is thing and before[1] == look:
-            return False
-        self._seen[what] = thing, look
-        return True
+    def _next(self, snapshot: Snapshot) -> list[Any]:
+        found = snapshot.suggestion
+        return [] if found is None else list(experiment_figures(found, self._theme))
 
     def _where(self, snapshot: Snapshot) -> list[Any]:
         found = snapshot.assessment
@@ -190,7 +179,12 @@ class Page:
         plot = error_along([(found.model, one)], variable, self._theme)
         if plot is None:
             why = one.left_out.get(variable, "")
-            return [self._words(f"No picture over {TITLES[variable]}: {why or 'too little data'}.")]
+            return [
+                Div(
+                    text=f"No figure over {TITLES[variable]}: {why or 'too little data'}.",
+                    styles={"color": self._theme.muted},
+                )
+            ]
         return [plot]
 
     def _evidence(self, snapshot: Snapshot) -> list[Any]:
@@ -210,9 +204,6 @@ class Page:
         if ladder.unknown is not None:
             plots.append(unknown_figure(ladder.unknown, self._theme))
         return list(plots)
-
-    def _words(self, text: str) -> Div:
-        return Div(text=text, styles={"color": self._theme.muted})
 
     def _floor(self, ladder: Ladder) -> dict[str, float]:
         """What the noise of each output alone leaves, relative to the spread of what the ladder is judged on."""

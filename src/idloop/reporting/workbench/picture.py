@@ -67,20 +67,7 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
 
 
 def climb(page: Any, add: int) -> None:
-    """Find what is missing and add it, and find what is missing then.
-
-    Parameters
-    ----------
-    page : playwright.sync_api.Page
-        Of the workbench.
-    add : int
-        Effects that are added, as far as something is missing.
-
-    Raises
-    ------
-    IdloopError
-        The workbench could not do what was asked.
-    """
+    """Find what is missing and add it, as often as asked, then look again; IdloopError where that is refused."""
     _diagnose(page)
     for _ in range(add):
         if not page.is_visible(ADD):

@@ -1,4 +1,4 @@
-"""Serves the page: Bokeh's server in a thread of its own, on this machine only unless told otherwise."""
+"""Serves the page: Bokeh's server in a thread of its own, on this machine only unless another address is given."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ class Site:
         try:
             self._server = self._found_a_place(self._loop)
             self._server.start()
-        except Exception as error:  # noqa: BLE001  (told to the one who waits for this thread)
+        except Exception as error:  # noqa: BLE001  (raised by the one who waits for this thread)
             self._failure = error
             self._ready.set()
             return

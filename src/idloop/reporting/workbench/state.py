@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
 
-# What a live graph may do without being asked.
+# What a live graph may do automatically.
 AUTOMATIC = ("add", "experiment")
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3  # as in diagnostic_msgs
@@ -80,7 +80,7 @@ class Missing:
     candidates : tuple of Candidate
         Best first.
     set : tuple of str
-        Effects that this data cannot tell from the best one, that one included.
+        Effects that this data cannot distinguish from the best one, that one included.
     pair : tuple of str
         Two that show only together.
     untestable, findings : tuple of str

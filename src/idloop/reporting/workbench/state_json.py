@@ -11,7 +11,8 @@ from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_twins, one_of_each
 from idloop.reporting.breakdowns import finding, shown_first
 from idloop.reporting.estimates import with_interval
-from idloop.reporting.terms import FITTED, UNSEEN, effect_words, in_words, p_text
+from idloop.reporting.ladder_errors import step_title
+from idloop.reporting.terms import FITTED, UNSEEN, capitalised, effect_words, in_words, p_text, sentence
 from idloop.reporting.verdicts import basis, conclusion, confounding_effects, explained_of, scope_text
 from idloop.validation.words import percent, short
 
@@ -98,20 +99,15 @@ def _counts_trouble(name: str, value: str) -> bool:
     return (name in TROUBLE or name.startswith("lost/")) and value not in ("", "0")
 
 
-def p_words(value: float | None) -> str:
-    """Say a family-wise p-value; empty where there is none."""
-    return "" if value is None or not math.isfinite(value) else p_text(value)
-
-
 def parameter_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Say every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"; one that is held is said to be."""
-    said = []
+    """Every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"; "(held)" where it is."""
+    texts = []
     for name, entry in parameters.items():
         value, unit = entry.get("value"), entry.get("unit") or ""
         if value is not None:
             text = f"{name.replace('_', ' ')} {with_interval(value, entry.get('stderr'))} {unit.strip('-')}".rstrip()
-            said.append(f"{text} (held)" if entry.get("held") else text)
-    return said
+            texts.append(f"{text} (held)" if entry.get("held") else text)
+    return texts
 
 
 def _finite(value: float | None) -> float | None:
@@ -143,7 +139,7 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
         "verdict": found.verdict,
         "conclusion": "" if ladder is None or ladder.verdict != found.verdict else _contradicted(ladder),
         "explains": f"of {explained_of('' if ladder is None else ladder.criterion)}",
-        "basis": _capital(f"{basis(lacking)}this data cannot show"),
+        "basis": capitalised(f"{basis(lacking)}this data cannot show"),
         "line": found.line,
         "error": found.error,
         "tied": [effect_words(name) for name in found.set],
@@ -151,8 +147,7 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
         # What is one equation no experiment tells apart, a check by hand does.
         "separable": len(one_of_each(found.set, twins)) > 1,
         "twins": [
-            {"text": f"{_capital(in_words(one.text))}.", "checks": [f"{_capital(check)}." for check in one.checks]}
-            for one in twins
+            {"text": sentence(in_words(one.text)), "checks": [sentence(check) for check in one.checks]} for one in twins
         ],
         "candidates": [
             _candidate(one, place, found, pictures.get(one.name), level) for place, one in enumerate(found.candidates)
@@ -162,7 +157,7 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
             for name in found.untestable
         ],
         "findings": list(found.findings),
-        "unknown": "" if found.unknown is None else f"{_capital(found.unknown.text)}.",
+        "unknown": sentence("" if found.unknown is None else found.unknown.text),
     }
 
 
@@ -178,12 +173,12 @@ def _evidence(found: Evidence) -> dict[str, Any]:
         for name in sorted(newest, key=lambda name: -newest[name])
     ]
     return {
-        "line": _capital(in_words(found.line)),
+        "line": capitalised(in_words(found.line)),
         "threshold": f"{found.threshold:.1f}" if math.isfinite(found.threshold) else "",
         "effects": effects,
         "ended": in_words(found.ended),
         "estimates": [
-            {"name": one.name, "text": one.text, "trusted": one.trusted, "why": _capital(in_words(one.why))}
+            {"name": one.name, "text": one.text, "trusted": one.trusted, "why": capitalised(in_words(one.why))}
             for one in found.estimates
         ],
     }
@@ -192,16 +187,8 @@ def _evidence(found: Evidence) -> dict[str, Any]:
 def _contradicted(ladder: Ladder) -> str:
     """The conclusion where the plain words of the verdict would say too much; empty otherwise."""
     only = scope_text(ladder)
-    told = ladder.verdict != "missing" and (confounding_effects(ladder) or only)
-    return _capital(f"{conclusion(ladder, (), only)}.") if told else ""
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def _sentence(text: str) -> str:
-    return f"{_capital(text)}." if text else ""
+    needed = ladder.verdict != "missing" and (confounding_effects(ladder) or only)
+    return sentence(conclusion(ladder, (), only)) if needed else ""
 
 
 def _candidate(
@@ -214,7 +201,7 @@ def _candidate(
         "significant": significant,
         "best": significant and place == 0,
         "fitted": bool(one.parameters) or math.isfinite(one.gain),
-        "p": p_words(one.p_value),
+        "p": p_text(one.p_value),
         "explains": one.explains,
         "share": percent(one.explains),
         "testable": one.testable,
@@ -247,7 +234,7 @@ def _ladder(ladder: Ladder) -> dict[str, Any]:
         "steps": [_step(number, step, ladder) for number, step in enumerate(ladder.steps)],
         "verdict": ladder.verdict,
         "unseen": any(step.validation for step in ladder.steps),
-        "beware": [_capital(f"beware: {one.text}.") for one in ladder.worsened],
+        "beware": [sentence(f"beware: {one.text}") for one in ladder.worsened],
     }
 
 
@@ -256,9 +243,9 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     added = step.added
     return {
         "number": number,
-        "words": "start" if added is None else f"+ {effect_words(added.name)}",
+        "words": step_title(step),
         "by": "" if added is None else step.chosen_by,
-        "p": p_words(step.p_value),
+        "p": p_text(step.p_value),
         "ties": [effect_words(name) for name in ladder.rivals(step)],
         "fit": _numbers(judged.get("fit", {})),
         "force": None if judged.get("force") is None else 100.0 * judged["force"],
@@ -269,12 +256,12 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
 def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
     signal, adds_to = found.get("signal"), found.get("adds_to")
     return {
-        "signal": _capital(describe_signal(signal, str(adds_to), str(found.get("unit", ""))))
+        "signal": capitalised(describe_signal(signal, str(adds_to), str(found.get("unit", ""))))
         if signal and adds_to
         else "",
-        "text": _capital(in_words(str(found.get("text", "")))),
+        "text": capitalised(in_words(str(found.get("text", "")))),
         "duration": _finite(found.get("duration")),
-        "outcomes": [_capital(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],
+        "outcomes": [capitalised(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],
     }
 
 
@@ -300,7 +287,7 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         "relative": percent(one.relative) if math.isfinite(one.relative) else "",
         "variables": [b.variable for b in one.breakdowns],
         "left_out": dict(one.left_out),
-        "stands_out": {b.variable: _sentence(text) for b in one.breakdowns if (text := finding(b))},
+        "stands_out": {b.variable: sentence(text) for b in one.breakdowns if (text := finding(b))},
         "everywhere": _everywhere(one),
         "stretches": [
             {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}

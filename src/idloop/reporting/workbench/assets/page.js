@@ -12,7 +12,7 @@
   const LEVELS = ["ok", "warning", "error", "silent"];
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
   const FAILED = 2; // level of a check from which on the head says so
-  // What is said of the stop, and what the reader does about it.
+  // Texts for the states of the stop, and what the reader does about it.
   const BY_HAND = "The motor may still be driven: switch the drive off by hand.";
   const STOPS = {
     sent: ["Stop sent, not confirmed", BY_HAND],
@@ -199,10 +199,10 @@
         make("div", { class: "value" }, percent(value)),
         make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, value ?? 0))}%` })),
         make("div", { class: "what" }, `FIT ${name}${use ? `, ${use}` : ""}`)));
-      if (force != null) fits.push(make("div", { class: "fit error", "data-output": "force", title: `Force that the measured motion needs and the model does not know, on ${s.assessment.record}` },
+      if (force != null) fits.push(make("div", { class: "fit error", "data-output": "force", title: `Applied minus needed drive force relative to the applied force (rms), on ${s.assessment.record}` },
         make("div", { class: "value" }, percent(force)),
         make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, force))}%` })),
-        make("div", { class: "what" }, "force unexplained")));
+        make("div", { class: "what" }, "error of the drive force")));
       return fits;
     });
     $("stop").hidden = !s.moves;
@@ -280,7 +280,7 @@
     const m = s.missing;
     const verdict = $("verdict");
     verdict.className = "verdict";
-    if (!m) say("verdict", s.activity ? "" : (s.ladder?.steps.length ?? 0) > 1 ? "Added. Is anything still missing?" : "Not looked for yet.");
+    if (!m) say("verdict", s.activity ? "" : (s.ladder?.steps.length ?? 0) > 1 ? "Added. Is anything still missing?" : "No diagnosis yet.");
     else if (m.error) say("verdict", m.error);
     else if (m.verdict === "missing") {
       verdict.classList.add("found");
@@ -314,18 +314,18 @@
     const cards = significant.map((c) => card(c, busy, m, significant.length));
     if (cards.length > 1) {
       parts.push(make("div", { class: `tie${m.pair.length ? "" : " open"}${cards.length >= MANY ? " many" : ""}` }, make("p", {}, m.pair.length
-        ? "Neither shows alone; both together do" : ["A tie: they fit this data equally well", ...same(significant)].join(" · ")), ...cards,
+        ? "Neither is significant alone; both together are" : ["A tie: they fit this data equally well", ...same(significant)].join(" · ")), ...cards,
         ...m.twins.map((one) => make("p", { class: "twins" }, `${one.text} By hand: ${one.checks.join(" ")}`))));
     } else parts.push(...cards);
-    if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `What an effect explains is part ${m.explains}.`));
+    if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `Shares are parts ${m.explains}.`));
     const also = others.filter((c) => c.below_level).length;
     if (others.length) parts.push(make("details", {}, make("summary", {}, also ? `${others.length} fitted and not chosen, ${also} of them significant by ${also > 1 ? "themselves" : "itself"}` : `${others.length} fitted, not significant`), ...others.map((c) => card(c, busy, m))));
-    if (rest.length) parts.push(make("details", {}, make("summary", {}, `${rest.length} screened, nothing seen`),
+    if (rest.length) parts.push(make("details", {}, make("summary", {}, `${rest.length} screened, no sign of them`),
       make("ul", {}, ...rest.map((c) => make("li", {}, make("b", {}, c.words), ` ${c.text} `, add(c, busy, m))))));
     return parts;
   }
 
-  // What is the same of all effects of a tie is said once, above them.
+  // What is the same of all effects of a tie stands once, above them.
   const common = (all, part) => (all.every((c) => part(c) === part(all[0])) ? part(all[0]) : "");
   const same = (all) => [common(all, (c) => c.p), common(all, (c) => `each explains ${c.share}`)].filter(Boolean);
 
@@ -337,8 +337,8 @@
 
   function card(c, busy, m, tied = 1) {
     const picture = c.picture ? drawing(c.picture) : null;
-    const told = tied > 1 && !m.pair.length ? same(m.candidates.filter((one) => one.significant)).join() : "";
-    const own = [c.p, `explains ${c.share}`].filter((text) => !told.includes(text));
+    const shared = tied > 1 && !m.pair.length ? same(m.candidates.filter((one) => one.significant)).join() : "";
+    const own = [c.p, `explains ${c.share}`].filter((text) => !shared.includes(text));
     return make("div", { class: `card ${c.significant ? "significant" : "weak"} ${picture ? "" : "plain"}`, "data-candidate": c.name },
       picture,
       make("div", {}, make("h3", {}, c.words),
@@ -346,7 +346,7 @@
         make("div", { class: "share" }, make("i", { style: `width:${Math.max(0, Math.min(100, 100 * c.explains))}%` }))),
       add(c, busy, m, tied),
       make("p", {}, c.text, c.replaces ? ` It takes the place of ${c.replaces}.` : "",
-        c.passed_over ? ` Significant, yet passed over: ${c.passed_over}.` : ""));
+        c.passed_over ? ` Significant, but not chosen: ${c.passed_over}.` : ""));
   }
 
   function drawing(picture) {
@@ -385,10 +385,10 @@
   function showLadder(s) {
     const steps = s.ladder?.steps ?? [];
     $("undo").disabled = steps.length < 2 || Boolean(s.activity);
-    say("ladder-hint", steps.length ? (s.ladder.unseen ? "" : "Errors of the data that were fitted.") : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
+    say("ladder-hint", steps.length ? (s.ladder.unseen ? "" : "Errors on the fitted data.") : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
     render("beware", s.ladder?.beware ?? [], () => (s.ladder?.beware ?? []).map((text) => make("p", {}, text)));
     render("steps", steps, () => steps.map((one) => make("li", { "data-step": one.number },
-      make("span", {}, one.words, one.ties.length ? make("small", {}, `could as well be ${one.ties.join(", ")}`) : null,
+      make("span", {}, one.words, one.ties.length ? make("small", {}, `this data cannot distinguish it from ${one.ties.join(", ")}`) : null,
         one.parameters.length ? make("small", {}, one.parameters.join(" · ")) : null),
       make("span", { class: "errors" }, [...Object.values(one.fit).map((value) => percent(value)), one.force == null ? null : `force ${percent(one.force)}`].filter(Boolean).join(" · "),
         make("small", {}, one.number ? [one.by === "user" ? "your choice" : one.p].filter(Boolean).join("") : `FIT ${Object.keys(one.fit).join(" · ")}${one.force == null ? "" : " · error of the force"}`)))));
@@ -399,7 +399,7 @@
     $("evidence-panel").hidden = !e;
     if (!e) return;
     say("evidence-line", [e.ended ? `The experiment was ended: ${e.ended}.` : "", `${e.line}.`].filter(Boolean).join(" "));
-    say("evidence-hint", e.threshold ? `Each stretch of new samples is scored by fits to earlier ones. An effect is decided where log E reaches ${e.threshold}; it may be looked at at any time. Where several are decided, a diagnosis compares them with one another.` : "");
+    say("evidence-hint", e.threshold ? `Fits to earlier samples score each stretch of new ones. An effect is decided where log E reaches ${e.threshold}; the threshold holds at any time. Where several are decided, a diagnosis compares them with one another.` : "");
     $("evidence-numbers").hidden = !e.effects.length;
     render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", {},
       make("th", { scope: "row" }, one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));
@@ -417,7 +417,7 @@
     const aim = tied ? "that tells them apart" : "that shows more";
     say("experiment", s.live ? `Run the experiment ${aim} …` : `Work out the experiment ${aim}`);
     $("experiment").disabled = Boolean(s.activity || s.stop);
-    say("onward-words", s.activity && s.automatic?.includes("experiment") ? "The graph runs it without being asked, as the box below says." : s.live ? "It moves the motor: you see the limits first." : "It says what to send in, and what each effect would show.");
+    say("onward-words", s.activity && s.automatic?.includes("experiment") ? "The graph runs it automatically, see the box below." : s.live ? "It moves the motor: you see the limits first." : "It says what to send in, and what each effect would show.");
     $("experiment-panel").hidden = !s.suggested;
     if (s.suggested && awaited && !s.activity) {
       awaited = false;

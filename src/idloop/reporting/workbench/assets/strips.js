@@ -99,7 +99,7 @@ const Strips = (() => {
   }
 
   class Strips {
-    // place: element; base: address of the server; moved: told when the reader moves or zooms.
+    // place: element; base: address of the server; moved: called when the reader moves or zooms.
     constructor(place, base, moved) {
       this.moved = moved;
       this.look = null; // { follow: seconds | null, stretch: [start, stop] | null, shown }
@@ -418,14 +418,14 @@ const Strips = (() => {
       g.lineTo(x, strip.top + strip.height);
       g.stroke();
       g.setLineDash([]);
-      const said = strip.lines.map(([name, column]) => {
+      const texts = strip.lines.map(([name, column]) => {
         const one = this.streams[name];
         const value = one?.values[column]?.[one.at(this.instant(x))];
         return value == null || value !== value ? null : `${strip.lines.length > 1 ? `${name} ` : ""}${Number(value.toPrecision(4))}`;
       }).filter(Boolean);
-      if (strip === this.strips[0]) said.unshift(`at ${this.instant(x).toFixed(3)} s`);
-      if (!said.length) return;
-      const text = `${said.join("   ")} ${strip.unit}`.replaceAll("-", "−");
+      if (strip === this.strips[0]) texts.unshift(`at ${this.instant(x).toFixed(3)} s`);
+      if (!texts.length) return;
+      const text = `${texts.join("   ")} ${strip.unit}`.replaceAll("-", "−");
       g.font = `11px ${FONT}`;
       g.textAlign = "right";
       g.textBaseline = "middle";

@@ -5,7 +5,7 @@ const Wire = (() => {
   const AGAIN = 400; // milliseconds after which a lost connection is tried again
 
   return class {
-    // address: of the socket; answered: told what came; lost: told that there will be no answer to what was asked.
+    // address: of the socket; answered: called with what came; lost: called when there will be no answer to what was asked.
     constructor(address, answered, lost) {
       this.address = address;
       this.answered = answered;
@@ -28,7 +28,7 @@ const Wire = (() => {
       return true;
     }
 
-    // A connection may be dead without anybody having said so.
+    // A connection may be dead without a sign of it.
     renew() { this.socket.close(); }
   };
 })();
