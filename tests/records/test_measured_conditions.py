@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from idloop.errors import InputError
-from idloop.estimation.dataset import prepare, recorded
+from idloop.estimation.dataset import common_conditions, prepare
 from idloop.physics import Condition, load_model
 from idloop.physics.model import ConditionSource
 from idloop.records import Record, inspect_bag, read_record, write_bag
@@ -194,10 +194,12 @@ def test_conditions_of_another_time_are_left_out_with_a_line(tmp_path: Path, bes
 def test_a_model_that_needs_a_condition_says_so(beside: Record) -> None:
     model = load_model("dc_motor").with_effect("thermal_viscosity", "motor", coefficient=-0.01)
     (data,) = prepare(model, [beside])
-    assert recorded([data]) == {"supply": "V", "temperature": "°C"}
+    assert common_conditions([data]) == {"supply": "V", "temperature": "°C"}
     with pytest.raises(InputError, match="holds no condition 'temperature', which thermal_viscosity@motor depends on"):
         prepare(model, [replace(beside, conditions=(VOLTS,))])
     kelvin = replace(WARM, unit="K")
     with pytest.raises(InputError, match="is in K, and thermal_viscosity@motor takes it in °C"):
         prepare(model, [replace(beside, conditions=(kelvin,))])
-    assert recorded([data, *prepare(load_model("dc_motor"), [replace(beside, conditions=(VOLTS,))])]) == {"supply": "V"}
+    assert common_conditions([data, *prepare(load_model("dc_motor"), [replace(beside, conditions=(VOLTS,))])]) == {
+        "supply": "V"
+    }

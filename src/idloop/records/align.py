@@ -1,4 +1,4 @@
-"""From the streams of a bag to one record: pick, check the clocks, sort, align."""
+"""Records from the streams of a bag: signals are selected, clocks checked, samples sorted and aligned."""
 
 from __future__ import annotations
 

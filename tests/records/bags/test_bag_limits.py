@@ -12,7 +12,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from idloop.errors import IdloopError, InputError
-from idloop.graph.live_results import read_diagnostics
+from idloop.graph.live_results import read_results
 from idloop.records import write_bag
 from idloop.records.bags import bag_limits
 from idloop.records.bags.bag import Bag
@@ -31,7 +31,7 @@ def chunk(path: Path, compression: CompressionType) -> Path:
         writer = McapWriter(file, compression=compression, chunk_size=1 << 26)
         writer.start(profile="ros2", library="test")
         schema = writer.register_schema("diagnostic_msgs/msg/DiagnosticArray", "ros2msg", b"string data")
-        writer.add_message(writer.register_channel("/estimator/said", "cdr", schema), 1, LONG, 1, 0)
+        writer.add_message(writer.register_channel("/estimator/fit", "cdr", schema), 1, LONG, 1, 0)
         writer.finish()
     assert path.stat().st_size < 100_000
     return path
@@ -72,7 +72,7 @@ def test_a_chunk_beyond_the_limit_is_one_line(compression: CompressionType, tmp_
     with pytest.raises(InputError, match=r"damaged inside \(a chunk or message unpacks to more than 1 MiB\)"):
         messages(path)
     with pytest.raises(IdloopError, match="unpacks to more than 1 MiB"):
-        read_diagnostics(path, ("said",))
+        read_results(path)
     with pytest.raises(IdloopError, match="no message in it can be read"):
         recover_bag(path, tmp_path / "saved")
 

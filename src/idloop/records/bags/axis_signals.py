@@ -1,4 +1,4 @@
-"""Which signals of a bag are command and measurements, where no model names them."""
+"""Command and measurements of a bag without a model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from idloop.spelling import did_you_mean, listed
 
 @dataclass(frozen=True)
 class AxisSignals:
-    """Command and measurements of an axis, as `read_record` takes them; a unit is "-" where the bag does not say."""
+    """Command and measurements of an axis, for `read_record`; a unit is "-" where the bag does not state it."""
 
     input: InputSignal
     outputs: tuple[InputSignal, ...]
@@ -40,8 +40,8 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
     bag : Path or str
         rosbag2 directory, ``.mcap`` or ``.db3`` file.
     outputs : sequence of str, optional
-        Measurements that are wanted, such as ``motor.velocity``, of any joint; by default every field of the
-        commanded joint that moves.
+        Measurements to read, such as ``motor.velocity``, of any joint; by default every field of the commanded joint
+        that moves.
     joint : str, optional
         Commanded joint; needed where ``joint_command`` holds several.
 

@@ -8,9 +8,9 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any, BinaryIO
 
-# Bytes of a chunk or message when it is unpacked: ros2 bag writes chunks of 0.8 MB, and messages of images are smaller.
+# Bytes of an unpacked chunk or message; ros2 bag writes chunks of 0.8 MB, and messages of images are smaller.
 MOST_UNPACKED = 256 << 20
-# Times that a file may grow when it is unpacked as a whole, beyond that; messages of joints shrink to a tenth.
+# Further growth of a file that is unpacked as a whole, as a factor; messages of joints shrink to a tenth.
 _MOST_GROWTH = 200
 
 

@@ -1,4 +1,4 @@
-"""Runs of the clock: a bag in which simulated time started anew holds several experiments."""
+"""Runs of the clock: a bag in which simulated time was restarted holds several experiments."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _last_announced(stamp: Stamps) -> NDArray[np.int64]:
 
 
 def backwards_message(path: Path, streams: Mapping[str, JointStream], resets: Mapping[str, list[JointStream]]) -> str:
-    """Say where time runs backwards and what to do about it."""
+    """Return where time runs backwards, and what to do."""
     topic, parts = next(iter(resets.items()))
     at = len(parts[0])
     stamp = streams[topic].stamp_ns

@@ -67,7 +67,7 @@ def read_streams(
                 f"{bag.path}: {topic.name} should have {topic.count} messages and has none; the file is damaged, copy"
                 f" it again, or save the rest with `idloop recover {bag.path}`"
             )
-        streams[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
+        streams[topic.name] = _decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
     return streams
 
 
@@ -100,7 +100,7 @@ def _check_readable(bag: Bag, topic: Topic) -> None:
         )
 
 
-def decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloads: list[bytes]) -> JointStream:
+def _decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloads: list[bytes]) -> JointStream:
     """Turn serialised messages of one topic into a `JointStream`."""
     stamps: NDArray[np.int64] | None
     try:

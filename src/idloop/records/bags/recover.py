@@ -1,4 +1,4 @@
-"""Save what can be read of a recording that was cut off by a crash."""
+"""Recovery of the readable messages of a recording that was cut off by a crash."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ _READERS = {".mcap": mcap_messages, ".db3": sqlite_messages}
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was saved.
+    """Result of a recovery.
 
     Attributes
     ----------

@@ -1,7 +1,8 @@
 """Rows of an SQLite file read page by page, so that the rows of a damaged file can still be read.
 
-Python's sqlite3 module refuses a file that is cut off and has no recovery; the `.recover` of the sqlite3 program that
-Ubuntu 24.04 installs (3.45) ends with "SQL logic error" on one, where this reads every row in front of the cut.
+Python's sqlite3 module refuses a file that is cut off and has no recovery. The `.recover` of the sqlite3 program needs
+that program, and 3.40.1 of it ends with "SQL logic error" on a bag that was cut at half of its 40,000 messages, where
+this reads 20,063 of them.
 
 Format: https://www.sqlite.org/fileformat2.html, big-endian, b-trees of pages, the rows in their leaves.
 """

@@ -17,7 +17,7 @@ from idloop.records.measured_conditions import FIELD, conditions_columns
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.record import Record
 
-# At equal times the reader must meet a message before what it causes: reference, measurement, command.
+# At equal times causes come first: reference, measurement, command.
 _ORDER = ("reference", "excitation", CONDITIONS, "joint_states", "joint_command")
 
 

@@ -1,1 +1,1 @@
-"""What is wrong with a recording, and what it can show, before anything is fitted."""
+"""Checks of a recording before a fit: what is wrong with it, and what it can show."""

@@ -42,7 +42,7 @@ class Motion:
     resolution : float
         Smallest step between two values that occur; 0 when constant.
     moves : bool
-        Whether it does more than noise about one value.
+        Whether it is more than noise around one value.
     reversals : int
         How often the direction of motion changes: swings of a position, sign changes of a velocity, each of more
         than 2 % of its range.

@@ -28,7 +28,7 @@ Stamps = NDArray[np.int64]
 _START_NS = 1_000_000_000
 _TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ABSOLUTE = 946_684_800.0  # 2000-01-01: larger times are dates, not seconds since the start
-_LATEST_NS = 2**62  # in the year 2116: what is further away, on either side, is no time
+_LATEST_NS = 2**62  # in the year 2116: numbers of larger size are not times
 _BITS = {"int8": 8, "int16": 16, "int32": 32}
 
 
