@@ -1,4 +1,4 @@
-"""Which criterion's answer is reported where prediction and free run differ."""
+"""Choice of the criterion where prediction and free run differ."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idloop.estimation.criterion_choice import between
+from idloop.estimation.criterion_choice import choose_criterion
 
 NAMES = ("motor.viscous_friction", "drive.gain")
 
@@ -41,7 +41,7 @@ DATA = [SimpleNamespace(output=np.linspace(-1.0, 1.0, 100)[:, None])]
     ],
 )
 def test_the_free_run_answers_where_prediction_is_blind(prediction, simulation, chosen):
-    choice = between(prediction, simulation, DATA)
+    choice = choose_criterion(prediction, simulation, DATA)
     assert choice.criterion == chosen
     if np.isnan(simulation.stderr).any() and chosen == "simulation":
         assert "cannot tell drive.gain" in choice.why

@@ -42,16 +42,16 @@ def test_a_velocity_computed_from_the_position_is_no_second_sensor(motor, experi
     assert np.all(np.isnan(data.output[:, 1]))
     assert np.array_equal(data.output[:, 0], record.output[:, 0])
     assert np.all(np.isfinite(record.output)), "the record stays as it is"
-    (kept,) = prepare(motor, [record], every=True)
+    (kept,) = prepare(motor, [record], keep_computed=True)
     assert np.array_equal(kept.output, record.output)
     # Whichever record shows it, the sensors are the same in all.
     for several in ([own, record], [record, own]):
         assert all(np.all(np.isnan(one.output[:, 1])) for one in prepare(motor, several))
-    assert np.all(np.isnan(prepare(motor, [own], beside=[record])[0].output[:, 1]))
+    assert np.all(np.isnan(prepare(motor, [own], companions=[record])[0].output[:, 1]))
     assert np.all(np.isfinite(prepare(motor, [own])[0].output))
 
 
-def test_a_computed_velocity_serves_where_its_position_is_not_at_hand(motor, experiment):
+def test_a_computed_velocity_is_used_without_its_position(motor, experiment):
     record = computed(motor, experiment)
     speed_only = record.output.copy()
     speed_only[:, 0] = np.nan

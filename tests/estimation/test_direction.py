@@ -1,4 +1,4 @@
-"""A drive that pushes the other way than the model says."""
+"""A fitted drive gain of the opposite sign."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ def with_gain(value: float, stderr: float | None = None) -> Model:
 
 
 @pytest.mark.parametrize(("value", "stderr"), [(-8.0, 0.1), (-8.0, None)])
-def test_a_gain_of_the_other_sign_is_told_with_what_to_do(value, stderr):
-    said = opposite_direction_warning(with_gain(8.0), with_gain(value, stderr))
-    assert "drive.gain is -8 " in said
-    assert "8 " in said
-    assert "`scale: -1`" in said
+def test_a_gain_of_the_opposite_sign_gives_a_warning(value, stderr):
+    warning = opposite_direction_warning(with_gain(8.0), with_gain(value, stderr))
+    assert "drive.gain is -8 " in warning
+    assert "8 " in warning
+    assert "`scale: -1`" in warning
 
 
 @pytest.mark.parametrize(("value", "stderr"), [(7.0, 0.1), (0.0, 0.1), (-0.1, 0.05)])
-def test_one_of_the_same_sign_or_that_may_be_is_not(value, stderr):
+def test_a_gain_of_the_same_or_an_uncertain_sign_gives_none(value, stderr):
     assert opposite_direction_warning(with_gain(8.0), with_gain(value, stderr)) == ""
 
 
-def test_a_negative_gain_of_the_model_is_none_that_turned():
+def test_a_negative_gain_of_the_model_gives_no_warning():
     assert opposite_direction_warning(with_gain(-8.0), with_gain(-7.0)) == ""
     assert opposite_direction_warning(with_gain(-8.0), with_gain(7.0)) != ""

@@ -1,4 +1,4 @@
-"""Open and closed loops are told apart, and methods for the open one are known."""
+"""Detection of feedback, and the methods for open loops."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def looped(gain=0.5, noise=0.1, seed=0, samples=4000):
     return SampledData("loop", u[:, None], y[:, None], 0.01, reference=r if gain else None)
 
 
-def test_noise_that_comes_back_is_weighed():
+def test_the_power_of_fed_back_noise_is_estimated():
     loop = detect_feedback(looped())
     assert loop.closed
     assert loop.reference
@@ -36,7 +36,7 @@ def test_noise_that_comes_back_is_weighed():
 
 
 @pytest.mark.parametrize(("pole", "gain"), [(0.95, 0.5), (0.99, 2.0), (0.995, 0.5)])
-def test_slow_noise_that_comes_back_is_weighed_whole(pole, gain):
+def test_the_power_of_slow_fed_back_noise_is_estimated(pole, gain):
     """Beside the newest sample's noise, that of all samples before it; the truth is the loop without its reference."""
     random, samples = np.random.default_rng(3), 8000
     e = 0.02 * random.normal(size=samples)
@@ -54,7 +54,7 @@ def test_slow_noise_that_comes_back_is_weighed_whole(pole, gain):
     assert loop.fed_back == pytest.approx(np.var(returned) / np.var(u), rel=0.25)
 
 
-def test_a_quiet_loop_is_closed_but_nothing_comes_back():
+def test_a_loop_without_noise_is_closed_without_fed_back_power():
     loop = detect_feedback(looped(noise=1e-4))
     assert loop.closed
     assert loop.fed_back < 1e-6
@@ -97,7 +97,7 @@ def test_an_open_loop_is_open_whatever_the_excitation_and_the_plant(kind, fricti
         assert not detect_feedback(data).closed
 
 
-def test_a_plant_that_runs_away_in_open_loop_feeds_nothing_back():
+def test_an_unstable_plant_in_open_loop_has_no_feedback():
     random = np.random.default_rng(0)
     u = np.repeat(random.choice([-1.0, 1.0], 1000), 2)
     y = lfilter([0.0, 0.01], [1.0, -1.01], u) + 1e-3 * random.normal(size=2000)
@@ -112,7 +112,7 @@ def test_a_plant_that_runs_away_in_open_loop_feeds_nothing_back():
     assert not detect_feedback(data).closed
 
 
-def test_too_little_data_tells_nothing_and_says_so():
+def test_too_few_samples_are_reported_as_undecided():
     loop = detect_feedback(looped(samples=60))
     assert np.isnan(loop.fed_back)
     assert not loop.depends

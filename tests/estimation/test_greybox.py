@@ -56,9 +56,7 @@ def test_intervals_and_report_under_noise(motor: Model, experiment: Make) -> Non
 
 
 @pytest.mark.parametrize("criterion", ["prediction", "simulation"])
-def test_a_resolution_that_the_model_knows_makes_no_interval_tight(
-    motor: Model, experiment: Make, criterion: str
-) -> None:
+def test_a_known_quantisation_does_not_narrow_the_intervals(motor: Model, experiment: Make, criterion: str) -> None:
     # Slopes of a rounded reading are its jumps: they say that everything is known to a thousandth of what it is.
     record = experiment(motor, seed=4)
     start = motor.with_values(WRONG)
@@ -75,7 +73,7 @@ def test_same_data_same_answer(motor: Model, experiment: Make) -> None:
     assert np.array_equal(first.stderr, second.stderr)
 
 
-def test_more_records_make_it_surer(motor: Model, experiment: Make) -> None:
+def test_more_records_give_smaller_intervals(motor: Model, experiment: Make) -> None:
     records = [experiment(motor, seed=s, samples=800) for s in range(3)]
     one, three = fit(motor, records[:1]), fit(motor, records)
     assert np.all(three.stderr < one.stderr)
@@ -110,7 +108,7 @@ def test_absent_friction_ends_on_its_bound(motor: Model, experiment: Make) -> No
     assert level < 4.0 * result.stderr[result.names.index("coulomb_friction@motor.level")]
 
 
-def test_parameter_without_trace_is_named(motor: Model, experiment: Make) -> None:
+def test_a_parameter_without_influence_is_named(motor: Model, experiment: Make) -> None:
     limited = motor.with_effect("saturation", "input", limit=100.0)
     result = fit(limited, [experiment(motor, seed=9, samples=600)])
     assert any("saturation@input.limit has no effect" in w for w in result.warnings)
@@ -126,7 +124,7 @@ def test_progress_runs_from_start_to_end(motor: Model, experiment: Make) -> None
     assert seen[-1] >= 0.95
 
 
-def test_what_no_observer_can_predict_is_simulated(
+def test_a_model_without_an_observer_is_simulated(
     motor: Model, experiment: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def none(*given: Any) -> None:

@@ -1,4 +1,4 @@
-"""Data badly scaled, near-degenerate or too poor: a right answer, a note, or one clear line from every method."""
+"""Badly scaled, near-degenerate or poor data: a correct result, a note, or one clear error from every method."""
 
 from __future__ import annotations
 
@@ -172,13 +172,13 @@ POOR = {
 def test_poor_data_give_numbers_or_one_line(name, poor):
     u, _, y = made()
     data = POOR[poor](u, y)
-    said = ""
+    message = ""
     try:
         model = identify(data, name, Choices(order="auto" if name in RESPONSES else 2)).model
     except IdloopError as error:
-        said = str(error)
-    assert "\n" not in said
-    if said:
+        message = str(error)
+    assert "\n" not in message
+    if message:
         return
     assert poor not in {"zero input", "zero output", "constant output"} or name in RESPONSES
     numbers = model.response if name in RESPONSES else model.simulate(data) if name in NETWORKS else model.a

@@ -29,7 +29,7 @@ def test_finds_the_parameters_and_predicts(motor: Model, experiment: Make) -> No
 
 @settings(max_examples=10)
 @given(st.lists(st.integers(1, 130), min_size=1, max_size=12))
-def test_how_samples_are_cut_into_blocks_does_not_matter(motor: Model, experiment: Make, sizes: list[int]) -> None:
+def test_blocks_do_not_change_the_result(motor: Model, experiment: Make, sizes: list[int]) -> None:
     record = experiment(motor, samples=400, seed=2)
     whole, parts = RecursiveEstimator(motor), RecursiveEstimator(motor)
     expected = whole.update_block(record.time, record.input, record.output)
@@ -42,7 +42,7 @@ def test_how_samples_are_cut_into_blocks_does_not_matter(motor: Model, experimen
     assert np.array_equal(parts.theta, whole.theta)
 
 
-def test_how_samples_of_a_stiff_chain_are_cut_does_not_show(experiment: Make) -> None:
+def test_blocks_of_a_stiff_chain_do_not_change_the_result(experiment: Make) -> None:
     chain = load_model("torsion")
     record = experiment(chain, samples=600, seed=2)
     found = []
@@ -56,7 +56,7 @@ def test_how_samples_of_a_stiff_chain_are_cut_does_not_show(experiment: Make) ->
         assert np.array_equal(theta, found[0])
 
 
-def test_gap_clock_reset_and_stragglers(motor: Model, experiment: Make) -> None:
+def test_gap_clock_reset_and_late_samples(motor: Model, experiment: Make) -> None:
     record = experiment(motor, samples=300)
     estimator = RecursiveEstimator(motor)
     estimator.update_block(record.time, record.input, record.output)
@@ -106,7 +106,7 @@ def test_missing_outputs_are_predicted_around(motor: Model, experiment: Make) ->
 
 
 @pytest.mark.filterwarnings("error")
-def test_an_infinite_reading_is_none(motor: Model, experiment: Make) -> None:
+def test_an_infinite_reading_counts_as_missing(motor: Model, experiment: Make) -> None:
     record = experiment(motor, samples=600)
     spoilt, missing = record.output.copy(), record.output.copy()
     spoilt[100], spoilt[200:220, 1] = np.inf, -np.inf
@@ -118,7 +118,7 @@ def test_an_infinite_reading_is_none(motor: Model, experiment: Make) -> None:
     assert np.isinf(spoilt[100]).all(), "the caller's data stay"
 
 
-def test_set_model_goes_on_without_a_jump(motor: Model, experiment: Make) -> None:
+def test_set_model_continues_without_a_jump(motor: Model, experiment: Make) -> None:
     record = experiment(motor, samples=1200, seed=4)
     estimator = RecursiveEstimator(motor, adapt=False)
     estimator.update_block(record.time[:600], record.input[:600], record.output[:600])

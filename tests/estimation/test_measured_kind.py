@@ -1,4 +1,4 @@
-"""A measured torque of an exact linear axis: as a measured input it is fitted, and nothing is missing."""
+"""A measured torque as the input of an exact linear axis: it is fitted, and no effect is missing."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def test_a_measured_torque_gives_the_axis_its_values(case: tuple[Model, Record],
     assert found["axis.viscous_friction"] == pytest.approx(DRAG, rel=5e-3)
 
 
-def test_nothing_is_missing_of_an_axis_whose_torque_was_measured(case: tuple[Model, Record]) -> None:
+def test_an_axis_with_measured_torque_misses_no_effect(case: tuple[Model, Record]) -> None:
     model, record = case
     diagnosis = diagnose(model, [record])
     assert diagnosis.set == ()

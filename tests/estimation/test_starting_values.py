@@ -1,4 +1,4 @@
-"""A fit does not depend on where it starts: thirty times more or less of every parameter gives the same."""
+"""A fit does not depend on its starting values, thirty times larger or smaller ones included."""
 
 from __future__ import annotations
 

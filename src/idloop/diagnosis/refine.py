@@ -164,7 +164,7 @@ class _Task:
             ladder = self._as_predicted(ladder, -1, views.finer)
         if fit is None:
             return ladder, None
-        held_out = prepare(start, self.validation, beside=self.records) if self.validation else []
+        held_out = prepare(start, self.validation, companions=self.records) if self.validation else []
         view = ForceView(estimation, self.level, self.least, self.effects, held_out, forms)
         found, last = self._climb(view, FORCE)(fit, ladder)
         if views is None:

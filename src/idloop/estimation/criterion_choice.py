@@ -42,7 +42,7 @@ class Choice:
     why: str
 
 
-def between(prediction: FitResult, simulation: FitResult, data: list[Data]) -> Choice:
+def choose_criterion(prediction: FitResult, simulation: FitResult, data: list[Data]) -> Choice:
     """Choose between a fit by prediction and one by free run of the same model to the same records."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.log(prediction.stderr / simulation.stderr)

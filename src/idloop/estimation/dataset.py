@@ -61,21 +61,25 @@ class Data:
         index = np.searchsorted(self.input_time, self.time + 1e-9, side="right") - 1
         return np.where(index >= 0, self.input[np.maximum(index, 0)], 0.0)
 
-    def part(self, first: int, last: int) -> Data:
-        """Samples of an index range, with the command that is held at the first."""
+    def part(self, first: int, last: int, *, all_commands: bool = False) -> Data:
+        """Samples of an index range, with all commands or those from the one held at the first sample on."""
         time = self.time[first:last]
-        begin = max(int(np.searchsorted(self.input_time, time[0], side="right")) - 1, 0)
-        end = max(int(np.searchsorted(self.input_time, time[-1], side="right")), begin + 1)
-        gaps = self.gaps[(self.gaps > first) & (self.gaps < last)] - first
-        own, inputs = slice(first, last), slice(begin, end)
+        begin, end = 0, len(self.input)
+        if not all_commands:
+            begin = max(int(np.searchsorted(self.input_time, time[0], side="right")) - 1, 0)
+            end = max(int(np.searchsorted(self.input_time, time[-1], side="right")), begin + 1)
         return replace(
-            self, input_time=self.input_time[inputs], input=self.input[inputs], time=time, output=self.output[own],
-            gaps=gaps,
-        )  # fmt: skip
+            self,
+            input_time=self.input_time[begin:end],
+            input=self.input[begin:end],
+            time=time,
+            output=self.output[first:last],
+            gaps=self.gaps[(self.gaps > first) & (self.gaps < last)] - first,
+        )
 
 
 def prepare(
-    model: Model, records: Sequence[Record], *, beside: Sequence[Record] = (), every: bool = False
+    model: Model, records: Sequence[Record], *, companions: Sequence[Record] = (), keep_computed: bool = False
 ) -> list[Data]:
     """Check records against a model and convert them to arrays for the compiled simulator.
 
@@ -86,9 +90,9 @@ def prepare(
     ----------
     model : Model
     records : sequence of Record
-    beside : sequence of Record
+    companions : sequence of Record
         Further records of the same sensors, for the same check.
-    every : bool
+    keep_computed : bool
         Keep computed velocities.
 
     Raises
@@ -100,7 +104,7 @@ def prepare(
     if len(records) == 0:
         raise InputError("no record to fit; give at least one bag")
     found = [_prepare(model, record) for record in records]
-    for place, speed in [] if every else sorted(_computed([*records, *beside])):
+    for place, speed in [] if keep_computed else sorted(_computed([*records, *companions])):
         for data in found:
             if np.any(np.isfinite(data.output[:, place])):
                 data.output[:, speed] = np.nan

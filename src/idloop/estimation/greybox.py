@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.criterion import Criterion
-from idloop.estimation.criterion_choice import between
+from idloop.estimation.criterion_choice import choose_criterion
 from idloop.estimation.dataset import Data, opening_segments, output_noise, prepare
 from idloop.estimation.direction import opposite_direction_warning
-from idloop.estimation.force_balance.weak_fit import WeakFit, fit_by_force
+from idloop.estimation.force_balance.weak_fit import WeakFit, fit_by_force_if_possible
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.first_fit import first_fit
@@ -87,16 +87,16 @@ def fit(
     data = prepare(model, records)
     if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
-    tell = progress or (lambda share, text: None)
+    report = progress or (lambda share, text: None)
     engine = RememberingEngine(model)
     scale = common_scale(engine, data)
     if scale is not None:
         return scale.extended(model, fit(scale.fixed(model), records, criterion, progress))
     noise = output_noise(model, data)
-    tell(0.0, "looking at the data")
+    report(0.0, "looking at the data")
     start = model.theta
     # The balance is nearly linear in the parameters: a cheap start for every criterion, and often the best one itself.
-    near = _balance(engine, data, start)
+    near = fit_by_force_if_possible(engine, data, start)
     balance = near if near is not None and (criterion == "force" or near.resolved) else None
     if criterion == "force" and balance is None:
         raise InputError(
@@ -106,25 +106,25 @@ def fit(
 
     def by_force(balance: WeakFit, why: str) -> FitResult:
         result = _conclude_force(model, data, balance, why, noise)
-        return _without_ties(model, records, criterion, tell, result, balance.slopes) or result
+        return _without_ties(model, records, criterion, report, result, balance.slopes) or result
 
     if balance is not None and criterion == "force":
-        return by_force(balance, "as asked")
+        return by_force(balance, "as requested")
     if balance is not None and criterion == "auto" and balance.model_error_dominates:
         return by_force(balance, _why_force(balance))
-    chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as asked")
+    chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as requested")
     # Even with much noise a balance may be nearer to the optimum than the starting values.
     starts = [start] if near is None else [start, near.theta]
-    tell(0.1, f"{chosen} criterion")
+    report(0.1, f"{chosen} criterion")
 
     def searched(name: str, reason: str) -> tuple[Array, FitResult]:
         if name == "prediction":
             estimation = prepare_estimation(model, records, name)
             ended = _of_refit(first_fit(estimation, model))
         else:
-            found = _search(engine, model, data, starts, lambda share, text: tell(0.1 + 0.6 * share, text))
+            found = _search(engine, model, data, starts, lambda share, text: report(0.1 + 0.6 * share, text))
             ended = _of_solution(found)
-        tell(0.75, "standard errors")
+        report(0.75, "standard errors")
         return ended.jacobian, _conclude(model, data, ended, reason, noise)
 
     try:
@@ -133,24 +133,24 @@ def fit(
         if criterion != "auto" or isinstance(error, InputError):
             raise
         # A model without an observer can still be simulated.
-        tell(0.1, "simulation criterion")
+        report(0.1, "simulation criterion")
         chosen, reason = "simulation", str(error).partition(";")[0]
         jacobian, result = searched(chosen, f"the prediction criterion fails: {reason}")
     if balance is not None and criterion == "auto" and balance.contradicts(result.model):
         return by_force(balance, f"{chosen} explains a force as a disturbance, as the force balance shows")
-    alone = _without_ties(model, records, criterion, tell, result, jacobian)
+    alone = _without_ties(model, records, criterion, report, result, jacobian)
     if alone is not None:
         return alone
     if criterion != "auto" or chosen == "simulation":
         return result
-    tell(0.8, "free run, to compare with")
+    report(0.8, "free run, to compare with")
     try:
         rival = _search(engine, model, data, [result.values, *starts], lambda share, text: None)
         free = _conclude(model, data, _of_solution(rival), "", noise)
     except (IdloopError, np.linalg.LinAlgError):
         return result
-    tell(0.95, "comparing the criteria")
-    final = between(result, free, data)
+    report(0.95, "comparing the criteria")
+    final = choose_criterion(result, free, data)
     return replace(free if final.criterion == "simulation" else result, why=final.why)
 
 
@@ -158,7 +158,7 @@ def _without_ties(
     model: Model,
     records: Sequence[Record],
     criterion: str,
-    tell: Progress,
+    report: Progress,
     result: FitResult,
     jacobian: Array,
 ) -> FitResult | None:
@@ -169,19 +169,19 @@ def _without_ties(
     together = exactly_tied(model, jacobian)
     if together is None:
         return None
-    settled = fit(together.fixed(model), records, criterion, lambda share, text: tell(0.8 + 0.2 * share, text))
+    settled = fit(together.fixed(model), records, criterion, lambda share, text: report(0.8 + 0.2 * share, text))
     if settled.criterion == result.criterion and settled.loss > _NO_WORSE * result.loss:
         return None
     return together.extended(model, settled)
 
 
-def _search(engine: Engine, model: Model, data: list[Data], starts: list[Array], tell: Progress) -> Solution:
+def _search(engine: Engine, model: Model, data: list[Data], starts: list[Array], report: Progress) -> Solution:
     """Best free run from several starting points, tried in turn until a search converges."""
     best: Solution | None = None
     ranked, exact_slopes = _nearer(engine, model, data, _ranked(SimulationCriterion(engine, data), starts))
     for trial in ranked:
         rule = SimulationCriterion(engine, data)
-        found = solve(rule, trial, *model.bounds, report=tell, typical=model.theta, exact_slopes=exact_slopes)
+        found = solve(rule, trial, *model.bounds, report=report, typical=model.theta, exact_slopes=exact_slopes)
         if best is None or found.problem.objective < best.problem.objective:
             best = found
         if best.converged:
@@ -205,14 +205,6 @@ def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array])
     except IdloopError:
         return ranked, False
     return [near.theta, *ranked], slopes_agree(near)
-
-
-def _balance(engine: Engine, data: list[Data], start: Array) -> WeakFit | None:
-    """The fit by force balance at any noise level; None where there is none."""
-    try:
-        return fit_by_force(engine, data, start, accept_noise=True)
-    except (IdloopError, np.linalg.LinAlgError):
-        return None
 
 
 def _why_force(balance: WeakFit) -> str:

@@ -242,7 +242,7 @@ class RecursiveEstimator:
             used = self._unsettled <= 0.0
             self._unsettled -= self._bank.waiting
             if used or not self._innovations.known:
-                self._innovations.update(self._bank.seen())
+                self._innovations.update(self._bank.innovations())
             self._update_parameters(used)
 
     def _restart(self) -> None:
@@ -336,7 +336,7 @@ class RecursiveEstimator:
         self._find_sizes()
         if self._updates == 0:
             self._first_noise = np.array([noise_std(column) for column in self._bank.measured().T])
-        retune = self._tune(self._bank.seen()) if self._innovations.known else False
+        retune = self._tune(self._bank.innovations()) if self._innovations.known else False
         innovation, slope = self._bank.slopes()
         samples = len(innovation)
         if self._updates == 0 and self._disturbance is None and self._bank.command_rms() > 0.0:

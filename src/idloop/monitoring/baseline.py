@@ -145,7 +145,7 @@ class Baseline:
             start = stop - warm
 
     def _stretch(self, record: Record) -> Scores:
-        (data,) = prepare(self.model, [record], every=True)
+        (data,) = prepare(self.model, [record], keep_computed=True)
         if abs(data.sample_time - self.observer.sample_time) > 0.05 * self.observer.sample_time:
             raise InputError(
                 f"record {record.name!r} is sampled every {data.sample_time:.4g} s, the reference every "
@@ -264,7 +264,7 @@ def learn(
     report = progress or (lambda share, text: None)
     others = may_vary(model, watches, varying)
     free = model.with_free([*(watch.parameter for watch in watches), *others])
-    data = prepare(free, records, every=True)
+    data = prepare(free, records, keep_computed=True)
     report(0.0, "the observer")
     observer = design_reference_observer(RememberingEngine(free), data, free.theta)
     bare = Baseline(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -141,5 +141,5 @@ def _shortened(data: list[Data]) -> list[Data]:
     found = []
     for d in data:
         count = max(int(share * len(d.time)), min(len(d.time), 1000))
-        found.append(replace(d, time=d.time[:count], output=d.output[:count], gaps=d.gaps[d.gaps < count]))
+        found.append(d.part(0, count, all_commands=True))
     return found

@@ -1,4 +1,4 @@
-"""Term by term, a balance is what the compiled model makes of the motion as a whole."""
+"""The terms of a force balance add up to the balance of the compiled model."""
 
 from pathlib import Path
 
@@ -94,14 +94,14 @@ def test_the_terms_add_up(machine: Model, form: WeakForm, effect: Effect, *, fri
     assert np.mean(near) > (0.999 if effect.settle is None else 0.9)
 
 
-def test_a_friction_that_the_load_raises_is_no_term(machine: Model, form: WeakForm) -> None:
+def test_load_dependent_friction_is_no_independent_term(machine: Model, form: WeakForm) -> None:
     for name, raised in (("coulomb_friction", False), ("load_dependent_friction", True)):
         model = machine.with_effect(name, "motor", **STRONG[name])
         assert isinstance(balances(model, form)[0], WholeBalance) == raised
 
 
 @pytest.mark.parametrize("effect", [one for one in BALANCED if one.proportional], ids=lambda effect: effect.name)
-def test_what_is_said_to_be_proportional_is(machine: Model, form: WeakForm, effect: Effect) -> None:
+def test_proportional_effects_are_proportional(machine: Model, form: WeakForm, effect: Effect) -> None:
     first = effect.parameters[0].name
     forces = []
     for factor in (0.0, 1.0, 3.0):

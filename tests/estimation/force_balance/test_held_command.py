@@ -1,4 +1,4 @@
-"""A held command around the instants of a measurement: its mean is exact, and so are the two sides of a jump."""
+"""A held command around the instants of a measurement: exact means and exact sides of jumps."""
 
 import numpy as np
 import pytest
@@ -43,12 +43,12 @@ def test_a_smooth_command_does_not_jump() -> None:
     assert len(around.jumps) == 0
 
 
-def test_before_the_first_command_it_is_nought() -> None:
+def test_before_the_first_command_it_is_zero() -> None:
     around = HeldCommand(np.array([1.0]), np.array([2.0]), 3.0).around(np.array([0.5, 1.0, 2.0]), STEP)
     np.testing.assert_allclose(around.mean, [0.0, 1.0, 2.0], atol=1e-9)
 
 
-def test_what_is_joined_keeps_the_jumps_in_place() -> None:
+def test_joined_commands_keep_their_jumps() -> None:
     time, _, held = levels(60)
     one = held.around(time, STEP)
     both = CommandAround.joined([one, one])

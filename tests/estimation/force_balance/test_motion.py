@@ -76,14 +76,14 @@ def test_noise_of_a_quantised_sensor_is_that_of_rounding() -> None:
 
 
 @given(st.integers(0, 99), st.floats(1e-5, 10.0))
-def test_a_scale_is_seen_though_the_motion_hardly_comes_back(seed: int, step: float) -> None:
+def test_a_quantum_is_found_in_a_sweep_without_repeated_values(seed: int, step: float) -> None:
     rng = np.random.default_rng(seed)
     sweep = np.cumsum(rng.uniform(0.5, 3.0, 2000))
     assert resolution(step * np.round(sweep)) == pytest.approx(step, rel=1e-6)
     assert resolution(step * sweep) == 0.0
 
 
-def test_a_sensor_that_lags_is_not_asked_where_another_sees_the_body() -> None:
+def test_a_lagging_sensor_is_not_used_beside_another() -> None:
     t = np.arange(0.0, 4.0, 1e-3)
     place, late = np.sin(6.0 * t), 6.0 * np.cos(6.0 * (t - 0.05))
     model = load_model("axis")

@@ -1,4 +1,4 @@
-"""Fits by the force balance: one answer from every start, and nothing gained by switching forces off."""
+"""Fits by force balance: one result from every start, and no gain by switching forces off."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert np.all(inside >= 51), inside
 
 
-def test_fit_says_which_force_is_left() -> None:
+def test_a_fit_reports_the_unexplained_force() -> None:
     plain = load_model("axis")
     result = fit(plain, [recorded(MACHINE)])
     assert result.criterion == "force"
@@ -79,7 +79,7 @@ def test_a_limit_far_below_the_command_explains_the_motion_beyond_it() -> None:
     assert found.model.values["axis.inertia"] == pytest.approx(plain.values["axis.inertia"], rel=0.02)
 
 
-def test_a_friction_is_told_by_the_rest_of_the_body_that_it_holds() -> None:
+def test_friction_is_determined_by_the_standstill_of_its_body() -> None:
     """A dead zone stops the drive, a friction the body: they differ where the body stands."""
     record = recorded(MACHINE)
     dead = load_model("axis").with_effects(["dead_zone@input(width=0.2)"])
@@ -87,7 +87,7 @@ def test_a_friction_is_told_by_the_rest_of_the_body_that_it_holds() -> None:
     assert np.sum(stuck.log_densities()) > np.sum(free.log_densities()) + 30.0
 
 
-def test_the_reliability_ratio_is_the_part_of_the_acceleration_that_is_no_noise() -> None:
+def test_the_reliability_is_the_share_of_the_acceleration_without_noise() -> None:
     plain = load_model("axis")
     rng, record = np.random.default_rng(3), recorded(load_model("axis"))
     shares = []
@@ -136,12 +136,12 @@ def test_windows_are_wide_enough_for_the_inertia_to_be_right(memory: float, size
 
 @pytest.mark.parametrize("memory", [0.0, 0.8, 0.95, 0.99])
 @pytest.mark.parametrize("size", [3e-3, 1e-2, 3e-2, 1e-1])
-def test_no_balance_is_reliable_whose_inertia_is_the_noise_of_the_sensor(memory: float, size: float) -> None:
+def test_no_balance_is_reliable_with_an_inertia_from_sensor_noise(memory: float, size: float) -> None:
     found = noisy(wandering(memory, size))
     assert found is None or not found.reliable or found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.2)
 
 
-def test_what_windows_leave_out_of_the_motion_is_told() -> None:
+def test_motion_outside_the_band_of_the_windows_is_measured() -> None:
     machine = load_model("axis")
     record = recorded(machine, seconds=8.0)
     record = replace(record, output=record.output + 1e-4 * np.random.default_rng(3).normal(size=record.output.shape))
@@ -149,7 +149,7 @@ def test_what_windows_leave_out_of_the_motion_is_told() -> None:
     assert form_of(machine, record, 400).left_out > 10.0
 
 
-def test_a_prediction_that_has_the_force_in_its_disturbance_is_told() -> None:
+def test_a_prediction_with_a_force_in_its_disturbance_is_contradicted() -> None:
     plain = load_model("axis")
     balance = fit_by_force(RememberingEngine(plain), prepare(plain, [recorded(MACHINE)]), plain.theta)
     assert balance is not None

@@ -1,4 +1,4 @@
-"""The force balance in weak form: exact where it must be, and blind to nothing that switches the command off."""
+"""Force balance in weak form."""
 
 from dataclasses import replace
 
@@ -48,14 +48,14 @@ def test_a_constant_acceleration_comes_out_as_it_is(width: int, step: float, sta
 
 
 @pytest.mark.parametrize("width", [NARROWEST, 15, 41])
-def test_of_the_machine_itself_nothing_stays_unexplained(width: int) -> None:
+def test_the_true_model_leaves_nothing_unexplained(width: int) -> None:
     machine = load_model("axis")
     form = form_of(machine, recorded(machine), width)
     left = form.residual(machine.theta, 0.5 / RATE * 0.0)[:, 0]
     assert np.sqrt(np.mean(left**2)) < 0.02 * np.sqrt(np.mean(form.drive(machine.theta, 0.0) ** 2))
 
 
-def test_windows_over_a_hole_are_left_out() -> None:
+def test_windows_over_a_gap_are_left_out() -> None:
     machine = load_model("axis")
     record = recorded(machine)
     output = record.output.copy()
@@ -124,7 +124,7 @@ def test_a_delay_moves_the_command_by_parts_of_a_sample() -> None:
     assert errors[1] < min(errors[0], errors[2])
 
 
-def test_stretches_have_the_windows_of_the_record_that_they_are_cut_from() -> None:
+def test_segments_have_the_windows_of_their_record() -> None:
     machine = load_model("axis")
     form = form_of(machine, recorded(machine, seconds=40.0))
     most = int(form.starts[-1]) // 5
@@ -137,7 +137,7 @@ def test_stretches_have_the_windows_of_the_record_that_they_are_cut_from() -> No
     assert some.residual(moved, 1e-3) == pytest.approx(form.residual(moved, 1e-3)[place])
 
 
-def test_stretches_of_a_model_with_a_memory_are_led_in() -> None:
+def test_segments_of_a_model_with_memory_have_a_lead_in() -> None:
     machine = load_model("axis").with_effect("actuator_lag", "input", time_constant=0.004)
     form = form_of(machine, recorded(machine, seconds=40.0))
     some = form.subsampled(int(form.starts[-1]) // 5)
@@ -148,7 +148,7 @@ def test_stretches_of_a_model_with_a_memory_are_led_in() -> None:
     )
 
 
-def test_the_turned_command_turns_the_drive() -> None:
+def test_the_reversed_command_reverses_the_drive() -> None:
     machine = load_model("axis")
     form = form_of(machine, recorded(machine))
     assert form.with_reversed_command().drive(machine.theta, 0.0) == pytest.approx(-form.drive(machine.theta, 0.0))

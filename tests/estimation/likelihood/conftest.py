@@ -1,4 +1,4 @@
-"""The machines of the diagnosis."""
+"""Models of the diagnosis."""
 
 from tests.diagnosis.conftest import start
 

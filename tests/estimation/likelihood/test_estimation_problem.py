@@ -1,4 +1,4 @@
-"""What a search may try: values that the samples can show, at a price that is known."""
+"""Parameter values that an estimation admits."""
 
 from dataclasses import replace
 

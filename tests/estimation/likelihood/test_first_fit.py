@@ -24,7 +24,7 @@ def test_fit_and_the_first_rung_agree_to_the_last_digit(factor: float) -> None:
     assert found.model.values == ladder.steps[0].model.values
 
 
-def test_a_setting_is_thinned_to_stretches_of_its_records() -> None:
+def test_a_problem_is_subsampled_by_segments_of_its_records() -> None:
     machine = load_model("axis")
     records = [record_of(machine, seed, seconds=10.0, name=f"run {seed}") for seed in (1, 2)]
     estimation = prepare_estimation(machine, records, "prediction")
@@ -32,9 +32,9 @@ def test_a_setting_is_thinned_to_stretches_of_its_records() -> None:
     some = estimation.subsampled(total // 5)
     assert estimation.subsampled(total) is estimation
     assert sum(len(one.time) for one in some.data) == pytest.approx(total / 5, rel=0.01)
-    for stretch, record in zip(some.data, some.records, strict=True):
-        whole = next(one for one in estimation.data if one.name == stretch.name)
-        place = np.searchsorted(whole.time, stretch.time)
-        np.testing.assert_array_equal(whole.output[place], stretch.output)
-        np.testing.assert_array_equal(whole.held_input()[place], stretch.held_input())
-        np.testing.assert_array_equal(record.time, stretch.time)
+    for segment, record in zip(some.data, some.records, strict=True):
+        whole = next(one for one in estimation.data if one.name == segment.name)
+        place = np.searchsorted(whole.time, segment.time)
+        np.testing.assert_array_equal(whole.output[place], segment.output)
+        np.testing.assert_array_equal(whole.held_input()[place], segment.held_input())
+        np.testing.assert_array_equal(record.time, segment.time)

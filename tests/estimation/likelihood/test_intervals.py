@@ -1,4 +1,4 @@
-"""Standard errors after a refit, on data that nothing disturbs."""
+"""Standard errors of undisturbed data."""
 
 import numpy as np
 from tests.diagnosis.conftest import record_of

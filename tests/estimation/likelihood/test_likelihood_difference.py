@@ -1,4 +1,4 @@
-"""What the data tell apart: differences of the likelihood beside what chance and further parameters make of them."""
+"""Significance of differences of the log-likelihood."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -19,14 +19,14 @@ def fitted(contributions: NDArray[np.float64], choices: int = 2) -> Any:
 NOISE = np.random.default_rng(0).normal(size=2000)
 
 
-@pytest.mark.parametrize(("further", "told"), [(0, True), (1, False)])
-def test_a_further_parameter_must_gain_what_it_gains_by_chance(further: int, told: bool) -> None:
+@pytest.mark.parametrize(("further", "significant"), [(0, True), (1, False)])
+def test_a_further_parameter_must_gain_more_than_by_chance(further: int, significant: bool) -> None:
     steady = np.full(2000, (LEAST_DIFFERENCE + 0.5) / 2000)
     better, worse = fitted(NOISE + steady, 2 + further), fitted(NOISE)
-    assert distinguishable(better, worse) is told
+    assert distinguishable(better, worse) is significant
 
 
-def test_a_difference_that_comes_and_goes_tells_nothing() -> None:
+def test_a_difference_of_changing_sign_is_not_significant() -> None:
     other = fitted(np.random.default_rng(1).normal(size=2000) + 20.0 / 2000)
     deviation = difference_deviation(other, fitted(NOISE))
     assert deviation == pytest.approx(np.sqrt(2.0 * 2000), rel=0.3)

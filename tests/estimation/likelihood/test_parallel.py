@@ -1,4 +1,4 @@
-"""Work shared out among the cores: in order, all of it, and errors come where they belong."""
+"""Parallel calls: results in order, errors at their place."""
 
 from __future__ import annotations
 

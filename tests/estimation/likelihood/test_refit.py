@@ -1,4 +1,4 @@
-"""Refits find out by themselves how strong a disturbance is and how long it remembers."""
+"""Fits with unknown intensity and memory of the disturbance."""
 
 from dataclasses import replace
 
@@ -65,13 +65,13 @@ def test_a_white_disturbance_ends_with_a_short_memory_and_a_walk_with_a_long_one
         assert fit.model.values["axis.inertia"] == pytest.approx(0.01, rel=0.02)
 
 
-def test_an_observer_elsewhere_is_told_of_a_walk_only(found: dict[str, Refit]) -> None:
+def test_the_model_file_gets_only_a_random_walk(found: dict[str, Refit]) -> None:
     assert found["white"].model.disturbance is None
     assert found["walk"].model.disturbance == pytest.approx(0.01 / np.sqrt(STEP), rel=0.5)
 
 
 @pytest.mark.parametrize(("name", "exponent", "memory"), [("white", -8.0, WALK), ("walk", 2.0, WHITE)])
-def test_a_search_beside_a_model_of_quite_another_disturbance_finds_its_own(
+def test_a_neighbour_with_another_disturbance_does_not_change_the_result(
     name: str,
     exponent: float,
     memory: float,
@@ -103,26 +103,26 @@ def test_no_other_disturbance_explains_the_record_better(
 
 
 @pytest.mark.parametrize(("name", "exponent", "memory"), [("white", -4.0, WALK), ("walk", 0.0, WHITE)])
-def test_a_search_that_ended_at_the_next_best_disturbance_goes_on_from_the_best(
+def test_a_search_leaves_a_local_optimum_of_the_disturbance(
     name: str, exponent: float, memory: float, problems: dict[str, EstimationProblem], found: dict[str, Refit]
 ) -> None:
     fit = found[name]
     stuck = replace(fit, point=np.array([*fit.point[: fit.parameters], exponent, memory]))
-    elsewhere = _other_disturbance(problems[name], stuck)
-    assert elsewhere is not None
-    assert (elsewhere.nuisance[1] >= LONG_MEMORY) == (name == "walk")
+    other = _other_disturbance(problems[name], stuck)
+    assert other is not None
+    assert (other.nuisance[1] >= LONG_MEMORY) == (name == "walk")
     # And what is the best already is left alone.
     assert _other_disturbance(problems[name], fit) is None
 
 
-def test_an_effect_that_begins_where_it_does_nothing_is_still_fitted(start: Model) -> None:
+def test_an_effect_without_influence_at_the_start_is_fitted(start: Model) -> None:
     machine = load_model("axis").with_effect("saturation", "input", limit=1.0)
     guess = start.with_effect("saturation", "input", limit=4.5)
     estimation = prepare_estimation(guess, [disturbed(machine, np.zeros(1200), 3)], "prediction")
     assert refit(estimation, guess).model.values["saturation@input.limit"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_several_waves_are_refitted_from_the_plain_machine(start: Model) -> None:
+def test_several_harmonics_are_fitted_from_the_model_without_effects(start: Model) -> None:
     waves = [(0.2, 3, 0.4), (0.1, 7, -1.0), (0.05, 11, 2.0)]
     hidden, near = load_model("axis"), start
     for amplitude, harmonic, phase in waves:

@@ -1,4 +1,4 @@
-"""One search ends in one of many hollows where bodies meet and part; several find a better one, or none."""
+"""Restarts where contacts make many local optima."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def test_the_best_of_several_searches_is_never_worse_and_the_same_each_time(
     assert again.model.free == fit.model.free
 
 
-def test_a_search_from_a_good_hollow_stays_there(start: Model) -> None:
+def test_a_search_from_a_good_optimum_stays_there(start: Model) -> None:
     smooth = prepare_estimation(start, [record_of(load_model("axis"), 4, seconds=4.0)], "prediction")
     fit = refit(smooth, start)
     assert restart_nearby(smooth, fit).log_likelihood == pytest.approx(fit.log_likelihood, abs=0.05)
 
 
-def test_a_search_anew_leaves_a_hollow(play: tuple[EstimationProblem, Refit], start: Model) -> None:
+def test_repeated_searches_leave_a_local_optimum(play: tuple[EstimationProblem, Refit], start: Model) -> None:
     estimation, good = play
     # Beside the disturbance of the model without it, one round leaves the play where it began.
     poor = refit(
@@ -47,6 +47,6 @@ def test_a_search_anew_leaves_a_hollow(play: tuple[EstimationProblem, Refit], st
     assert found.model.values["backlash@position[axis].gap"] == pytest.approx(0.05, rel=0.1)
 
 
-def test_bodies_that_meet_and_part_have_contacts(play: tuple[EstimationProblem, Refit], start: Model) -> None:
+def test_backlash_has_contacts(play: tuple[EstimationProblem, Refit], start: Model) -> None:
     assert has_contacts(play[1].model)
     assert not has_contacts(start.with_effects(["coulomb_friction@axis"]))

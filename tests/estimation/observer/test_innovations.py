@@ -1,4 +1,4 @@
-"""What the one-step predictor makes of a disturbance that it forgets."""
+"""Innovations under a disturbance of finite memory."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ def test_innovations_are_those_of_the_linear_recursion(
     np.testing.assert_allclose(seen, recursion(engine.linearise(), measured, decay), atol=1e-7)
 
 
-def test_a_disturbance_is_remembered_for_ever_unless_told_otherwise(engine: Engine, loaded: np.ndarray) -> None:
+def test_the_default_disturbance_is_a_random_walk(engine: Engine, loaded: np.ndarray) -> None:
     default = engine.predict(None, TIME, COMMAND, TIME, loaded, GAIN)
     np.testing.assert_array_equal(default, engine.predict(None, TIME, COMMAND, TIME, loaded, GAIN, decay=1.0))
     forgetful = engine.predict(None, TIME, COMMAND, TIME, loaded, GAIN, decay=0.5)
@@ -66,7 +66,7 @@ def test_a_disturbance_is_remembered_for_ever_unless_told_otherwise(engine: Engi
     assert np.abs(default[-20:]).max() < 0.01 * np.abs(forgetful[-20:, 1]).min()
 
 
-def test_what_is_forgotten_at_once_pushes_for_one_sample(engine: Engine) -> None:
+def test_a_white_disturbance_acts_for_one_sample(engine: Engine) -> None:
     measured = np.full((len(TIME), 2), np.nan)
     measured[10, 1], measured[50, 1] = 1.0, 0.0
     push_only = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 20.0]])
@@ -100,7 +100,7 @@ def criterion(lengths: list[int], gap: int | None = None) -> InnovationCriterion
     return made
 
 
-def test_a_glimpse_is_the_middle_of_each_record() -> None:
+def test_a_subset_is_the_middle_of_each_record() -> None:
     whole = criterion([8000, 4000], gap=3900)
     short = whole.subset(3000)
     assert short is not None
@@ -112,5 +112,5 @@ def test_a_glimpse_is_the_middle_of_each_record() -> None:
     assert [len(d.time) for d in whole.data] == [8000, 4000]
 
 
-def test_short_records_have_no_glimpse() -> None:
+def test_short_records_have_no_subset() -> None:
     assert criterion([3000]).subset(2000) is None

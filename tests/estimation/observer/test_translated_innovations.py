@@ -1,4 +1,4 @@
-"""Innovations under another disturbance, without running the model again."""
+"""Innovations under another disturbance, without a simulation."""
 
 from __future__ import annotations
 

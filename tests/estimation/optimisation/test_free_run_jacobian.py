@@ -1,4 +1,4 @@
-"""Exact slopes are taken where differences agree with them, and lead to the same fit."""
+"""Sensitivity equations are used where differences agree with them, and give the same fit."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def slopes_of(model, record):
     return FreeRunJacobian(problem, -unbounded, unbounded, scale, 1e-4 * scale), point
 
 
-def test_what_agrees_with_differences_is_taken(motor, experiment):
+def test_sensitivity_equations_are_used_where_they_agree_with_differences(motor, experiment):
     slopes, point = slopes_of(motor, experiment(motor, seed=3))
     assert slopes.agree(point)
     exact, by_differences = slopes(point), slopes._differences(point)
@@ -29,7 +29,7 @@ def test_what_agrees_with_differences_is_taken(motor, experiment):
     assert not np.array_equal(exact, by_differences)
 
 
-def test_what_decides_when_a_body_breaks_away_does_not_agree(experiment):
+def test_sensitivity_equations_do_not_agree_at_a_break_away(experiment):
     """A level of breakaway that the friction leaves at once acts through that instant alone."""
     sharp = {"coulomb": 0.3, "static": 1.5, "velocity": 0.05}
     model = load_model("dc_motor").with_effect("stribeck_friction", "motor", **sharp)
@@ -37,7 +37,7 @@ def test_what_decides_when_a_body_breaks_away_does_not_agree(experiment):
     assert not slopes.agree(point)
 
 
-def test_a_model_without_exact_slopes_has_differences(motor, experiment):
+def test_a_model_without_sensitivity_equations_has_differences(motor, experiment):
     model = motor.with_effect("actuator_lag", "input", time_constant=0.03)
     slopes, point = slopes_of(model, experiment(model, seed=3))
     assert not slopes.agree(point)
@@ -48,7 +48,7 @@ def test_a_model_without_exact_slopes_has_differences(motor, experiment):
     "effect",
     ["coulomb_friction@motor(level=0.8)", "quadratic_drag@motor(coefficient=0.1)", "dead_zone@input(width=0.3)"],
 )
-def test_a_long_record_is_fitted_the_same_without_exact_slopes(experiment, monkeypatch, effect):
+def test_a_long_record_is_fitted_the_same_without_sensitivity_equations(experiment, monkeypatch, effect):
     model = load_model("dc_motor").with_effects([effect])
     record = experiment(model, samples=8000, seed=6)
     start = model.with_values({"drive.gain": 6.0, "motor.viscous_friction": 3.0})

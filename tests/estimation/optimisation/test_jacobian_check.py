@@ -1,4 +1,4 @@
-"""Errors that are smooth, and those of a machine that chatters in its backlash."""
+"""Smooth errors, and those of a machine that chatters in its backlash."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOISE = 1e-4
 
 
 @pytest.mark.parametrize(("grain", "rough"), [(0.0, False), (1e-3, False), (10.0, True)])
-def test_changes_that_are_noise_are_rough(grain, rough):
+def test_a_jacobian_of_noise_is_unreliable(grain, rough):
     sensitivity = np.random.default_rng(0).normal(size=(500, 3))
 
     def residual(point):
@@ -42,7 +42,7 @@ def test_changes_that_are_noise_are_rough(grain, rough):
 
 
 @pytest.mark.parametrize(("damping", "hold", "rattles"), [(0.01, 0.05, True), (0.3, 0.5, False)])
-def test_the_intervals_of_a_machine_that_rattles_are_not_to_be_trusted(damping, hold, rattles):
+def test_the_intervals_of_a_chattering_machine_give_a_warning(damping, hold, rattles):
     model = from_text(MODEL.replace("DAMPING", str(damping)), None)
     chance = np.random.default_rng(1)
     time = np.arange(3000) * 2e-3

@@ -53,7 +53,7 @@ def test_rosenbrock() -> None:
     assert found.point == pytest.approx([1.0, 1.0], abs=1e-4)
 
 
-def test_exact_slopes_replace_differences() -> None:
+def test_an_exact_jacobian_replaces_differences() -> None:
     def slopes(x: np.ndarray) -> np.ndarray:
         return np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
 
@@ -109,7 +109,7 @@ def test_jacobian_beside_a_bound() -> None:
     assert found.jacobian[:, 0] == pytest.approx([100.0, 0.0], rel=1e-3)
 
 
-def test_parameter_without_any_effect_is_left_alone() -> None:
+def test_a_parameter_without_influence_does_not_move() -> None:
     found = minimise(lambda x: np.array([x[0] - 3.0]), np.array([0.0, 7.0]), -WIDE, WIDE, np.ones(2), tolerance=1e-12)
     assert found.point == pytest.approx([3.0, 7.0])
 
@@ -149,7 +149,7 @@ def test_a_quick_search_ends_at_the_same_minimum_with_fewer_evaluations(
     assert few < 0.5 * many
 
 
-def test_a_nuisance_that_hardly_shows_does_not_keep_the_search_busy() -> None:
+def test_a_poorly_determined_nuisance_does_not_prolong_the_search() -> None:
     matrix = 100.0 * np.random.default_rng(1).normal(size=(40, 2))
 
     def residual(x: np.ndarray) -> np.ndarray:
@@ -201,7 +201,7 @@ def test_the_minimum_in_a_box_is_that_of_scipy(seed: int, quick: bool) -> None:
 @pytest.mark.parametrize(
     ("start", "low", "high"), [([0.5, 0.2], [-9.0, -9.0], [0.8, 9.0]), ([-2.0, 2.0], [-3.0, -3.0], [0.8, 3.0])]
 )
-def test_a_step_bent_by_the_box_is_no_convergence(
+def test_a_step_clipped_by_the_box_is_no_convergence(
     start: list[float], low: list[float], high: list[float], quick: bool
 ) -> None:
     found = minimise(

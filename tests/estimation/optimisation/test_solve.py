@@ -33,7 +33,7 @@ def test_a_draft_is_within_a_standard_error(motor, criterion):
     assert 1.5 * few < len(evaluations) - few
 
 
-def test_a_jacobian_is_carried_to_other_weights(motor, criterion):
+def test_a_jacobian_is_converted_to_other_weights(motor, criterion):
     problem = LeastSquaresProblem(criterion, len(motor.theta))
     point = np.concatenate([motor.with_values(START).theta, criterion.nuisance()[0]])
 
@@ -48,7 +48,7 @@ def test_a_jacobian_is_carried_to_other_weights(motor, criterion):
     assert problem.reweighted_jacobian(before, weights) == pytest.approx(slopes(), rel=1e-6, abs=1e-5)
 
 
-def test_a_model_that_only_runs_at_its_start_is_said(motor, criterion):
+def test_a_model_that_only_runs_at_its_start_gives_an_error(motor, criterion):
     start, errors = motor.with_values(START).theta, criterion.errors
 
     def only_there(theta, nuisance):

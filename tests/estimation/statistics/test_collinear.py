@@ -1,4 +1,4 @@
-"""Signals that are combinations of each other."""
+"""Collinear signals."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_outputs_of_one_signal_are_refused(factor: float) -> None:
             identify(data, method)
 
 
-def test_one_signal_or_noise_beside_it_moves_by_itself() -> None:
+def test_one_signal_or_one_with_noise_is_not_collinear() -> None:
     one = np.random.default_rng(0).normal(size=(500, 1))
     assert not any_collinear(one)
     assert not any_collinear(np.hstack([one, np.zeros((500, 1))]))
@@ -47,7 +47,7 @@ def two_inputs(second, noise: float, seed: int = 0, samples: int = 2000) -> Samp
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_inputs_that_noise_does_not_let_tell_apart_are_told(method: str) -> None:
+def test_inputs_that_are_collinear_within_the_noise_get_a_note(method: str) -> None:
     found = identify(two_inputs(lambda one, own: 2.0 * one + 1e-3 * own, 0.03), method, Choices(order=2))
     (note,) = [note for note in found.linear.notes if "together" in note]
     assert note.startswith("u, w move nearly together")

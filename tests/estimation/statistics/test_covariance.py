@@ -74,15 +74,15 @@ def test_jackknife_agrees_with_theory_on_white_residuals() -> None:
     assert found == pytest.approx(np.diag(white_covariance(jacobian)), rel=0.15)
 
 
-def test_jackknife_counts_stretches_not_samples() -> None:
-    # A residual that is constant within each stretch carries one piece of evidence per stretch.
+def test_jackknife_counts_segments_not_samples() -> None:
+    # A residual that is constant within each segment carries one piece of evidence per segment.
     rng = np.random.default_rng(4)
     level = np.repeat(rng.normal(size=40), 50)
     blocks = [np.arange(start, start + 50) for start in range(0, 2000, 50)]
     assert jackknife(np.ones((2000, 1)), level, blocks)[0, 0] == pytest.approx(1.0 / 40.0, rel=0.5)
 
 
-def test_of_what_one_stretch_alone_tells_the_jackknife_says_nothing() -> None:
+def test_the_jackknife_does_not_apply_to_what_one_segment_determines() -> None:
     rng = np.random.default_rng(3)
     jacobian = rng.normal(size=(400, 2))
     jacobian[10:, 1] = 0.0

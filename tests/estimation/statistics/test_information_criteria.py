@@ -1,4 +1,4 @@
-"""Criteria of errors, and how many of coloured ones count."""
+"""Information criteria, and the effective number of independent samples."""
 
 import numpy as np
 import pytest

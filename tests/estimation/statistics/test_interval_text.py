@@ -22,6 +22,6 @@ def test_interval(low: float, high: float, text: str) -> None:
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
-def test_the_ends_of_a_wide_enough_interval_are_told_apart(low: float, width: float) -> None:
+def test_the_ends_of_a_wide_enough_interval_differ(low: float, width: float) -> None:
     first, last = interval_text(low, low + width).split(" .. ")
     assert float(first) < float(last)

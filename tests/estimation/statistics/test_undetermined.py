@@ -1,4 +1,4 @@
-"""Parameters that the motion shows only together."""
+"""Parameters of which the motion determines only a combination."""
 
 import json
 
@@ -43,7 +43,7 @@ def unknown() -> Model:
 
 
 @pytest.mark.parametrize("criterion", ["auto", "prediction", "simulation", "force"])
-def test_of_forces_that_are_all_free_only_ratios_are_told(unknown: Model, record: Record, criterion: str) -> None:
+def test_only_ratios_of_free_forces_are_determined(unknown: Model, record: Record, criterion: str) -> None:
     found = fit(unknown, [record], criterion)
     assert found.names == BASE
     assert np.all(np.isnan(found.stderr))
@@ -84,7 +84,7 @@ def test_one_known_force_sets_the_scale(unknown: Model, record: Record, known: s
     assert common_scale(RememberingEngine(model), prepare(model, [record])) is None
 
 
-def test_what_is_no_force_takes_no_part_in_the_scale(unknown: Model, record: Record) -> None:
+def test_parameters_that_are_no_forces_are_not_scaled(unknown: Model, record: Record) -> None:
     model = unknown.with_effect("dead_zone", "input", width=0.1).with_effect("coulomb_friction", "axis", level=0.02)
     found = common_scale(RememberingEngine(model), prepare(model, [record]))
     assert found is not None
@@ -92,18 +92,18 @@ def test_what_is_no_force_takes_no_part_in_the_scale(unknown: Model, record: Rec
 
 
 @pytest.mark.parametrize("criterion", ["simulation", "force"])
-def test_of_two_effects_that_are_one_equation_one_is_held(record: Record, criterion: str) -> None:
+def test_one_of_two_effects_with_the_same_equation_is_held(record: Record, criterion: str) -> None:
     found = fit(_one_equation_twice(), [record], criterion)
-    told = dict(zip(found.names, found.stderr, strict=True))
-    assert np.isnan(told["input_offset@input.offset"])
-    assert np.isnan(told["load_torque@axis.torque"])
+    errors = dict(zip(found.names, found.stderr, strict=True))
+    assert np.isnan(errors["input_offset@input.offset"])
+    assert np.isnan(errors["load_torque@axis.torque"])
     assert found.model.values["load_torque@axis.torque"] == 0.02
     assert any("input_offset@input.offset" in text and "held" in text for text in found.warnings)
     for name, true in (("axis.inertia", 0.01), ("axis.viscous_friction", 0.05)):
-        assert abs(found.model.values[name] - true) < 4.0 * told[name]
+        assert abs(found.model.values[name] - true) < 4.0 * errors[name]
 
 
-def test_a_constant_force_is_told_beside_a_disturbance_that_drifts() -> None:
+def test_a_constant_force_is_determined_beside_a_random_walk() -> None:
     free = load_model("axis").with_effect("input_offset", "input", offset=0.01)
     drifting = moved(load_model("axis").with_effect("load_torque", "axis", torque=0.05), seconds=4.0)
     found = fit(free, [drifting])
@@ -117,7 +117,7 @@ def _one_equation_twice() -> Model:
     return model.with_effect("load_torque", "axis", torque=0.02)
 
 
-def test_a_diagnosis_says_that_only_ratios_are_told(unknown: Model, record: Record) -> None:
+def test_a_diagnosis_reports_that_only_ratios_are_determined(unknown: Model, record: Record) -> None:
     effects = ["coulomb_friction", "dead_zone"]
     found = diagnose(unknown, [record], effects=effects)
     ladder = refine(unknown, [record], effects=effects)
@@ -130,21 +130,21 @@ def test_a_diagnosis_says_that_only_ratios_are_told(unknown: Model, record: Reco
 LIMIT = "speed_limit_voltage@input"
 
 
-def test_of_a_supply_without_its_resistance_only_ratios_are_told() -> None:
+def test_only_ratios_of_a_supply_without_its_resistance_are_determined() -> None:
     cut = load_model("axis").with_effect("speed_limit_voltage", "input", supply=1.0, back_emf=0.1)
     cut = cut.with_free(name for name in cut.free if name != f"{LIMIT}.resistance")
     record = moved(cut)
-    (told,) = effect_scales(cut, [record])
-    assert told.names == (f"{LIMIT}.supply", f"{LIMIT}.back_emf", f"{LIMIT}.resistance")
-    assert f"only the ratios of {LIMIT}.supply" in told.text
-    assert f"{LIMIT}.resistance from the data sheet; here it is held at 1 Ω" in told.text
-    assert told.text.count("\n") == 0
+    (scale,) = effect_scales(cut, [record])
+    assert scale.names == (f"{LIMIT}.supply", f"{LIMIT}.back_emf", f"{LIMIT}.resistance")
+    assert f"only the ratios of {LIMIT}.supply" in scale.text
+    assert f"{LIMIT}.resistance from the data sheet; here it is held at 1 Ω" in scale.text
+    assert scale.text.count("\n") == 0
     # A resistance from the data sheet, and one that nothing depends on.
     assert effect_scales(cut.with_values({f"{LIMIT}.resistance": 1.2}), [record]) == []
     assert effect_scales(cut.with_values({f"{LIMIT}.supply": 1e6}), [record]) == []
 
 
-def test_what_is_held_and_no_ratio_is_not_said_to_be_one() -> None:
+def test_a_held_parameter_without_a_ratio_is_not_reported_as_one() -> None:
     name = "presliding_friction@axis"
     model = load_model("axis").with_effect("presliding_friction", "axis", level=0.05, stiffness=50.0)
     model = model.with_free(free for free in model.free if free != f"{name}.velocity")

@@ -43,7 +43,7 @@ def test_gap_between_records_is_not_bridged() -> None:
 
 
 @pytest.mark.parametrize("order", [1, 4, 32])
-def test_the_order_is_kept_where_nothing_is_left_to_say(order):
+def test_the_order_is_kept_for_a_singular_covariance(order):
     e = np.zeros((200, 1))
     w = fit_whitener([e], order)
     assert w.order == order

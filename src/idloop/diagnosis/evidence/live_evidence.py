@@ -130,7 +130,7 @@ class LiveEvidence:
         parent = asked_fit(self.model, estimation, forms)
         step = ForceView(estimation, self.level, self.least, self.effects or None, forms=forms).weigh(parent)
         # Beside the earlier samples, which tell what the usual commands are.
-        data = [*estimation.data, *prepare(self.model, [new], beside=earlier)]
+        data = [*estimation.data, *prepare(self.model, [new], companions=earlier)]
         form = weak_form(parent.form.engine, data, parent.form.width)
         if form is None:
             seconds = 4 * parent.form.width * parent.form.sample_time

@@ -574,10 +574,12 @@ class BalanceTerms:
         force = self._drive_force(values, commands)
         base = force(given)
 
-        def seen(force: Array) -> tuple[Array, Array]:
+        def evaluated(force: Array) -> tuple[Array, Array]:
             return (along.weak(force), force[along.near]) if self._lags else commands.both(force)
 
-        return DriveTerm(*seen(base), jumps, late, lambda: [seen(force(given + wave) - base) for wave in waves], sent)
+        return DriveTerm(
+            *evaluated(base), jumps, late, lambda: [evaluated(force(given + wave) - base) for wave in waves], sent
+        )
 
     def _drive_force(self, values: Values, commands: _Commands) -> Callable[[Array], Array]:
         """Function from commands to the force of the drive, per gain."""

@@ -578,6 +578,14 @@ def fit_by_force(
         width, point = _wider(width), found.theta
 
 
+def fit_by_force_if_possible(engine: Engine, data: Sequence[Data], start: Array) -> WeakFit | None:
+    """As `fit_by_force` at any noise level; None where the balance cannot be evaluated."""
+    try:
+        return fit_by_force(engine, data, start, accept_noise=True)
+    except (IdloopError, np.linalg.LinAlgError):
+        return None
+
+
 def _agrees(narrower: WeakFit, wider: WeakFit) -> bool:
     """Whether the values from narrower windows are nearly as likely in the wider ones as those fitted there."""
     return cost_at(wider.form, narrower.point) + wider.log_likelihood <= _AS_LIKELY

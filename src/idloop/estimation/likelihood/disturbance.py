@@ -256,18 +256,18 @@ def _maximise(
 
 def _neighbours(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> list[float]:
     """Log-likelihoods one step from the best point and at one diagonal; those out of range are left out."""
-    beside = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1))
-    places = [(best[0] + first * reach, best[1] + second * reach) for first, second in beside]
+    offsets = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1))
+    places = [(best[0] + first * reach, best[1] + second * reach) for first, second in offsets]
     return [known[at] for at in places if at in known]
 
 
 def _quadratic_maximum(known: Mapping[Disturbance, float], best: Disturbance, reach: float) -> Disturbance:
     """Maximum of the quadratic model through the best point and its neighbours, within twice the reach."""
 
-    def beside(first: float, second: float) -> float:
+    def gain(first: float, second: float) -> float:
         return known.get((best[0] + first * reach, best[1] + second * reach), -np.inf) - known[best]
 
-    east, west, north, south, corner = beside(1, 0), beside(-1, 0), beside(0, 1), beside(0, -1), beside(1, 1)
+    east, west, north, south, corner = gain(1, 0), gain(-1, 0), gain(0, 1), gain(0, -1), gain(1, 1)
     slope = 0.5 * np.array([east - west, north - south])
     cross = corner - east - north
     bend = np.array([[east + west, cross], [cross, north + south]])

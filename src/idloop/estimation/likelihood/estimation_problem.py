@@ -171,7 +171,7 @@ class EstimationProblem:
 
 
 def prepare_estimation(
-    model: Model, records: Sequence[Record], kind: str, beside: Sequence[Record] = ()
+    model: Model, records: Sequence[Record], kind: str, companions: Sequence[Record] = ()
 ) -> EstimationProblem:
     """Check records and prepare them for estimation.
 
@@ -180,7 +180,7 @@ def prepare_estimation(
     model : Model
     records : sequence of Record
     kind : {"prediction", "simulation"}
-    beside : sequence of Record
+    companions : sequence of Record
         Further records of the same outputs, for another problem.
 
     Raises
@@ -188,7 +188,7 @@ def prepare_estimation(
     InputError
         The records do not match the model, or the command never changes.
     """
-    data = prepare(model, records, beside=beside)
+    data = prepare(model, records, companions=companions)
     if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     engine = RememberingEngine(model)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from idloop.errors import IdloopError
-from idloop.estimation.force_balance.weak_fit import fit_by_force
+from idloop.estimation.force_balance.weak_fit import fit_by_force_if_possible
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
 from idloop.physics.model import Model
@@ -30,19 +30,10 @@ def first_fit(estimation: EstimationProblem, model: Model) -> Refit:
         found = refit(estimation, model)
     except (IdloopError, np.linalg.LinAlgError) as error:
         failure = error
-    near = _balanced(estimation, model) if estimation.kind == "prediction" else None
-    other = None if near is None else refit_or_none(estimation, near, near=True)
+    near = fit_by_force_if_possible(estimation.engine(model), estimation.data, model.theta)
+    other = None if near is None else refit_or_none(estimation, near.model, near=True)
     if other is not None and (found is None or other.log_likelihood > found.log_likelihood + _ANOTHER_OPTIMUM):
         found = refit(estimation, other.model)
     if found is None:
         raise failure or IdloopError("the model cannot be fitted")
     return found
-
-
-def _balanced(estimation: EstimationProblem, model: Model) -> Model | None:
-    """The model fitted by the force balance at any noise level; None where there is no balance."""
-    try:
-        fit = fit_by_force(estimation.engine(model), estimation.data, model.theta, accept_noise=True)
-    except (IdloopError, np.linalg.LinAlgError):
-        return None
-    return None if fit is None else model.with_theta(fit.theta)

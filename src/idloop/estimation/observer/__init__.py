@@ -1,1 +1,1 @@
-"""Innovations of a steady-state observer that carries a disturbance force."""
+"""Observers with a disturbance force, and their innovations."""

@@ -9,7 +9,6 @@ itself, so that all samples of all models enter the likelihood (Ljung, System Id
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -219,9 +218,7 @@ def _middle(data: Data, share: float) -> Data:
     """Middle part of a record."""
     count = max(round(share * len(data.time)), min(len(data.time), _LEAST_GLIMPSE))
     first = (len(data.time) - count) // 2
-    part = slice(first, first + count)
-    gaps = data.gaps[(data.gaps > first) & (data.gaps < first + count)] - first
-    return replace(data, time=data.time[part], output=data.output[part], gaps=gaps)
+    return data.part(first, first + count, all_commands=True)
 
 
 def _usable(data: Data, group: list[int]) -> NDArray[np.bool_] | None:

@@ -22,13 +22,10 @@ class Observer:
         Correction of [positions, velocities, disturbance force] per unit innovation.
     memory : float
         Samples after which an initial error has fallen to one thousandth.
-    covariance : array, shape (p, p)
-        Theoretical innovation covariance of the linear part.
     """
 
     gain: Array
     memory: float
-    covariance: Array
 
 
 def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, Array]:
@@ -164,7 +161,7 @@ def design(
     memory = _memory(closed, output)
     gain = gain / output_noise[None, :]
     gain[m] *= force
-    return Observer(gain, memory, innovation * np.outer(output_noise, output_noise))
+    return Observer(gain, memory)
 
 
 def _memory(closed: Array, output: Array) -> float:

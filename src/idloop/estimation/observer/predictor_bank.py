@@ -160,7 +160,7 @@ class PredictorBank:
         self._run_next_moved()
         return innovation
 
-    def seen(self) -> Array:
+    def innovations(self) -> Array:
         """Innovations of the main predictor on the waiting samples, shape (n, p)."""
         return self._samples.since(0)[2]
 

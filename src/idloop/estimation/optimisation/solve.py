@@ -137,7 +137,7 @@ def solve(
         )  # fmt: skip
         if not np.all(np.isfinite(found.jacobian)):
             raise IdloopError(
-                "beside the values that the search has come to the model gives no finite output; give its parameters"
+                "the model gives no finite output near the values that the search has reached; give its parameters"
                 " narrower bounds, or start elsewhere"
             )
         slopes = None if criterion.whiten else found.jacobian

@@ -63,7 +63,7 @@ class Undetermined:
         listed = f"{', '.join(name for name in self.names if name != self.held)} and {self.held}"
         what, which = f"this data cannot tell {listed} apart", self.held
         if self.ratios:
-            what = f"only the ratios of {listed} can be told, any common factor gives the same motion"
+            what = f"only the ratios of {listed} are determined: any common factor gives the same motion"
             which += " from the data sheet"
         return (
             f"{what}: fix one of them in the model, e.g. {which}; here it is held at {self.value:.6g} {self.unit}, and"
