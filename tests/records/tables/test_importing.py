@@ -55,7 +55,7 @@ def test_turns_in_a_hole_of_the_log_are_told_by_the_speed_or_said_to_be_a_guess(
     np.testing.assert_allclose(np.diff(position)[:59], np.diff(angle)[:59], atol=1e-8)
     (told,) = (finding for finding in result.findings if finding.kind == "turns_unknown")
     assert told.level == "warning"
-    assert "in 1 gaps of the log (the first at 1.59 s, 1.01 s long)" in told.text
+    assert "in 1 gap of the log (the first at 1.59 s, 1.01 s long)" in told.text
 
 
 def test_empty_cells_do_not_become_messages(tmp_path):

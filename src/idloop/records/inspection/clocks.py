@@ -139,9 +139,10 @@ def stamp_findings(
     over = "; the command before is assumed to hold there" if held else ""
     resets, lost, gaps = len(statistics.resets), statistics.lost, len(statistics.gaps)
     if resets and announced:
-        add("announced_anew", resets, f"values sent ahead of their time were replaced {resets} times", "note")
+        add("announced_anew", resets, f"values sent ahead of their time were replaced ({resets} times)", "note")
     elif resets:
-        text = f"the clock was set back {resets} times (first at message {statistics.resets[0]}, by up to"
+        many = "once" if resets == 1 else f"{resets} times"
+        text = f"the clock was set back {many} (first at message {statistics.resets[0]}, by up to"
         add("clock_reset", resets, f"{text} {statistics.largest_step_back:.6g} s)")
     if statistics.reordered:
         add("out_of_order", statistics.reordered, f"{statistics.reordered} messages arrived out of order", "note")
@@ -153,7 +154,8 @@ def stamp_findings(
         add("lost_samples", lost, text, "warning" if share > 0.001 else "note")
     if gaps:
         start, length = max(statistics.gaps, key=lambda gap: gap[1])
-        text = f"{gaps} gaps longer than ten periods, the longest {length:.4g} s at {start:.4g} s"
+        many = "1 gap" if gaps == 1 else f"{gaps} gaps"
+        text = f"{many} longer than ten periods, the longest {length:.4g} s at {start:.4g} s"
         add("gap", gaps, text + ("" if lost else over))
     if not statistics.regular and statistics.count > 2 and np.isfinite(statistics.period):
         text = (
@@ -239,14 +241,15 @@ def clock_finding(command: JointStream, measured: JointStream) -> Finding | None
     names = f"{command.topic} and {measured.topic}"
     drift, drifted = abs(clocks.drift), abs(clocks.drifted)
     text = f"the stamps of {names} drift apart by {clocks.drift * 1e3:.3g} ms per second"
+    advice = "; stamp both from one clock, or read with receive stamps"
     if clocks.overlap < 0:
         spans = (
             f"{one.topic} is stamped {one.stamp_ns[0] * 1e-9:.3f} to {one.stamp_ns[-1] * 1e-9:.3f} s"
             for one in (command, measured)
         )
-        kind, text = "two_clocks", f"two clocks: {', '.join(spans)}, they do not overlap"
+        kind, text = "two_clocks", f"two clocks: {', '.join(spans)}, they do not overlap{advice}"
     elif drift > _DRIFT_CERTAIN and drifted > _DRIFTED_CERTAIN:
-        kind, text = "two_clocks", f"two clocks: {text}"
+        kind, text = "two_clocks", f"two clocks: {text}{advice}"
     elif drift > _DRIFT_NOTED and drifted > _DRIFTED_NOTED:
         kind, text = "clock_drift", f"perhaps two clocks: {text}"
     else:

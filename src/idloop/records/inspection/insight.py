@@ -100,7 +100,7 @@ def insights(evidence: Evidence) -> list[str]:
             "Nothing moves: every measured signal is constant or noise around one value, so nothing can be identified."
         )
         return [f"{text} Command a larger motion, or check the sensors."]
-    found = dead_positions(evidence.motions)
+    found = [f"{text}." for text in dead_positions(evidence.motions)]
     if evidence.runs > 1:
         found.append(f"The clock was set back: {evidence.runs} runs in one bag. Record one run per bag.")
     if few := evidence.few_samples():

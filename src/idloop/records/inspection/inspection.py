@@ -311,7 +311,7 @@ def _topic_findings(report: TopicReport, stream: JointStream | None, *, known: b
         found.append(Finding("unread_topic", text, report.count, name, "warning"))
     if stream is not None:
         found += stream.findings
-        # A bridge and the conditions are sent when they change only: a pause there is no loss.
+        # A bridge and the conditions may pause: the last values then hold.
         if not name.endswith((f"/{APPLIED_COMMAND}", f"/{CONDITIONS}")):
             found += stamp_findings(name, report.stamps, announced=name.endswith(_ADDED), held=held)
     return found
