@@ -33,8 +33,8 @@ machine = model.with_effect("coulomb_friction", "axis", level=0.1)
 
 
 def experiment(seed: int) -> idloop.Record:
-    """Ten seconds of random moves at 200 Hz."""
-    reference = idloop.excitation("rgs", amplitude=1.0, duration=10.0, sample_time=0.005, seed=seed)
+    """Six seconds at 200 Hz."""
+    reference = idloop.excitation("rgs", amplitude=1.0, duration=6.0, sample_time=0.005, seed=seed)
     return idloop.simulate(machine, reference, controller=model.controller | {"sample_time": 0.005}, seed=seed)
 
 

@@ -57,8 +57,8 @@ machine = machine.with_effect("backlash", "motor-load", gap=0.02)
 
 
 def experiment(seed: int) -> idloop.Record:
-    """Ten seconds at 200 Hz."""
-    signal = idloop.excitation("rgs", amplitude=0.3, duration=10.0, sample_time=0.005, seed=seed)
+    """Six seconds at 200 Hz."""
+    signal = idloop.excitation("rgs", amplitude=0.3, duration=6.0, sample_time=0.005, seed=seed)
     return idloop.simulate(machine, signal, seed=seed, name=f"run {seed}")
 
 
