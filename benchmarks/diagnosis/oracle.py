@@ -140,7 +140,7 @@ class Oracle:
 
     def _observer(self, linear: Any, period: float, intensity: float) -> tuple[Array, float]:
         """Gain and memory of the stationary observer for a disturbance intensity."""
-        from idloop.estimation.observer.observer import design, discretise, riccati
+        from idloop.estimation.observer.stationary import design, discretise, riccati
 
         if self.walking:
             observer = design(linear.A, linear.C, linear.G, period, intensity, self._std)

@@ -18,7 +18,7 @@ from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import refit, refit_or_none
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.undetermined import common_scale, effect_scales
 from idloop.physics.model import Model
 from idloop.records import Record
@@ -71,7 +71,7 @@ def diagnose(
     tell = progress or (lambda share, text: None)
     tell(0.0, "fitting the model as it is")
     kind = first_kind(criterion)
-    together = common_scale(RememberingEngine(model), prepare(model, records))
+    together = common_scale(CachingEngine(model), prepare(model, records))
     if together is not None:
         model = together.fixed(model)
     found = None

@@ -11,7 +11,7 @@ import numpy as np
 
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validation.drive import force_error
@@ -39,7 +39,7 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
     data = prepare(model, [record])[0]
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            simulated = free_run(RememberingEngine(model), data)
+            simulated = free_run(CachingEngine(model), data)
     except IdloopError:
         simulated = np.full(data.output.shape, np.nan)
     found: dict[str, Any] = {"anew": _anew(model, record)}
@@ -67,7 +67,7 @@ def _anew(model: Model, record: Record) -> dict[str, float]:
             _FIFTHS[record] = [record.cut(float(start), float(end)) for start, end in pairwise(ends)]
         for part in _FIFTHS[record]:
             with np.errstate(over="ignore", invalid="ignore"):
-                simulated = free_run(RememberingEngine(model), prepare(model, [part])[0])
+                simulated = free_run(CachingEngine(model), prepare(model, [part])[0])
                 powers.append(np.nanmean((part.output - simulated) ** 2, axis=0))
     except IdloopError:
         return {}

@@ -34,7 +34,7 @@ from idloop.estimation.force_balance.weak_fit import LEAST_UNEXPLAINED, WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.undetermined import common_scale, effect_scales
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import Model
@@ -93,7 +93,7 @@ def refine(
     check_numbers(level, minimum_improvement)
     kind = first_kind(criterion)
     start = model if ladder is None else ladder.model
-    together = common_scale(RememberingEngine(start), prepare(start, records))
+    together = common_scale(CachingEngine(start), prepare(start, records))
     if together is not None:
         start = together.fixed(start)
     task = _Task(

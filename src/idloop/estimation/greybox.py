@@ -21,8 +21,8 @@ from idloop.estimation.likelihood.first_fit import first_fit
 from idloop.estimation.likelihood.refit import Refit
 from idloop.estimation.observer.innovations import InnovationCriterion
 from idloop.estimation.optimisation.jacobian_check import jacobian_unreliable
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.optimisation.solve import Solution, slopes_agree, solve, typical_size
 from idloop.estimation.result import FitResult, RecordResidual
 from idloop.estimation.simulation import SimulationCriterion
@@ -78,7 +78,7 @@ def fit(
     IdloopError
         If the model cannot be simulated at its starting values.
     """
-    from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+    from idloop.estimation.optimisation.caching_engine import CachingEngine
 
     if criterion not in CRITERIA:
         raise InputError(f"criterion {criterion!r} is unknown; choose one of {', '.join(CRITERIA)}")
@@ -88,7 +88,7 @@ def fit(
     if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     report = progress or (lambda share, text: None)
-    engine = RememberingEngine(model)
+    engine = CachingEngine(model)
     scale = common_scale(engine, data)
     if scale is not None:
         return scale.extended(model, fit(scale.fixed(model), records, criterion, progress))

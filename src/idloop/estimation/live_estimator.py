@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.observer.innovation_covariance import OUTLIER, InnovationCovariance
-from idloop.estimation.observer.observer import design
 from idloop.estimation.observer.predictor_bank import PredictorBank
 from idloop.estimation.observer.sensor_noise import noise_std
+from idloop.estimation.observer.stationary import design
 
 if TYPE_CHECKING:
     from idloop.physics import Model

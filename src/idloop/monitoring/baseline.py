@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.dataset import prepare
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.covariance import long_run_covariance
 from idloop.monitoring.block_scores import EfficientScore, Scores, block_scores, efficient_score, join
 from idloop.monitoring.false_alarms import USUAL_HOURS
@@ -113,9 +113,9 @@ class Baseline:
     duration: float
 
     @cached_property
-    def engine(self) -> RememberingEngine:
+    def engine(self) -> CachingEngine:
         """The model, compiled."""
-        return RememberingEngine(self.model)
+        return CachingEngine(self.model)
 
     def __getstate__(self) -> dict[str, object]:
         """Leave out the compiled model, which cannot be pickled."""
@@ -266,7 +266,7 @@ def learn(
     free = model.with_free([*(watch.parameter for watch in watches), *others])
     data = prepare(free, records, keep_computed=True)
     report(0.0, "the observer")
-    observer = design_reference_observer(RememberingEngine(free), data, free.theta)
+    observer = design_reference_observer(CachingEngine(free), data, free.theta)
     bare = Baseline(
         free, tuple(watches), others, false_alarm_hours, block, observer, (), sum(r.duration for r in records)
     )

@@ -13,8 +13,8 @@ from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, force_scale, output_noise
 from idloop.estimation.likelihood.disturbance import fit_random_walk
 from idloop.estimation.observer.innovations import WALK, InnovationCriterion
-from idloop.estimation.observer.observer import Observer, design
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
+from idloop.estimation.observer.stationary import Observer, design
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.statistics.whitening import Whitener, fit_whitener
 
 if TYPE_CHECKING:

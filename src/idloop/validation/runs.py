@@ -13,7 +13,7 @@ from idloop.errors import IdloopError, InputError
 from idloop.estimation.dataset import Data, force_scale, output_noise, prepare
 from idloop.estimation.likelihood.disturbance import SUBSET_SAMPLES, fit_random_walk
 from idloop.estimation.observer.innovations import WALK, InnovationCriterion
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.validation.drive import ForceError, force_error
 from idloop.validation.free_run import free_run
 
@@ -126,8 +126,8 @@ class Runs:
             return None, str(error)
 
     @cached_property
-    def _engine(self) -> RememberingEngine:
-        return RememberingEngine(self.model)
+    def _engine(self) -> CachingEngine:
+        return CachingEngine(self.model)
 
     @cached_property
     def _observer(self) -> InnovationCriterion | None:

@@ -18,7 +18,7 @@ from idloop.diagnosis.design.suggest import Limits, suggest
 from idloop.diagnosis.design.transfer import transfer
 from idloop.errors import InputError
 from idloop.estimation import fit
-from idloop.estimation.observer.observer import design, discretise
+from idloop.estimation.observer.stationary import design, discretise
 from idloop.physics import Engine, load_model
 from idloop.signals import build_signal
 

@@ -9,7 +9,7 @@ from tests.physics.test_effects import STRONG
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.balance_terms import BalanceTerms, WholeBalance, balance_terms
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import Model, load_model
 from idloop.physics.conditions import Condition
 from idloop.physics.effect import BODY, COUPLING, INPUT, Effect, built_in
@@ -63,7 +63,7 @@ def form(machine: Model) -> WeakForm:
                 f"run {seed}", time, command, time, output, "motor.effort", "N·m", names, units, conditions=CONDITIONS
             )
         )
-    found = weak_form(RememberingEngine(machine), prepare(machine, records), 11)
+    found = weak_form(CachingEngine(machine), prepare(machine, records), 11)
     assert found is not None
     return found
 

@@ -8,7 +8,7 @@ import pytest
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit, cost_at, fit_by_force, fit_weak
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import load_model
 from idloop.records import Record
 
@@ -22,7 +22,7 @@ MACHINE = load_model("axis").with_effects(["coulomb_friction@axis(level=0.2)"])
 def test_a_start_far_off_gives_the_same_answer(name: str, factor: float) -> None:
     record = recorded(MACHINE)
     start = MACHINE.with_values({name: factor * MACHINE.values[name], "coulomb_friction@axis.level": 0.0})
-    near, far = (fit_by_force(RememberingEngine(m), prepare(m, [record]), m.theta) for m in (MACHINE, start))
+    near, far = (fit_by_force(CachingEngine(m), prepare(m, [record]), m.theta) for m in (MACHINE, start))
     assert near is not None
     assert far is not None
     np.testing.assert_allclose(far.theta, near.theta, rtol=1e-3, atol=1e-6)
@@ -41,7 +41,7 @@ def test_switching_the_command_off_explains_nothing(effect: str) -> None:
     model = plain.with_theta(parent.theta).with_effects([effect])
     weak = model.with_values({"axis.inertia": 1e-5 * model.values["axis.inertia"], "axis.viscous_friction": 0.0})
     for one in (model, weak):
-        cost = cost_at(form.with_engine(RememberingEngine(one)), one.theta)
+        cost = cost_at(form.with_engine(CachingEngine(one)), one.theta)
         assert cost > cost_at(form, parent.point)
 
 
@@ -112,7 +112,7 @@ def noisy(noise: np.ndarray) -> WeakFit | None:
     """The balance of an axis of which only the position is measured, with noise of its own."""
     plain = load_model("axis")
     plain = replace(plain, outputs=plain.outputs[:1])
-    return fit_by_force(RememberingEngine(plain), prepare(plain, [recorded_with(noise)]), plain.theta)
+    return fit_by_force(CachingEngine(plain), prepare(plain, [recorded_with(noise)]), plain.theta)
 
 
 def wandering(memory: float, size: float) -> np.ndarray:
@@ -151,7 +151,7 @@ def test_motion_outside_the_band_of_the_windows_is_measured() -> None:
 
 def test_a_prediction_with_a_force_in_its_disturbance_is_contradicted() -> None:
     plain = load_model("axis")
-    balance = fit_by_force(RememberingEngine(plain), prepare(plain, [recorded(MACHINE)]), plain.theta)
+    balance = fit_by_force(CachingEngine(plain), prepare(plain, [recorded(MACHINE)]), plain.theta)
     assert balance is not None
     assert balance.usable
     assert not balance.contradicts(balance.model)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_form import NARROWEST, WeakForm, weak_form
 from idloop.estimation.force_balance.weak_form import test_functions as functions
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
@@ -31,7 +31,7 @@ def recorded(machine: Model, seed: int = 1, seconds: float = 8.0) -> Record:
 
 
 def form_of(model: Model, record: Record, width: int = NARROWEST) -> WeakForm:
-    form = weak_form(RememberingEngine(model), prepare(model, [record]), width)
+    form = weak_form(CachingEngine(model), prepare(model, [record]), width)
     assert form is not None
     return form
 
@@ -72,7 +72,7 @@ def test_the_slope_along_the_command_is_the_gain_and_nothing_beyond_a_limit() ->
     np.testing.assert_allclose(form.slope(plain.theta, 0.0), plain.values["drive.gain"], rtol=1e-6)
     for effect, largest in (("saturation@input(limit=0.0)", 1e-9), ("dead_zone@input(width=50.0)", 1e-9)):
         model = plain.with_effects([effect])
-        cut = form.with_engine(RememberingEngine(model))
+        cut = form.with_engine(CachingEngine(model))
         assert np.max(cut.slope(model.theta, 0.0)) < largest
 
 
@@ -106,7 +106,7 @@ def test_a_long_lag_passes_little_of_the_command() -> None:
     gain = plain.values["drive.gain"]
     for constant, low, high in ((1e-5, 0.9, 1.1), (1.0, 0.0, 0.05)):
         model = plain.with_effects([f"actuator_lag@input(time_constant={constant})"])
-        late = form.with_engine(RememberingEngine(model))
+        late = form.with_engine(CachingEngine(model))
         slope = np.median(late.slope(model.theta, 0.0))
         assert low * gain <= slope <= high * gain
 

@@ -6,7 +6,7 @@ import pytest
 from idloop.estimation.dataset import prepare
 from idloop.estimation.greybox import fit
 from idloop.estimation.optimisation.free_run_jacobian import FreeRunJacobian
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.physics import Engine, load_model
 

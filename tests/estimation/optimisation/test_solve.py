@@ -3,7 +3,7 @@ import pytest
 
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.solve import solve
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.estimation.statistics.covariance import estimate_covariance

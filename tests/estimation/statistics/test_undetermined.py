@@ -8,7 +8,7 @@ import pytest
 from idloop.diagnosis import diagnose, refine
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.undetermined import common_scale, effect_scales
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
@@ -79,14 +79,14 @@ def test_ratios_are_printed_and_given_as_json(unknown: Model, record: Record) ->
 @pytest.mark.parametrize("known", [*BASE, "load_torque@axis.torque"])
 def test_one_known_force_sets_the_scale(unknown: Model, record: Record, known: str) -> None:
     model = unknown.with_effect("load_torque", "axis", torque=0.1)
-    assert common_scale(RememberingEngine(model), prepare(model, [record])) is not None
+    assert common_scale(CachingEngine(model), prepare(model, [record])) is not None
     model = model.with_free(name for name in model.free if name != known)
-    assert common_scale(RememberingEngine(model), prepare(model, [record])) is None
+    assert common_scale(CachingEngine(model), prepare(model, [record])) is None
 
 
 def test_parameters_that_are_no_forces_are_not_scaled(unknown: Model, record: Record) -> None:
     model = unknown.with_effect("dead_zone", "input", width=0.1).with_effect("coulomb_friction", "axis", level=0.02)
-    found = common_scale(RememberingEngine(model), prepare(model, [record]))
+    found = common_scale(CachingEngine(model), prepare(model, [record]))
     assert found is not None
     assert set(found.names) == {*BASE, "coulomb_friction@axis.level"}
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, force_scale, output_groups, output_noise
 from idloop.estimation.observer.innovations import LEAST_EXPONENT, MOST_EXPONENT, InnovationCriterion
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.statistics.whitening import Whitener, choose_order, fit_whitener
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Noise:
 
 def common_noise(models: Sequence[Model], data: list[Data]) -> Noise:
     """Noise of the rival that explains the data so far best, its disturbance included."""
-    engines = [RememberingEngine(model) for model in models]
+    engines = [CachingEngine(model) for model in models]
     sensors = output_noise(models[0], data)
     force = force_scale(engines[0], data)
     unit = force**2 / max(float(d.time[-1] - d.time[0]) for d in data)

@@ -18,7 +18,7 @@ from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
 from idloop.estimation.force_balance.weak_fit import fit_by_force, model_error_dominates
 from idloop.estimation.force_balance.weak_form import NARROWEST, WeakForm, weak_form
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.whitening import Whitener, choose_order, fit_whitener
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class ForceView:
 
     def __init__(self, model: Model, form: WeakForm, noise: ForceNoise) -> None:
         self.model, self.noise = model, noise
-        self.engine = RememberingEngine(model)
+        self.engine = CachingEngine(model)
         self._form = form.with_engine(self.engine)
         self._shift = _best_shift(self._form, model.theta)
         self._own = force_noise(_by_record(self._form, model.theta, self._shift), noise.width, noise.sample_time)
@@ -142,7 +142,7 @@ def force_decides(model: Model, data: Sequence[Data]) -> bool:
         Fitted to the records.
     data : sequence of Data
     """
-    form = weak_form(RememberingEngine(model), data, NARROWEST)
+    form = weak_form(CachingEngine(model), data, NARROWEST)
     if form is None:
         return False
     shift = _best_shift(form, model.theta)
@@ -158,7 +158,7 @@ def force_views(models: Sequence[Model], data: Sequence[Data]) -> list[ForceView
     data : sequence of Data
         The data so far.
     """
-    engines = [RememberingEngine(model) for model in models]
+    engines = [CachingEngine(model) for model in models]
     if any(engine.layout(None).bodies != len(model.bodies) for engine, model in zip(engines, models, strict=True)):
         return None
     fitted = fit_by_force(engines[0], data, models[0].theta, accept_noise=True)

@@ -13,9 +13,9 @@ from idloop.diagnosis.design.transfer import transfer
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
 from idloop.estimation.observer.innovations import MOST_EXPONENT, WALK, InnovationCriterion
-from idloop.estimation.observer.observer import discretise
-from idloop.estimation.observer.settling import SettlingObserver, settling_observer
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.observer.stationary import discretise
+from idloop.estimation.observer.time_varying import TimeVaryingObserver, time_varying_observer
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 
 if TYPE_CHECKING:
     from idloop.diagnosis.design.experiment import Experiment
@@ -42,7 +42,7 @@ class PredictionView:
 
     def __init__(self, model: Model, data: list[Data], noise: Noise) -> None:
         self.noise, self.model = noise, model
-        self.engine = engine = RememberingEngine(model)
+        self.engine = engine = CachingEngine(model)
         criterion = InnovationCriterion(engine, data, noise.sensors, noise.force, noise.exponent)
         self._measured = criterion.measured
         # A rival that fits worse has taken more for noise, and knows its parameters less well.
@@ -56,7 +56,7 @@ class PredictionView:
         n = len(chain)
         halves = np.diff([*chain, len(self._linear.A) // 2])
         self._spread = np.concatenate([np.repeat(own[:n], halves), np.repeat(own[n : 2 * n], halves), own[2 * n :]])
-        self._known: dict[tuple[int, float], SettlingObserver] = {}
+        self._known: dict[tuple[int, float], TimeVaryingObserver] = {}
         self._scalings: dict[tuple[int, float], list[Array]] = {}
         self._covariances: dict[float, list[Array]] = {}
         m = len(self._linear.A)
@@ -118,7 +118,7 @@ class PredictionView:
             for output, value, noise in zip(self.model.outputs, left, self.noise.sensors, strict=True)
         ]
 
-    def of(self, samples: int, decades: float = 0.0) -> SettlingObserver:
+    def of(self, samples: int, decades: float = 0.0) -> TimeVaryingObserver:
         """Observer for an experiment.
 
         Parameters
@@ -132,7 +132,7 @@ class PredictionView:
             noise, intensity = self.noise, self.noise.intensity * 10.0**decades
             # No more of a constant force than the walk makes by itself: an offset is not noise.
             start = np.append(self._spread[:-1], np.sqrt(intensity * self._longest))
-            observer = settling_observer(
+            observer = time_varying_observer(
                 self._linear, self._measured, noise.sample_time, intensity, noise.sensors, start, samples
             )
             if not np.all(np.isfinite(observer.gain)):

@@ -18,8 +18,8 @@ from idloop.diagnosis.design.rivals import Rival
 from idloop.errors import InputError
 from idloop.estimation.dataset import Data, prepare
 from idloop.estimation.observer.innovations import InnovationCriterion
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.optimisation.levenberg import difference_jacobian
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.optimisation.solve import typical_size
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def drawback(model: Model, other: Model, records: Sequence[Record]) -> float:
     held = [name for name in other.free if name in model.values]
     costs = []
     for candidate in (model, other.with_free(held)):
-        criterion = InnovationCriterion(RememberingEngine(candidate), data, noise.sensors, noise.force, noise.exponent)
+        criterion = InnovationCriterion(CachingEngine(candidate), data, noise.sensors, noise.force, noise.exponent)
         exponent, theta = np.array([noise.exponent, criterion.memory]), candidate.theta
 
         def residual(values: Array, rule: InnovationCriterion = criterion, fixed: Array = exponent) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from idloop.diagnosis.design.experiment import Experiment
-    from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+    from idloop.estimation.optimisation.caching_engine import CachingEngine
     from idloop.records import Record
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Difference:
 class View(Protocol):
     """One rival's errors on the data so far and on experiments, on the scale that it shares with the others."""
 
-    engine: RememberingEngine
+    engine: CachingEngine
 
     @property
     def stronger(self) -> list[float]:

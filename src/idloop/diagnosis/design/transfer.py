@@ -26,7 +26,7 @@ def transfer(innovations: Array, transition: Array, output: Array, given: Array,
         Over one sample, the disturbance force included.
     output : ndarray (p, m)
     given, wanted : ndarray (s m, p)
-        Gains one below the other, the last held; as of `settling_observer`.
+        Gains one below the other, the last held; as of `time_varying_observer`.
     """
     return np.asarray(
         _transfer(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from idloop.diagnosis.evidence.quantisation import rounding_step
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, prepare
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validation.free_run import free_run, free_runs
@@ -61,7 +61,7 @@ def _alike(
     one_start: bool = True,
 ) -> bool:
     """Whether a judge lets all records pass by how far the free runs of two models come apart in them, shape (n, p)."""
-    first, second = RememberingEngine(model), RememberingEngine(other)
+    first, second = CachingEngine(model), CachingEngine(other)
     try:
         for data in prepare(model, records):
             one, two = free_runs(first, data, second) if one_start else (free_run(first, data), free_run(second, data))

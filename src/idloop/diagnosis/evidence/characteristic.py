@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.effect import BODY, COUPLING, INPUT
 from idloop.physics.kernel import GAIN
 from idloop.validation.breakdown import sums
@@ -88,7 +88,7 @@ def shifts_in_time(effect: Effect) -> bool:
 def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Record) -> Characteristic | None:
     """Force, command or torque along the measured motion, in the band in which forces are compared."""
     data = prepare(model, [record])[0]
-    engine, plain = RememberingEngine(model), RememberingEngine(without)
+    engine, plain = CachingEngine(model), CachingEngine(without)
     balance = record_balance(engine, data)
     if balance is None:
         return None
@@ -158,7 +158,7 @@ def _of_a_reading(model: Model, without: Model, active: ActiveEffect, record: Re
     column = next(i for i, output in enumerate(model.outputs) if output.site == active.at)
     output, measured = model.outputs[column], data.output[:, column]
     # One start for both: another one would move the whole curve, or bend it.
-    both = free_runs(RememberingEngine(model), data, RememberingEngine(without))
+    both = free_runs(CachingEngine(model), data, CachingEngine(without))
     seen, true = (one[:, column] for one in both)
     known = np.isfinite(measured) & np.isfinite(true) & np.isfinite(seen)
     spread = float(np.std(measured[known]))

@@ -13,7 +13,7 @@ from idloop.estimation.force_balance.weak_fit import WeakFit, draft_windows, fit
 from idloop.estimation.force_balance.weak_form import WeakForm
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit_or_none
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -37,7 +37,7 @@ class Views:
 
     def __init__(self, model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> None:
         self.model, self.estimation = model, estimation
-        fit = fit_by_force(RememberingEngine(model), estimation.data, model.theta, forms)
+        fit = fit_by_force(CachingEngine(model), estimation.data, model.theta, forms)
         serves = (
             fit is not None
             and fit.usable
@@ -100,7 +100,7 @@ def asked_fit(model: Model, estimation: EstimationProblem, forms: dict[int, Weak
 
     Raises `InputError` where it cannot be.
     """
-    fit = fit_by_force(RememberingEngine(model), estimation.data, model.theta, forms, accept_noise=True)
+    fit = fit_by_force(CachingEngine(model), estimation.data, model.theta, forms, accept_noise=True)
     if fit is None:
         raise InputError(
             "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "

@@ -33,7 +33,7 @@ from idloop.estimation.force_balance.weak_fit import (
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
 from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
@@ -366,7 +366,7 @@ class _Screen:
 
     def _trace(self, proposal: Proposal, trial: Trial) -> Array | None:
         model = proposal.model(trial)
-        form = self.parent.form.with_engine(RememberingEngine(model))
+        form = self.parent.form.with_engine(CachingEngine(model))
         try:
             residual = form.residual(model.theta, self.parent.shift)
         except IdloopError:
@@ -414,7 +414,7 @@ def fit_in(
 
     None where it cannot be. A further iteration must promise `tolerance` of log-likelihood.
     """
-    form = form.with_engine(RememberingEngine(model))
+    form = form.with_engine(CachingEngine(model))
     start = np.append(model.theta, shift) if form.free_timing else model.theta
     try:
         found = fit_weak(form, start, rounds=rounds, tolerance=tolerance)
@@ -425,7 +425,7 @@ def fit_in(
 
 def _cost_in(form: WeakForm, shift: float, model: Model) -> float:
     """How badly a model does in the windows of another one, not fitted."""
-    form = form.with_engine(RememberingEngine(model))
+    form = form.with_engine(CachingEngine(model))
     return cost_at(form, np.append(model.theta, shift) if form.free_timing else model.theta)
 
 
@@ -519,7 +519,7 @@ class _Weigher:
         # The second of a pair may have taken the place of the first.
         there = [proposal.name for proposal in chosen if proposal.name in fit.model.effect_names]
         model = fit.model.without_effects(there)
-        without = form.with_engine(RememberingEngine(model))
+        without = form.with_engine(CachingEngine(model))
         left, other = form.residual(fit.theta, fit.shift), without.residual(model.theta, fit.shift)
         return bool(np.linalg.norm(other - left) >= _ACTS * np.linalg.norm(left))
 

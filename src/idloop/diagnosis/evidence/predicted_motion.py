@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from idloop.estimation.likelihood.refit import Refit
 from idloop.estimation.observer.innovations import InnovationCriterion
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.simulation import SimulationCriterion
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def predicted_motion(fit: Refit) -> list[PredictedMotion] | None:
         for field in ("position", "velocity")
         for body in model.bodies
     )
-    engine = RememberingEngine(replace(model, outputs=(*model.outputs, *perfect)))
+    engine = CachingEngine(replace(model, outputs=(*model.outputs, *perfect)))
     layout, bodies = engine.layout(theta), len(model.bodies)
     if layout.bodies != bodies:
         return None
@@ -63,15 +63,14 @@ def predicted_motion(fit: Refit) -> list[PredictedMotion] | None:
             )
         position, velocity = motion[:, -2 * bodies : -bodies], motion[:, -bodies:]
         along = (position, velocity, np.zeros_like(velocity), data.input_time, data.input, data.time)
-        balance = engine.equation_error(theta, *along, conditions=data.conditions)
-        drive, _ = engine.drive_force(theta, *along, conditions=data.conditions)
-        acceleration = -balance[:, 0] / inertia
-        found.append(PredictedMotion(data.time, position[:, 0], velocity[:, 0], acceleration, drive, inertia))
+        balance = engine.balance(theta, *along, conditions=data.conditions)
+        acceleration = -balance.residual[:, 0] / inertia
+        found.append(PredictedMotion(data.time, position[:, 0], velocity[:, 0], acceleration, balance.applied, inertia))
     return found
 
 
 def _expected(
-    criterion: InnovationCriterion, engine: RememberingEngine, theta: Array, nuisance: Array, record: int
+    criterion: InnovationCriterion, engine: CachingEngine, theta: Array, nuisance: Array, record: int
 ) -> Array:
     """All outputs of the engine before each measurement; of those that are not measured only these are meant."""
     data, observer = criterion.data[record], criterion.observer(nuisance, record)

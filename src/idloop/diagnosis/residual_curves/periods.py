@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from idloop.estimation.force_balance.force_error import record_balance
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.student import weights
 from idloop.physics.model import Model
 
@@ -30,7 +30,7 @@ def remaining_period(model: Model, estimation: EstimationProblem) -> tuple[float
 
     # The force balance along the measured motion leaves a force at every instant; its spectrum over position, against
     # what neighbouring frequencies have, shows what repeats. Linear in the number of samples.
-    engine, runs, strides = RememberingEngine(model), [], []
+    engine, runs, strides = CachingEngine(model), [], []
     for data in estimation.data:
         with np.errstate(all="ignore"):
             narrow = record_balance(engine, data)

@@ -22,7 +22,7 @@ from idloop.estimation.likelihood.heteroscedasticity import heteroscedasticity
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import Refit
 from idloop.estimation.observer.innovations import InnovationCriterion
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import kernel
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales, Trial
@@ -149,7 +149,7 @@ class Screen:
         below a dead zone at the input moves nothing.
         """
         model = self.parent.model
-        gain = float(RememberingEngine(model).layout(None).axis.constants[kernel.GAIN])
+        gain = float(CachingEngine(model).layout(None).axis.constants[kernel.GAIN])
         data = tuple(
             replace(d, input=d.input + np.interp(d.input_time, d.time, force) / gain)
             for d, force in zip(self.estimation.data, forces, strict=True)

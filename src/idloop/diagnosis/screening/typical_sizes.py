@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from idloop.estimation.dataset import Data
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.linear.propagate import respond
-from idloop.estimation.observer.observer import discretise
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.observer.stationary import discretise
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.conditions import condition_name
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, parameter_as
 from idloop.physics.model import Model, values_of
@@ -122,7 +122,7 @@ class Sizes:
     @cached_property
     def _torques(self) -> dict[str, tuple[float, float, float]]:
         """Stiffness, typical and largest torque of every coupling, in a free run of the linear part."""
-        engine = RememberingEngine(self.model)
+        engine = CachingEngine(self.model)
         linear, layout = engine.linearise(None), engine.layout(None)
         stiffness, damping = layout.axis.stiffness, layout.axis.damping
         n, joints = len(linear.A) // 2, list(layout.joint_of.values())

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
 from idloop.estimation.force_balance.weak_form import BLOCKS, LARGEST_REST, NARROWEST, WeakForm, WindowShares, weak_form
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.optimisation.levenberg import box_step, difference_jacobian
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
 from idloop.estimation.optimisation.solve import typical_size
 from idloop.estimation.statistics.student import log_density, scale_of
 from idloop.physics import Engine, Model
@@ -144,7 +144,7 @@ class WeakFit:
         # Least squares count a part of a disturbance as inertia, and leave less of it unexplained.
         disturbed = self.relative / np.sqrt(1.0 - self.relative**2)
         try:
-            left = relative_errors(self.form.with_engine(RememberingEngine(predicted)), predicted.theta, self.shift)[0]
+            left = relative_errors(self.form.with_engine(CachingEngine(predicted)), predicted.theta, self.shift)[0]
         except IdloopError:
             return True
         return not left <= _HIDDEN * disturbed

@@ -14,7 +14,7 @@ from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.log_likelihood import weigh
 from idloop.estimation.observer.innovations import LEAST_EXPONENT, MOST_EXPONENT, WALK, WHITE, InnovationCriterion
 from idloop.estimation.observer.translated_innovations import TranslatedCriterion
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]

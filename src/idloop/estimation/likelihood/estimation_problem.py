@@ -13,8 +13,8 @@ from idloop.errors import IdloopError, InputError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.dataset import Data, common_conditions, force_scale, output_noise, prepare
 from idloop.estimation.observer.innovations import InnovationCriterion
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
-from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+from idloop.estimation.optimisation.caching_engine import CachingEngine
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.estimation.statistics.whitening import Whitener
 from idloop.physics import kernel
@@ -41,7 +41,7 @@ _SEGMENTS = 4
 _EXACT = 1e-9
 
 
-class BoundedRateEngine(RememberingEngine):
+class BoundedRateEngine(CachingEngine):
     """Engine whose methods raise `IdloopError` for parameter values with dynamics far faster than the samples.
 
     Parameters
@@ -163,7 +163,7 @@ class EstimationProblem:
         A feedback from a disturbed motion to the command looks like a machine without inertia in a force balance.
         """
         engine = self.engine(model)
-        return chain_rate(RememberingEngine(model).layout()) <= engine.most
+        return chain_rate(CachingEngine(model).layout()) <= engine.most
 
     def engine(self, model: Model) -> BoundedRateEngine:
         """Engine of one model for a search."""
@@ -191,7 +191,7 @@ def prepare_estimation(
     data = prepare(model, records, companions=companions)
     if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
-    engine = RememberingEngine(model)
+    engine = CachingEngine(model)
     return EstimationProblem(
         kind,
         tuple(records),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.observer.innovations import InnovationCriterion
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.statistics.whitening import autocovariances, fit_whitener, left_by_orders
 
 Array = NDArray[np.float64]

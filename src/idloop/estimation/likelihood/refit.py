@@ -29,8 +29,8 @@ from idloop.estimation.likelihood.disturbance import (
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.log_likelihood import start_log_likelihood, weigh
 from idloop.estimation.observer.innovations import MOST_EXPONENT, WALK, InnovationCriterion
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.estimation.statistics.covariance import estimate_covariance
 from idloop.physics.model import Model

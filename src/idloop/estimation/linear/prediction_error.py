@@ -16,7 +16,7 @@ from idloop.estimation.linear.model import Coefficient, Focus, LinearModel, erro
 from idloop.estimation.linear.propagate import respond
 from idloop.estimation.linear.search import Found, Parametrisation, mirrored, predictor_radius, search, stability_limit
 from idloop.estimation.linear.sensitivity import Matrices
-from idloop.estimation.observer.observer import riccati
+from idloop.estimation.observer.stationary import riccati
 from idloop.estimation.statistics.collinear import collinearity_notes
 
 if TYPE_CHECKING:

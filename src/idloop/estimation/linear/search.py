@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
 from idloop.estimation.linear.sensitivity import Matrices, compressed_errors, error_moments, score_sums
-from idloop.estimation.observer.observer import riccati
+from idloop.estimation.observer.stationary import riccati
 from idloop.estimation.optimisation.levenberg import minimise
 
 Array = NDArray[np.float64]

@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Errors, InitialStates
 from idloop.estimation.dataset import Data, output_groups
-from idloop.estimation.observer.settling import SettlingObserver, scale_start, scalings_to_last, settling_observer
+from idloop.estimation.observer.time_varying import (
+    TimeVaryingObserver,
+    scale_start,
+    scalings_to_last,
+    time_varying_observer,
+)
 
 if TYPE_CHECKING:
     from idloop.physics import Engine
@@ -85,7 +90,7 @@ class InnovationCriterion:
         self.initial = InitialStates(engine, data, force_scale)
         self.linear: Linear = engine.linearise(None)
         self._chain: tuple[int, ...] = engine.layout(None).body_of
-        self._observers: dict[tuple[float, float, float], tuple[SettlingObserver, list[Array]]] = {}
+        self._observers: dict[tuple[float, float, float], tuple[TimeVaryingObserver, list[Array]]] = {}
         self._last: dict[int, tuple[bytes, Array]] = {}
         self._rows = [[_usable(d, group) for d in data] for group in self.groups]
 
@@ -176,11 +181,11 @@ class InnovationCriterion:
         first = observer.place[min(instant, len(observer.place) - 1)]
         return float(np.linalg.slogdet(scalings[place][first])[1])
 
-    def observer(self, nuisance: Array, record: int) -> SettlingObserver:
+    def observer(self, nuisance: Array, record: int) -> TimeVaryingObserver:
         """Observer of one record."""
         return self._observer(nuisance, record)[0]
 
-    def _observer(self, nuisance: Array, record: int) -> tuple[SettlingObserver, list[Array]]:
+    def _observer(self, nuisance: Array, record: int) -> tuple[TimeVaryingObserver, list[Array]]:
         """Observer of one record and the scaling of its first innovations, by group."""
         step = self.data[record].sample_time
         exponent, memory = float(nuisance[0]), float(nuisance[1])
@@ -199,7 +204,7 @@ class InnovationCriterion:
             deviation = np.concatenate(
                 [np.repeat(scale[:n], halves), np.repeat(scale[n : 2 * n], halves), scale[2 * n :]]
             )
-            observer = settling_observer(
+            observer = time_varying_observer(
                 self.linear, self.measured, step, variance_rate, self.output_noise, deviation, samples, decay
             )
             if not np.all(np.isfinite(observer.gains)):

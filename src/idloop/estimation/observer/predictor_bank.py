@@ -55,11 +55,11 @@ class PredictorBank:
     """
 
     def __init__(self, model: Model) -> None:
-        from idloop.estimation.optimisation.smooth_engine import RememberingEngine
+        from idloop.estimation.optimisation.caching_engine import CachingEngine
         from idloop.physics import kernel as compiled
 
         self.kernel: Any = compiled
-        self.model, self.engine = model, RememberingEngine(model)
+        self.model, self.engine = model, CachingEngine(model)
         layout = self.engine.layout(None)
         self.gain = np.zeros((2 * layout.bodies + 1, len(model.outputs)))
         self._samples = _Waiting(len(model.outputs))

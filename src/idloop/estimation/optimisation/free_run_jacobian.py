@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
 from idloop.estimation.simulation import SimulationCriterion
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.optimisation.free_run_jacobian import FreeRunJacobian
+from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise, probed_size
-from idloop.estimation.optimisation.problem import LeastSquaresProblem
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from idloop.estimation.optimisation.problem import LeastSquaresProblem
+    from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 
 Array = NDArray[np.float64]
 

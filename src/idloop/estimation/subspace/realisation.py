@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimation.observer.observer import riccati
+from idloop.estimation.observer.stationary import riccati
 from idloop.estimation.subspace.compression import Compression, check_excitation
 from idloop.estimation.subspace.projection import project, regress, row_basis
 

@@ -26,7 +26,7 @@ _MOST = 20_000
 
 
 @dataclass(frozen=True)
-class SettlingObserver:
+class TimeVaryingObserver:
     """Kalman filter of the linear part from an uncertain start until its gain settles.
 
     Attributes
@@ -59,7 +59,7 @@ class SettlingObserver:
         return self.covariances[self.place]
 
 
-def settling_observer(
+def time_varying_observer(
     linear: Linear,
     measured: list[int],
     sample_time: float,
@@ -68,7 +68,7 @@ def settling_observer(
     start: Array,
     samples: int,
     decay: float = 1.0,
-) -> SettlingObserver:
+) -> TimeVaryingObserver:
     """Time-varying observer with a disturbance force (Anderson and Moore, Optimal Filtering, 1979, ch. 3).
 
     The force is held from sample to sample, and decays.
@@ -122,7 +122,7 @@ def settling_observer(
     full[:, m] *= force
     expected = np.zeros((different, p, p))
     expected[np.ix_(range(different), measured, measured)] = covariances[:different] * np.outer(noise, noise)
-    return SettlingObserver(full, expected, place[:count])
+    return TimeVaryingObserver(full, expected, place[:count])
 
 
 def _room(most: int) -> int:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _KEPT = 64
 
 
-class RememberingEngine(Engine):
+class CachingEngine(Engine):
     """Engine that caches the layouts of the last parameter values.
 
     Laying a model out costs as much as simulating a thousand samples. Quantisation, which acts after a sensor's noise,

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_are
 
-from idloop.estimation.observer.settling import settling_observer
+from idloop.estimation.observer.time_varying import time_varying_observer
 from idloop.physics import Engine, load_model
 from idloop.physics.engine import Linear
 
@@ -33,7 +33,7 @@ def test_it_settles_at_the_steady_kalman_gain(name: str, measured: list[int], de
     model = load_model(name)
     linear = Engine(model).linearise()
     n, noise = len(linear.A), np.array([o.noise for o in model.outputs])
-    found = settling_observer(linear, measured, STEP, 10.0**exponent, noise, np.ones(n + 1), ENDLESS, decay)
+    found = time_varying_observer(linear, measured, STEP, 10.0**exponent, noise, np.ones(n + 1), ENDLESS, decay)
     transition, process = augmented(linear, 10.0**exponent, decay)
     output = np.hstack([linear.C[measured], np.zeros((len(measured), 1))])
     spread = solve_discrete_are(transition.T, output.T, process, np.diag(noise[measured] ** 2))
@@ -49,7 +49,7 @@ def test_the_first_gains_are_those_of_the_textbook_recursion(decay: float, seed:
     rng = np.random.default_rng(seed)
     linear = Engine(load_model("dc_motor")).linearise()
     noise, start, intensity = rng.uniform(0.01, 1.0, 2), rng.uniform(0.1, 10.0, 3), float(rng.uniform(0.1, 10.0))
-    found = settling_observer(linear, [0, 1], STEP, intensity, noise, start, 8, decay)
+    found = time_varying_observer(linear, [0, 1], STEP, intensity, noise, start, 8, decay)
     transition, process = augmented(linear, intensity, decay)
     output = np.hstack([linear.C, np.zeros((2, 1))])
     spread = np.diag(start**2)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_are
 
 from idloop.errors import IdloopError
-from idloop.estimation.observer.observer import design, discretise, riccati
+from idloop.estimation.observer.stationary import design, discretise, riccati
 
 
 @given(st.integers(0, 10_000))
