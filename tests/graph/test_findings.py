@@ -19,7 +19,7 @@ from idloop_nodes.codec import (
     missing_to_statuses,
 )
 from idloop_nodes.streams.bag_writer import BagWriter
-from idloop_nodes.wiring import DIAGNOSTICS
+from idloop_nodes.topics import DIAGNOSTICS
 
 TOPICS = {
     MissingSummary: ("/estimator/missing_effects", missing_to_statuses),

@@ -15,7 +15,7 @@ from idloop_nodes.codec import (
     parameters_to_statuses,
 )
 from idloop_nodes.streams.bag_writer import BagWriter
-from idloop_nodes.wiring import DIAGNOSTICS
+from idloop_nodes.topics import DIAGNOSTICS
 
 FIT, PARAMETERS = "/left/estimator/fit", "/left/estimator/parameters"
 

@@ -45,13 +45,13 @@ class Bench:
         self.executor.add_node(self.other)
 
     def listen(self, topic):
-        from idloop_nodes.base import topic_qos, topic_type
+        from idloop_nodes.qos import topic_qos, topic_type
 
         self.got[topic] = []
         self.other.create_subscription(topic_type(topic), topic, self.got[topic].append, topic_qos(topic), raw=True)
 
     def talk(self, topic):
-        from idloop_nodes.base import topic_qos, topic_type
+        from idloop_nodes.qos import topic_qos, topic_type
 
         return self.other.create_publisher(topic_type(topic), topic, topic_qos(topic))
 

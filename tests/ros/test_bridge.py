@@ -45,7 +45,7 @@ class BridgeBench:
             self.bench.listen(topic)
         self.bench.matched(self.robot, self.commander)
         self.bench.until(self.bench.node._to_robot.get_subscription_count)
-        self.bench.until(self.bench.node._publishers_by_topic["bridge/command"].get_subscription_count)
+        self.bench.until(self.bench.node.publishers_by_topic["bridge/command"].get_subscription_count)
         self.stamp = time.time_ns()
 
     @property
@@ -54,10 +54,10 @@ class BridgeBench:
 
     def measure(self, position=0.0, velocity=0.0):
         self.stamp += MS
-        before = self.bench.node._measured.count
+        before = self.bench.node.counters.measured.count
         names, zeros = ("wrist", "elbow"), (0.0, velocity)
         self.robot.publish(encode_joint_state(JointSample(self.stamp, names, (0.0, position), zeros)))
-        self.bench.until(lambda: self.bench.node._measured.count > before)
+        self.bench.until(lambda: self.bench.node.counters.measured.count > before)
 
     def command(self, value):
         """The robot's newest command after one of ours has been answered."""
@@ -66,9 +66,9 @@ class BridgeBench:
 
     def say(self, value):
         self.stamp += MS
-        before = self.bench.node._commanded.count
+        before = self.bench.node.counters.commanded.count
         self.commander.publish(encode_joint_state(JointSample(self.stamp, ("motor",), effort=(value,))))
-        self.bench.until(lambda: self.bench.node._commanded.count > before)
+        self.bench.until(lambda: self.bench.node.counters.commanded.count > before)
         passed = self.gate._output
         self.until_told(passed)
         return passed
@@ -186,6 +186,7 @@ def test_a_second_commander_stops_the_motor_until_it_has_gone(bench):
     assert one.command(1.5) == 1.5
 
 
+@pytest.mark.slow
 def test_a_second_commander_that_is_allowed_is_said(bench):
     one = BridgeBench(bench, allow_other_commanders=True)
     second = one.bench.talk("joint_command")
@@ -222,7 +223,7 @@ def test_the_last_word_needs_no_lock(bench):
     one = BridgeBench(bench)
     assert one.command(1.5) == 1.5
     with one.bench.node._lock:
-        one.bench.node._last_word()
+        one.bench.node._send_neutral()
         assert one.gate._output == 0.0
 
 

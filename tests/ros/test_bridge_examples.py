@@ -8,11 +8,10 @@ from ruamel.yaml import YAML
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop.graph import load_graph
+from idloop_nodes.descriptions import KINDS, describe
 from idloop_nodes.parameters import accept_all
 from idloop_nodes.safety.gate_settings import gate_settings
 from idloop_nodes.safety.robot_joints import RobotJoints
-from idloop_nodes.tables import tables
-from idloop_nodes.wiring import NODES
 
 EXAMPLES = ["effort", "servo", "driver"]
 
@@ -27,9 +26,9 @@ def sections(example):
 def test_every_parameter_is_one_of_the_node(example):
     found = sections(example)
     common = found.pop("/**")
-    assert set(common["peers"]) <= set(NODES)
+    assert set(common["peers"]) <= set(KINDS)
     for name, values in found.items():
-        table = tables()[name.removeprefix("/**/")]
+        table = describe(name.removeprefix("/**/")).parameters()
         known = {spec.name for spec in table}
         assert set(values) <= known, name
         accept_all(table, {key: value for key, value in (common | values).items() if key in known})
@@ -38,7 +37,7 @@ def test_every_parameter_is_one_of_the_node(example):
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_the_bridge_takes_it(example):
     found = sections(example)
-    values = accept_all(tables()["bridge"], found["/**/bridge"])
+    values = accept_all(describe("bridge").parameters(), found["/**/bridge"])
     assert gate_settings(values).command.command > 0.0
     assert RobotJoints(values).names == ("motor",)
 

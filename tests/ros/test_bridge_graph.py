@@ -107,6 +107,7 @@ def call(service):
         rclpy.try_shutdown()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bridge_parameters", [{"soft_start": 1.0}])
 def test_the_start_is_soft(own_graph):
     own_graph.until_driven()
@@ -116,11 +117,13 @@ def test_the_start_is_soft(own_graph):
     assert len(rise) > 3, "a second, at one command in 5 ms"
 
 
+@pytest.mark.slow
 def test_a_killed_controller_is_zero(own_graph):
     own_graph.until_driven()
     own_graph.until_zero_after(own_graph.signal("controller", signal.SIGKILL))
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_forth_and_back_is_told_zero(own_graph):
     own_graph.until_driven()
     own_graph.until_zero_after(own_graph.order("jump", 3600))
@@ -132,6 +135,7 @@ def test_a_clock_that_is_set_forth_and_back_is_told_zero(own_graph):
     own_graph.until_driven()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["controller", "excitation"])
 def test_a_stopped_peer_is_zero_and_goes_on_when_it_does(graph, name):
     graph.until_driven()
@@ -167,6 +171,7 @@ def test_a_stranger_that_commands_is_zero_until_it_has_gone(graph):
     graph.until_driven()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bridge_parameters", [{"allow_other_commanders": True}])
 def test_a_stranger_that_is_allowed_moves_nothing_past_the_limits(own_graph):
     def told(since):
@@ -193,6 +198,7 @@ def publish(publisher, value):
     return True
 
 
+@pytest.mark.slow
 def test_the_emergency_stop_holds_whatever_the_controller_says(graph):
     since = graph.until_driven()
     assert call("/bridge/emergency_stop").success
@@ -204,6 +210,7 @@ def test_the_emergency_stop_holds_whatever_the_controller_says(graph):
     graph.until_driven()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bridge_parameters", [{"require_guardian": False}])
 def test_the_last_word_of_a_bridge_is_zero_whatever_signal_ends_it(own_graph):
     """Without the guardian, which would say it as well."""
@@ -228,7 +235,7 @@ def test_bridge_and_guardian_stop_the_motor_when_the_other_is_killed_or_hangs(ow
     own_graph.processes["bridge"].wait()
     own_graph.start("bridge")
     own_graph.until_driven()
-    assert own_graph.said("guardian").count("/bridge is silent or gone: the motor is told to stop") == 2
+    assert own_graph.said("guardian").count("/bridge is silent or gone: the guardian stops the motor") == 2
     # and the other way round
     own_graph.until_zero_after(own_graph.signal("guardian", signal.SIGSTOP))
     own_graph.signal("guardian", signal.SIGCONT)
@@ -242,6 +249,7 @@ def test_bridge_and_guardian_stop_the_motor_when_the_other_is_killed_or_hangs(ow
     own_graph.until_driven()
 
 
+@pytest.mark.slow
 def test_a_node_that_stood_still_until_it_was_forgotten_is_met_again(own_graph):
     name = "controller"
     own_graph.until_driven()

@@ -45,6 +45,7 @@ def told(log):
     return [float(row[2]) for row in map(str.split, whole.splitlines()) if row[1] == "command"]
 
 
+@pytest.mark.slow
 def test_the_example_drives_and_records_a_joint_of_a_robot(robot, tmp_path):
     said: list[str] = []
     graph = load_graph("robot", {"bag": str(tmp_path / "bag"), "namespace": "left", "fit_period": "0.0"})
@@ -68,6 +69,7 @@ def test_the_example_drives_and_records_a_joint_of_a_robot(robot, tmp_path):
     assert any("lost 0, dropped 0" in line for line in said), said
 
 
+@pytest.mark.slow
 def test_a_closed_terminal_ends_the_nodes_in_order(robot, tmp_path):
     """The hangup reaches the launcher alone: its nodes have process groups of their own."""
     ours, terminal = os.openpty()

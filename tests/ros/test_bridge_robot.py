@@ -21,10 +21,10 @@ from idloop_nodes.codec import (
     encode_floats,
     encode_joint_state,
 )
+from idloop_nodes.descriptions import describe
 from idloop_nodes.parameters import accept_all
 from idloop_nodes.safety.gate_settings import gate_settings
 from idloop_nodes.safety.robot_joints import RobotJoints
-from idloop_nodes.tables import BRIDGE
 
 ARM = ("wrist", "elbow", "shoulder")
 
@@ -33,7 +33,7 @@ def values(**more):
     given = {"robot_joints": ["elbow"], "limit.command": 2.0} | {
         name.replace("__", "."): value for name, value in more.items()
     }
-    return accept_all(BRIDGE, given)
+    return accept_all(describe("bridge").parameters(), given)
 
 
 def arm(position=(0.1, 0.2, 0.3), velocity=(1.0, 2.0, 3.0), effort=(10.0, 20.0, 30.0), names=ARM):

@@ -15,7 +15,7 @@ from idloop_nodes.excitation.experiment import Limits
 from idloop_nodes.safety.command_limiter import CommandLimiter, CommandLimits
 from idloop_nodes.safety.gate_settings import GateSettings
 from idloop_nodes.safety.safety_gate import SafetyGate
-from idloop_nodes.safety.velocity_estimator import Speedometer
+from idloop_nodes.safety.velocity_estimator import VelocityEstimator
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
 MS = 1_000_000
@@ -310,7 +310,7 @@ def test_a_position_only_robot_has_a_velocity_too():
 
 
 def test_the_speedometer_needs_its_window():
-    meter = Speedometer(window_ns=20 * MS)
+    meter = VelocityEstimator(window_ns=20 * MS)
     assert [meter.take(step * 10 * MS, 0.5 * step) for step in range(2)] == pytest.approx([math.nan] * 2, nan_ok=True)
     assert meter.take(20 * MS, 1.0) == pytest.approx(50.0)
     assert meter.take(30 * MS, 2.0) == pytest.approx(75.0)
@@ -339,19 +339,19 @@ def test_one_publisher_too_many_lets_nothing_pass():
 )
 def test_stamps_are_compared_with_stamps(steps, arrivals):
     watch = StreamWatch(40 * MS)
-    heard = [watch.hear(count * MS, stamp * MS) for count, stamp in enumerate(steps)]
+    heard = [watch.update(count * MS, stamp * MS) for count, stamp in enumerate(steps)]
     assert heard == [Arrival[name] for name in arrivals.split()]
 
 
 def test_after_a_silence_any_stamp_is_a_new_beginning():
     watch = StreamWatch(40 * MS)
-    watch.hear(0, 5 * SECOND)
+    watch.update(0, 5 * SECOND)
     assert watch.silent(41 * MS)
-    assert watch.hear(50 * MS, 2 * SECOND) is Arrival.FRESH
+    assert watch.update(50 * MS, 2 * SECOND) is Arrival.FRESH
 
 
 def test_a_clock_that_stands_still_is_silence():
     watch = StreamWatch(40 * MS)
     for now in range(0, 60, 5):
-        watch.hear(now * MS, SECOND)
+        watch.update(now * MS, SECOND)
     assert watch.silent(60 * MS)

@@ -16,7 +16,7 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 from robot_graph import RobotGraph
 
 from idloop.reporting.workbench.server import KEY_HEADER
-from idloop.reporting.workbench.source import FREE, SENT, STOPPED
+from idloop.reporting.workbench.state import FREE, SENT, STOPPED
 
 pytestmark = [pytest.mark.ros, pytest.mark.whole_graph]
 
@@ -52,6 +52,7 @@ def graph(tmp_path, ros_environment):
         one.stop()
 
 
+@pytest.mark.slow
 def test_stopped_is_not_said_while_the_bridge_hangs(graph):
     page = Page(graph)
     graph.until_driven()

@@ -38,7 +38,7 @@ class Loop:
         self.bench.listen("joint_command")
         self.states, self.references = self.bench.talk("joint_states"), self.bench.talk("reference")
         self.bench.matched(self.states, self.references)
-        self.bench.until(self.bench.node._publishers_by_topic["joint_command"].get_subscription_count)
+        self.bench.until(self.bench.node.publishers_by_topic["joint_command"].get_subscription_count)
         self.stamp = 10**9
 
     def answer(self, position, wanted):

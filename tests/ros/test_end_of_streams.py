@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 
 LISTENER = """
 import rclpy
-from idloop_nodes.base import topic_qos, topic_type
+from idloop_nodes.qos import topic_qos, topic_type
 
 rclpy.init()
 node = rclpy.create_node("listener")
@@ -37,7 +37,7 @@ def test_a_listener_without_processor_time_is_waited_for(bench):
     one = bench("estimator", model="dc_motor", sample_time=0.01, mode="realtime", auto_diagnose=False)
     node, heard = one.node, []
     one.other.create_subscription(node._progress_publisher.msg_type, "progress", heard.append, 10)
-    publisher = node._publishers_by_topic["estimator/prediction"]
+    publisher = node.publishers_by_topic["estimator/prediction"]
     telling = threading.Thread(target=node.tell_progress, args=(101, DONE))
     with subprocess.Popen([sys.executable, "-c", LISTENER], stdout=subprocess.PIPE, text=True) as child:
         try:

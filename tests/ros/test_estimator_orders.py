@@ -46,7 +46,7 @@ class EstimatorBench:
             self.bench.listen(f"estimator/{name}")
         self.commands, self.states = self.bench.talk("joint_command"), self.bench.talk("joint_states")
         self.bench.matched(self.commands, self.states)
-        self.bench.until(self.bench.node._publishers_by_topic["estimator/prediction"].get_subscription_count)
+        self.bench.until(self.bench.node.publishers_by_topic["estimator/prediction"].get_subscription_count)
 
     def drive(self, seconds=16.0, seed=1):
         model = load_model("dc_motor").with_effects([f"dead_zone@input(width={WIDTH})"])
@@ -59,26 +59,27 @@ class EstimatorBench:
             self.states.publish(encode_joint_state(JointSample(stamp, ("motor",), (position,), (velocity,))))
             plant.step(command, (index + 1) * 0.01)
             if index % 50 == 49:
-                self.bench.until(lambda stamp=stamp: self.bench.node._last == stamp)
+                self.bench.until(lambda stamp=stamp: self.bench.node.estimator.input.last == stamp)
 
     def call(self, name):
         return self.bench.call(f"/estimator/{name}")
 
     def after(self, topic, order):
         """Give an order and wait until the topic says what it brought."""
-        desk = self.bench.node._diagnosing.desk
+        coordinator = self.bench.node.estimator.diagnosis.coordinator
         read, name = READ[topic]
         got = self.bench.got[f"estimator/{topic}"]
-        old = getattr(desk, name)
+        old = getattr(coordinator, name)
         answer = order()
-        self.bench.until(lambda: not desk.busy and getattr(desk, name) is not old)
-        self.bench.until(lambda: got and read(decode_diagnostics(got[-1])[1]) == getattr(desk, name))
-        return answer, getattr(desk, name)
+        self.bench.until(lambda: not coordinator.busy and getattr(coordinator, name) is not old)
+        self.bench.until(lambda: got and read(decode_diagnostics(got[-1])[1]) == getattr(coordinator, name))
+        return answer, getattr(coordinator, name)
 
     def effects(self):
         return [one for one in self.bench.node.get_parameter("effects").value if one]
 
 
+@pytest.mark.slow
 def test_orders_climb_the_ladder_and_come_down_again(bench):
     one = EstimatorBench(bench)
     assert "no samples" in one.call("diagnose").message
@@ -108,7 +109,7 @@ def test_orders_climb_the_ladder_and_come_down_again(bench):
     before, after = (step.validation.nrmse["motor.position"] for step in ladder.steps)
     assert after < 0.5 * before
     assert one.effects() == ["dead_zone@input"]
-    assert "dead_zone@input" in one.bench.node._model.effect_names
+    assert "dead_zone@input" in one.bench.node.estimator.model.effect_names
 
     _, missing = one.after("missing_effects", lambda: one.call("diagnose"))
     assert missing.effects == ("dead_zone@input",)
@@ -119,9 +120,10 @@ def test_orders_climb_the_ladder_and_come_down_again(bench):
     assert len(ladder.steps) == 1
     assert "switched off" not in answer.message  # nothing went on by itself
     assert one.effects() == []
-    assert one.bench.node._model.effect_names == ()
+    assert one.bench.node.estimator.model.effect_names == ()
 
 
+@pytest.mark.slow
 def test_results_reach_whoever_comes_later(bench):
     one = EstimatorBench(bench)
     one.drive()
@@ -132,6 +134,7 @@ def test_results_reach_whoever_comes_later(bench):
         one.bench.until(lambda topic=topic: one.bench.got[topic])
 
 
+@pytest.mark.slow
 def test_setting_the_effects_refits_with_exactly_these(bench):
     one = EstimatorBench(bench)
     one.drive()
@@ -157,13 +160,14 @@ def test_setting_the_effects_refits_with_exactly_these(bench):
     assert one.effects() == ["dead_zone@input"]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_delays_no_sample(bench):
     """Every sample that comes in while the worker diagnoses is predicted before the diagnosis is there."""
     one = EstimatorBench(bench)
     one.drive()
     seen = len(one.bench.got["estimator/prediction"])
     assert one.call("diagnose").success
-    last = one.bench.node._last
+    last = one.bench.node.estimator.input.last
     count = 0
     while not one.bench.got["estimator/missing_effects"]:
         count += 1
@@ -176,6 +180,7 @@ def test_a_diagnosis_delays_no_sample(bench):
     assert np.array_equal(np.diff(stamps), np.full(len(stamps) - 1, STEP))
 
 
+@pytest.mark.slow
 def test_a_residual_that_is_not_white_is_diagnosed_unasked(bench):
     one = EstimatorBench(bench, fit_period=1.0)
     one.drive()
@@ -184,23 +189,25 @@ def test_a_residual_that_is_not_white_is_diagnosed_unasked(bench):
     assert missing_from_statuses(statuses).set == ("dead_zone@input",)
 
 
+@pytest.mark.slow
 def test_what_the_user_takes_back_is_not_added_again(bench):
     one = EstimatorBench(bench, auto_add=True, auto_experiment=True, fit_period=1.0)
     one.drive()
     one.bench.until(lambda: one.effects() == ["dead_zone@input"])
     # What was added is diagnosed again, and nothing is left.
-    one.bench.until(lambda: one.bench.node._diagnosing.desk.missing is not None)
-    one.bench.until(lambda: not one.bench.node._diagnosing.desk.busy)
-    assert one.bench.node._diagnosing.health().values["automatic"] == "diagnose add experiment"
+    one.bench.until(lambda: one.bench.node.estimator.diagnosis.coordinator.missing is not None)
+    one.bench.until(lambda: not one.bench.node.estimator.diagnosis.coordinator.busy)
+    assert one.bench.node.estimator.diagnosis.health().values["automatic"] == "diagnose add experiment"
     answer, _ = one.after("ladder", lambda: one.call("undo"))
     assert "auto_add and auto_experiment switched off" in answer.message
-    assert one.bench.node._diagnosing.health().values["automatic"] == "diagnose"
+    assert one.bench.node.estimator.diagnosis.health().values["automatic"] == "diagnose"
     _, missing = one.after("missing_effects", lambda: one.call("diagnose"))
     assert missing.set == ("dead_zone@input",)
-    one.bench.until(lambda: not one.bench.node._diagnosing.desk.busy)
+    one.bench.until(lambda: not one.bench.node.estimator.diagnosis.coordinator.busy)
     assert one.effects() == []
 
 
+@pytest.mark.slow
 def test_the_evidence_rises_with_the_samples_and_ends_the_experiment_if_asked(bench):
     from std_srvs.srv import Trigger
 
@@ -219,7 +226,7 @@ def test_the_evidence_rises_with_the_samples_and_ends_the_experiment_if_asked(be
     for service in services:
         stop(service)
     one.drive(22.5)
-    one.bench.until(lambda: len(stopped) == 2 and not one.bench.node._evidence.busy)
+    one.bench.until(lambda: len(stopped) == 2 and not one.bench.node.estimator._evidence.busy)
     assert sorted(stopped) == services
     looks = [evidence_from_statuses(decode_diagnostics(data)[1]) for data in one.bench.got["estimator/evidence"]]
     found = [effect for summary in looks for effect in summary.candidates if effect.name == "dead_zone@input"]
@@ -231,11 +238,12 @@ def test_the_evidence_rises_with_the_samples_and_ends_the_experiment_if_asked(be
     assert [bool(summary.ended) for summary in looks] == [False] * (len(looks) - 1) + [True]
 
 
+@pytest.mark.slow
 def test_an_excitation_that_is_not_there_is_said(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.estimation.experiment_client.PATIENCE", 0.5)
+    monkeypatch.setattr("idloop_nodes.estimation.experiment_client.TIMEOUT", 0.5)
     one = EstimatorBench(bench, catalogue="[dead_zone]")
     one.drive()
     one.after("missing_effects", lambda: one.call("diagnose"))
     answer, ladder = one.after("ladder", lambda: one.call("run_suggested_experiment"))
     assert answer.success
-    assert "excitation does not answer" in ladder.error
+    assert "excitation/get_parameters does not answer" in ladder.error

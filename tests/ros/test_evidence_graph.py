@@ -33,6 +33,7 @@ def course(evidence, name):
     return [one["log_e"] for look in evidence for one in look["candidates"] if one["name"] == name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "name"),
     [
@@ -59,6 +60,7 @@ def test_the_evidence_for_a_hidden_effect_rises_and_the_experiment_ends_by_itsel
     assert np.all(record.input[after] == 0.0)
 
 
+@pytest.mark.slow
 def test_a_machine_that_lacks_nothing_ends_with_estimates_that_may_be_trusted(tmp_path):
     ended, record = run(tmp_path / "bag", end_when_decided="true")
     truth = load_model("dc_motor").values

@@ -29,18 +29,18 @@ def test_a_listener_tells_often_enough_for_the_smallest_window(start, burst, per
         reached = sent
         if due(told, start + reached * period, period):
             told = start + reached * period
-            window.progress.hear(told, "recorder")
+            window.progress.update(told, "recorder")
 
 
 def test_the_first_sample_stays_alone_until_all_have_it():
     window = BackPressure(["recorder", "estimator"], 100 * PERIOD, first_alone=True)
     assert window.open(0, start=0)
-    window.progress.hear(0, "recorder")
+    window.progress.update(0, "recorder")
     assert not window.open(PERIOD, start=0)
     assert window.slow(PERIOD, start=0) == ["estimator"]
-    window.progress.hear(0, "estimator")
+    window.progress.update(0, "estimator")
     assert window.open(PERIOD, start=0)
-    assert not window.unheard()
+    assert not window.unconfirmed()
 
 
 def test_a_run_that_begins_again_is_told_of_from_its_first_sample():
@@ -51,7 +51,7 @@ def test_a_run_that_begins_again_is_told_of_from_its_first_sample():
 @pytest.mark.usefixtures("ros_environment")
 def test_a_plant_says_the_first_sample_until_every_listener_has_told_of_it(bench, monkeypatch, capfd):
     monkeypatch.setattr("idloop_nodes.nodes.plant.REPEAT", 0.0)
-    monkeypatch.setattr("idloop_nodes.nodes.plant.FIRST", 0.0)
+    monkeypatch.setattr("idloop_nodes.nodes.plant.FIRST_TIMEOUT", 0.0)
     one = bench("plant", model="dc_motor", sample_time=0.01, listeners="[late]")
     one.listen("joint_states")
     commands, progress = one.talk("joint_command"), one.talk("progress")
@@ -72,7 +72,7 @@ def test_a_plant_says_the_first_sample_until_every_listener_has_told_of_it(bench
 def test_a_plant_whose_listener_never_tells_ends_with_a_line(bench, monkeypatch):
     from idloop.errors import IdloopError
 
-    monkeypatch.setattr("idloop_nodes.nodes.plant.LONGER_FOR_THOSE_THERE", 1.0)
+    monkeypatch.setattr("idloop_nodes.nodes.plant.RUNNING_PEER_FACTOR", 1.0)
     one = bench("plant", model="dc_motor", sample_time=0.01, listeners="[late]", start_timeout=0.2)
     one.listen("joint_states")
     commands = one.talk("joint_command")
@@ -87,7 +87,7 @@ def test_a_plant_whose_listener_never_tells_ends_with_a_line(bench, monkeypatch)
 @pytest.mark.usefixtures("ros_environment")
 @pytest.mark.parametrize("kind", ["estimator", "recorder"])
 def test_a_listener_that_hears_nothing_of_a_run_subscribes_again(bench, monkeypatch, tmp_path, capfd, kind):
-    monkeypatch.setattr("idloop_nodes.base.DEAF", 0.0)
+    monkeypatch.setattr("idloop_nodes.base.NO_MESSAGES", 0.0)
     own = {"recorder": {"bag": str(tmp_path / "bag")}, "estimator": {"model": "dc_motor", "auto_diagnose": False}}
     one = bench(kind, sample_time=0.01, **own[kind])
     one.listen("progress")
@@ -96,7 +96,7 @@ def test_a_listener_that_hears_nothing_of_a_run_subscribes_again(bench, monkeypa
     one.matched(progress)
     progress.publish(encode_header(10**9, "plant"))
     one.until(lambda: one.node._streams_by_topic["joint_states"].subscription is not deaf)
-    assert "nothing has come on joint_states since the run began" in capfd.readouterr().err
+    assert "no message on joint_states since the run began" in capfd.readouterr().err
     states, commands = one.talk("joint_states"), one.talk("joint_command")
     one.matched(states, commands)
     states.publish(encode_joint_state(JointSample(10**9, ("motor",), (0.0,), (0.0,))))

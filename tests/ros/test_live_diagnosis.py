@@ -16,7 +16,6 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
 from idloop.graph import GraphRun, load_graph, read_findings, run_graph
-from idloop_nodes.base import topic_qos, topic_type
 from idloop_nodes.codec import (
     decode_diagnostics,
     decode_joint_state,
@@ -24,6 +23,7 @@ from idloop_nodes.codec import (
     missing_from_statuses,
     peek_stamp,
 )
+from idloop_nodes.qos import topic_qos, topic_type
 
 pytestmark = [
     pytest.mark.ros,
@@ -121,6 +121,7 @@ def operate(tmp_path):
         one.run.stop()
 
 
+@pytest.mark.slow
 def test_a_user_has_the_next_experiment_run_and_climbs(operate):
     # No command is late here: a motor that was let go for want of processor time tells dead zone and friction apart.
     operator = operate(mode="lockstep", real_time_factor="5.0")
@@ -153,6 +154,7 @@ def test_a_user_has_the_next_experiment_run_and_climbs(operate):
     operator.until(lambda: len(operator.ladder().steps) == 1)
 
 
+@pytest.mark.slow
 @pytest.mark.whole_graph
 def test_a_suggestion_beyond_the_limits_is_refused_and_an_experiment_can_be_stopped(operate):
     operator = operate(mode="realtime")
@@ -175,6 +177,7 @@ def messages(bag):
         return [(connection.topic, stamp, bytes(data)) for connection, stamp, data in reader.messages()]
 
 
+@pytest.mark.slow
 def test_the_autopilot_climbs_to_the_hidden_effect_in_the_same_way_each_time(tmp_path):
     bags = []
     for name in ("first", "second"):

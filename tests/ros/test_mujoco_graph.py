@@ -35,6 +35,7 @@ def test_a_mujoco_machine_is_recorded_and_identified(tmp_path):
         assert abs(one.value - value) < 4.0 * one.stderr, (name, one)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -18,7 +18,7 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 from idloop.errors import IdloopError, InputError
 from idloop.physics import load_model
 from idloop_nodes.codec import JointSample, decode_diagnostics, decode_joint_state, encode_joint_state, encode_time
-from idloop_nodes.nodes.plant import effective
+from idloop_nodes.streams.effective_time import effective_time
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 MS = 1_000_000
@@ -40,7 +40,7 @@ class ControllerBench:
         self.bench.listen("joint_command")
         self.states, self.references = self.bench.talk("joint_states"), self.bench.talk("reference")
         self.bench.matched(self.states, self.references)
-        self.bench.until(self.bench.node._publishers_by_topic["joint_command"].get_subscription_count)
+        self.bench.until(self.bench.node.publishers_by_topic["joint_command"].get_subscription_count)
         self.index = 0
 
     def answer(self, position, wanted=1.0, step=10 * MS):
@@ -90,8 +90,9 @@ def test_controller_waits_for_the_reference_of_that_time(bench):
     assert decode_joint_state(one.bench.got["joint_command"][0]).effort == pytest.approx((6.0,))
 
 
+@pytest.mark.slow
 def test_a_controller_that_waits_in_vain_says_for_what(bench, monkeypatch, capfd):
-    monkeypatch.setattr("idloop_nodes.safety.stall_notice.PATIENCE", 0.0)
+    monkeypatch.setattr("idloop_nodes.safety.stall_notice.TIMEOUT", 0.0)
     one = ControllerBench(bench)
     one.states.publish(measurement(10**9, 0.0))
     told = ""
@@ -175,7 +176,7 @@ def test_excitation_publishes_ahead_of_the_clock(bench):
     one.listen("reference")
     clock = one.talk("/clock")
     one.matched(clock)
-    one.until(one.node._publishers_by_topic["reference"].get_subscription_count)
+    one.until(one.node.publishers_by_topic["reference"].get_subscription_count)
     clock.publish(encode_time(10**9))
     one.until(lambda: len(one.got["reference"]) == 21)
     clock.publish(encode_time(10**9 + 50 * MS))
@@ -191,7 +192,7 @@ def test_a_clock_that_asks_again_gets_the_same_samples(bench, monkeypatch):
     one.listen("reference")
     clock = one.talk("/clock")
     one.matched(clock)
-    one.until(one.node._publishers_by_topic["reference"].get_subscription_count)
+    one.until(one.node.publishers_by_topic["reference"].get_subscription_count)
     clock.publish(encode_time(10**9))
     one.until(lambda: len(one.got["reference"]) == 21)
     clock.publish(encode_time(10**9))
@@ -231,7 +232,7 @@ def test_a_stopped_excitation_takes_back_what_it_announced(bench):
     one.listen("excitation")
     clock = one.talk("/clock")
     one.matched(clock)
-    one.until(one.node._publishers_by_topic["excitation"].get_subscription_count)
+    one.until(one.node.publishers_by_topic["excitation"].get_subscription_count)
     clock.publish(encode_time(10**9))
     one.until(lambda: len(one.got["excitation"]) == 21)
     assert one.call("/excitation/stop").success
@@ -257,7 +258,7 @@ def test_estimator_refuses_effects_that_do_not_exist_and_keeps_its_model(bench):
     assert not result.successful
     assert "inptu" in result.reason
     assert one.set("effects", ["dead_zone@input(width=0.1)"]).successful
-    assert "dead_zone@input" in one.node._model.effect_names
+    assert "dead_zone@input" in one.node.estimator.model.effect_names
     assert not one.call("/estimator/refit").success, "there is no data yet"
 
 
@@ -272,6 +273,7 @@ def test_health_is_named_node_and_check(bench):
 BETWEEN_SIGNALS = 0.002  # seconds: without, handlers of Python's interrupt themselves without end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["controller", "estimator"])
 def test_signals_that_come_again_do_not_kill_a_node_that_is_ending(ros_environment, kind):
     words = [sys.executable, "-m", "idloop_nodes", kind, "--ros-args", "-p", "model:=dc_motor"]
@@ -295,6 +297,7 @@ runtime.run("controller", ["controller"])
 """
 
 
+@pytest.mark.slow
 def test_a_node_that_does_not_end_is_killed_by_a_signal_after_some_patience(ros_environment):
     with subprocess.Popen(
         [sys.executable, "-c", STUCK], env=ros_environment, stderr=subprocess.PIPE, text=True
@@ -319,6 +322,7 @@ sys.exit(runtime.run("controller", ["controller"]))
 """
 
 
+@pytest.mark.slow
 def test_a_node_whose_middleware_takes_no_leave_ends_all_the_same(ros_environment):
     with subprocess.Popen(
         [sys.executable, "-c", DEADLOCK], env=ros_environment, stderr=subprocess.PIPE, text=True
@@ -342,6 +346,7 @@ sys.exit(run("controller", ["controller", "--ros-args", "-p", "mode:=realtime"])
 """
 
 
+@pytest.mark.slow
 def test_a_node_whose_loop_breaks_ends_and_says_so(ros_environment):
     done = subprocess.run(
         [sys.executable, "-c", BROKEN_LOOP],
@@ -364,9 +369,9 @@ def test_a_node_whose_loop_breaks_ends_and_says_so(ros_environment):
 )
 def test_a_simulated_command_takes_effect_at_its_stamp_or_on_arrival(stamp, received, when):
     milliseconds = [10**6 * one for one in (stamp, received, 100)]
-    assert effective(*milliseconds) == 10**6 * when
+    assert effective_time(*milliseconds) == 10**6 * when
 
 
 def test_a_command_for_an_hour_ahead_holds_up_nobody():
     with pytest.raises(InputError, match="3600 s ahead"):
-        effective(3_601 * 10**9, 10**9, 10**9)
+        effective_time(3_601 * 10**9, 10**9, 10**9)

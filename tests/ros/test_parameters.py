@@ -9,23 +9,25 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop.errors import InputError
+from idloop_nodes import executables
+from idloop_nodes.descriptions import KINDS, describe
 from idloop_nodes.document import document
 from idloop_nodes.parameters import accept, accept_all
-from idloop_nodes.tables import ESTIMATOR, PLANT, excitation_table, tables
-from idloop_nodes.wiring import NODES
 
-BY_NAME = {spec.name: spec for table in (PLANT, ESTIMATOR) for spec in table}
+TABLES = {kind: describe(kind).parameters() for kind in KINDS}
+BY_NAME = {spec.name: spec for kind in ("plant", "estimator") for spec in TABLES[kind]}
 
 
 def test_every_executable_has_a_table_with_defaults_that_pass():
-    assert set(tables()) == set(NODES)
-    for table in tables().values():
+    assert len(KINDS) == 10
+    for kind, table in TABLES.items():
+        assert callable(getattr(executables, kind))
         values = accept_all(table, {})
         assert set(values) == {spec.name for spec in table}
 
 
 def test_every_parameter_says_what_it_is():
-    for table in tables().values():
+    for table in TABLES.values():
         names = [spec.name for spec in table]
         assert len(set(names)) == len(names)
         assert all(spec.description.endswith(".") for spec in table)
@@ -67,7 +69,7 @@ def test_an_empty_list_has_three_spellings(value):
 def test_the_excitation_offers_every_parameter_of_every_signal():
     from idloop.signals import SIGNALS
 
-    names = {spec.name for spec in excitation_table()}
+    names = {spec.name for spec in TABLES["excitation"]}
     for kind in SIGNALS.values():
         assert {f"{kind.name}.{spec.name}" for spec in kind.parameters} <= names
 

@@ -40,8 +40,8 @@ def test_what_came_before_it_knew_its_graph_is_written_then_in_order(bench, tmp_
 
     one = bench("recorder", bag=str(tmp_path / "bag"), mode=mode, sample_time=0.001, peers="[bench]")
     hears(one.node, 1, 3)
-    assert one.node.waiting
-    one.node._ready = True
+    assert one.node.start.waiting
+    one.node.start.ready = True
     hears(one.node, 4, 5)
     one.node.close()
     with AnyReader([tmp_path / "bag"]) as reader:
@@ -62,7 +62,7 @@ def test_of_a_graph_that_turned_out_to_be_another_nothing_is_kept(bench, tmp_pat
     one = bench("recorder", bag=str(tmp_path / "bag"), mode="realtime", sample_time=0.001)
     namesake = one.talk("progress")
     one.matched(namesake)
-    one.until(lambda: one.node._ready and one.node._twin._heard == 1)
+    one.until(lambda: one.node.start.ready and one.node.start.duplicate._announcements == 1)
     hears(one.node, 1, 3)
     one.until(lambda: one.node._writer.count == 3)
     namesake.publish(encode_header(0, "recorder/ready"))
@@ -77,6 +77,6 @@ def test_what_waits_is_limited_and_counted(bench, tmp_path):
     hears(one.node, 1, 1000)
     hears(one.node, 1001, 1010)
     assert one.node._overflow == 10
-    one.node._ready = True
+    one.node.start.ready = True
     one.node.poll()
     one.until(lambda: one.node._writer.count == 1000)

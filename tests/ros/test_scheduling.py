@@ -1,4 +1,4 @@
-"""Threads that are there wait their turn, and so do those that come after."""
+"""The schedule of a process: of its threads, and of those that they start."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes import scheduling as patience
+from idloop_nodes import scheduling
 
 SCRIPT = """
 import os, sys, threading
-from idloop_nodes import scheduling as patience
+from idloop_nodes import scheduling
 ask = {ask}
-asked, told = threading.Event(), []
+asked, found = threading.Event(), []
 def early():
     asked.wait()
-    told.append({tell})
+    found.append({tell})
 def late():
-    told.append({tell})
+    found.append({tell})
 threads = [threading.Thread(target=early), threading.Thread(target=late)]
 threads[0].start()
 ask()
@@ -29,34 +29,34 @@ asked.set()
 threads[1].start()
 for thread in threads:
     thread.join()
-print(*told, {tell})
+print(*found, {tell})
 """
 
 
-def told(ask, tell):
-    script = SCRIPT.format(ask=f"patience.{ask}", tell=tell)
+def answers(ask, tell):
+    script = SCRIPT.format(ask=f"scheduling.{ask}", tell=tell)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=200)
     return done.stdout.split()
 
 
 @pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux has such a schedule")
-def test_every_thread_becomes_patient():
-    assert told("become_patient", "os.sched_getscheduler(0)") == [str(os.SCHED_BATCH)] * 3
+def test_every_thread_is_scheduled_in_batches():
+    assert answers("use_batch_scheduling", "os.sched_getscheduler(0)") == [str(os.SCHED_BATCH)] * 3
 
 
 @pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="only Linux tells threads apart")
-def test_every_thread_becomes_preferred_where_that_is_allowed():
+def test_every_thread_gets_a_larger_share_where_that_is_allowed():
     before = os.getpriority(os.PRIO_PROCESS, 0)
     allowed = os.geteuid() == 0
-    wanted = patience.PREFERENCE if allowed else before
-    assert told("become_preferred", "os.getpriority(os.PRIO_PROCESS, threading.get_native_id())") == [str(wanted)] * 3
+    wanted = scheduling.PREFERENCE if allowed else before
+    assert answers("raise_share", "os.getpriority(os.PRIO_PROCESS, threading.get_native_id())") == [str(wanted)] * 3
 
 
-@pytest.mark.parametrize("ask", ["become_patient", "become_preferred"])
+@pytest.mark.parametrize("ask", ["use_batch_scheduling", "raise_share"])
 def test_a_system_that_forbids_it_changes_nothing(monkeypatch, ask):
     def forbid(*arguments):
         raise PermissionError
 
     for name in ("sched_setscheduler", "setpriority"):
-        monkeypatch.setattr(patience.os, name, forbid, raising=False)
-    getattr(patience, ask)()
+        monkeypatch.setattr(scheduling.os, name, forbid, raising=False)
+    getattr(scheduling, ask)()

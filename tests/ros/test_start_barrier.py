@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.errors import IdloopError
-from idloop_nodes.start_barrier import LONGER_FOR_THOSE_THERE, NOTICE, StartBarrier
+from idloop_nodes.start_barrier import NOTICE, RUNNING_PEER_FACTOR, StartBarrier
 
 PEERS = ["controller", "plant", "estimator"]
 SETS = st.sets(st.sampled_from([*PEERS, "plotter"]))
@@ -30,9 +30,9 @@ def test_who_does_not_appear_is_named_when_the_time_is_over():
 def test_who_is_there_and_compiles_has_longer_but_not_for_ever():
     barrier = StartBarrier(PEERS, 30.0, born=0.0)
     assert barrier.notice(PEERS[:2], PEERS, [], 31.0).startswith("waits: estimator there")
-    barrier.notice(PEERS[:2], PEERS, [], LONGER_FOR_THOSE_THERE * 30.0)
+    barrier.notice(PEERS[:2], PEERS, [], RUNNING_PEER_FACTOR * 30.0)
     with pytest.raises(IdloopError, match=r"gave up after 600 s .*estimator there, not ready"):
-        barrier.notice(PEERS[:2], PEERS, [], LONGER_FOR_THOSE_THERE * 30.0 + 1.0)
+        barrier.notice(PEERS[:2], PEERS, [], RUNNING_PEER_FACTOR * 30.0 + 1.0)
 
 
 def test_a_stream_that_is_not_connected_is_named_when_everybody_is_there():

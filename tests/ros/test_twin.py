@@ -20,7 +20,7 @@ def test_a_node_that_meets_another_of_its_name_ends(bench):
     one = bench("plant", model="dc_motor", sample_time=0.01)
     other = one.talk("progress")
     one.matched(other)
-    one.until(lambda: one.node._ready and one.node._twin._heard == 1)
+    one.until(lambda: one.node.start.ready and one.node.start.duplicate._announcements == 1)
     assert one.node.broken is None
     other.publish(encode_header(0, "plant/ready"))
     one.until(lambda: one.node.broken is not None)
@@ -33,9 +33,9 @@ def test_a_node_that_has_run_for_a_while_goes_on_when_another_comes(bench, monke
     one = bench("plant", model="dc_motor", sample_time=0.01)
     other = one.talk("progress")
     one.matched(other)
-    one.until(lambda: one.node._ready and one.node._twin._heard == 1)
+    one.until(lambda: one.node.start.ready and one.node.start.duplicate._announcements == 1)
     other.publish(encode_header(0, "plant/ready"))
-    one.until(lambda: one.node._twin._heard == 2)
+    one.until(lambda: one.node.start.duplicate._announcements == 2)
     assert one.node.broken is None
 
 
@@ -48,14 +48,14 @@ def test_a_node_is_silent_while_another_of_its_name_may_be_there(bench, monkeypa
     clock = one.talk("/clock")
     one.matched(clock)
     one.listen("reference")
-    one.until(lambda: one.node._twin._known is not None)
+    one.until(lambda: one.node.start.duplicate._known is not None)
     follow, heard = one.node._follow, []
     monkeypatch.setattr(one.node, "_follow", lambda now: heard.append(follow(now)))
     clock.publish(encode_time(10**9))
     one.until(lambda: heard)
-    assert one.node.waiting
+    assert one.node.start.waiting
     monkeypatch.setattr("idloop_nodes.duplicate_node_check.NEW", 0.0)  # it has had its time
-    one.until(lambda: not one.node.waiting)
+    one.until(lambda: not one.node.start.waiting)
     assert not one.got["reference"]
     clock.publish(encode_time(10**9))
     one.until(lambda: one.got["reference"])
@@ -64,7 +64,7 @@ def test_a_node_is_silent_while_another_of_its_name_may_be_there(bench, monkeypa
 
 def test_who_comes_late_to_a_long_run_hears_its_first_words(bench):
     one = bench("recorder", sample_time=0.001)
-    one.until(lambda: one.node._ready)
+    one.until(lambda: one.node.start.ready)
     for stamp in range(6000):
         one.node.tell_progress(stamp)
     one.listen("progress")
@@ -85,6 +85,7 @@ def messages(bag):
         return [(connection.topic, stamp, bytes(data)) for connection, stamp, data in reader.messages()]
 
 
+@pytest.mark.slow
 @pytest.mark.whole_graph
 def test_a_second_graph_in_the_same_domain_ends_and_leaves_the_first_alone(tmp_path):
     assert run_graph(lively(tmp_path / "alone", "0.0"), say=lambda label, line: None)
@@ -104,6 +105,7 @@ def test_a_second_graph_in_the_same_domain_ends_and_leaves_the_first_alone(tmp_p
     assert first == alone
 
 
+@pytest.mark.slow
 @pytest.mark.whole_graph
 def test_a_second_graph_beside_one_that_has_run_for_long_in_real_time_ends(tmp_path):
     def graph(name, duration):

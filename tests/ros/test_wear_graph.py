@@ -38,6 +38,7 @@ def run(bag, **values):
     return lines
 
 
+@pytest.mark.slow
 def test_friction_that_has_grown_is_noticed_and_health_is_not(tmp_path):
     model = tmp_path / "healthy.yaml"
     load_model("dc_motor").with_effects(["coulomb_friction@motor(level=0.8)"]).save(model)

@@ -79,11 +79,13 @@ def test_the_live_fit_finds_the_machine(recorded):
         assert abs(found["value"] - truth[name]) < 5 * found["stderr"] + 1e-9, name
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_bags(recorded, tmp_path):
     run(tmp_path / "bag")
     assert messages(tmp_path / "bag") == messages(recorded[0])
 
 
+@pytest.mark.slow
 def test_replay_shows_the_estimator_what_it_saw(recorded, tmp_path):
     graph = load_graph(
         "replay",
@@ -119,6 +121,7 @@ def without_last_commands(bag: Path, copy: Path, left: int) -> None:
                 writer.write(ours[connection.id], stamp, data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("left", [SAMPLES - 20, SAMPLES - 170])
 def test_a_recording_without_its_last_commands_is_played_to_the_end(recorded, tmp_path, left):
     without_last_commands(recorded[0], tmp_path / "cut", left)
@@ -129,6 +132,7 @@ def test_a_recording_without_its_last_commands_is_played_to_the_end(recorded, tm
     assert len(stamps) == SAMPLES
 
 
+@pytest.mark.slow
 @pytest.mark.whole_graph
 def test_real_time_keeps_the_clock(tmp_path):
     started = time.time_ns()
@@ -145,6 +149,7 @@ def payload_stamps(bag):
     return [(topic, peek_stamp(data), data) for topic, _, data in messages(bag) if topic.startswith("/joint")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_an_interrupted_graph_leaves_a_bag_and_no_process(tmp_path, number):
     script = (
@@ -181,6 +186,7 @@ def running(word: str) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_a_graph_ends_when_one_node_dies(tmp_path):
     from idloop.errors import IdloopError
 

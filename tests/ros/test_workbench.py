@@ -19,8 +19,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 from idloop.graph import GraphRun, load_graph
 from idloop.graph.command import node_command, node_environment, parameter_document
-from idloop_nodes.base import topic_qos, topic_type
 from idloop_nodes.codec import decode_joint_state
+from idloop_nodes.qos import topic_qos, topic_type
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 
@@ -265,7 +265,7 @@ def test_see_the_error_add_the_effect_take_it_back_run_the_experiment_and_stop(g
 
 def test_what_an_excitation_allows_is_said_with_its_units():
     from idloop_nodes.estimation.diagnosis_jobs import MotionLimits
-    from idloop_nodes.workbench_page.workbench_reading import limits_of
+    from idloop_nodes.workbench_page.reading import limits_of
 
     said = limits_of(MotionLimits(5.0, -1.0, None, 25.0), "V", "rad")
     assert said == (
@@ -277,13 +277,13 @@ def test_what_an_excitation_allows_is_said_with_its_units():
 
 
 def test_without_a_controller_the_page_says_that_nothing_was_stopped(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.workbench_page.workbench_stop.PATIENCE", 0.5)
+    monkeypatch.setattr("idloop_nodes.workbench_page.motor_stop.TIMEOUT", 0.5)
     one = bench("workbench", port=0, controller_node="nobody")
     one.node.source.stop()
-    one.until(lambda: one.node.source.board.snapshot.note is not None)
-    note = one.node.source.board.snapshot.note
+    one.until(lambda: one.node.source.state.snapshot.note is not None)
+    note = one.node.source.state.snapshot.note
     assert note.text.startswith("THE MOTOR WAS NOT STOPPED: nobody/emergency_stop does not answer")
-    assert one.node.source.board.snapshot.stop == "sent"
+    assert one.node.source.state.snapshot.stop == "sent"
 
 
 def test_the_layouts_for_other_tools_name_topics_that_there_are():
@@ -292,7 +292,7 @@ def test_the_layouts_for_other_tools_name_topics_that_there_are():
     from xml.etree import ElementTree as ET
 
     from idloop.graph.find import package_share
-    from idloop_nodes.wiring import TOPICS
+    from idloop_nodes.topics import TOPICS
 
     folder = package_share("idloop_bringup") / "config"
     curves = [one.get("name") for one in ET.parse(folder / "plotjuggler.xml").iter("curve")]

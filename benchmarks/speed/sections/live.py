@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import re
@@ -135,7 +136,7 @@ def graph(bag: Path, length: float, **values: str) -> Watched:
     try:
         while "end" not in instants and len(run.running) == len(run.graph.nodes):
             for process in children(os.getpid()):
-                name = node_of(command_line(process))
+                name = node_of(process)
                 if name:
                     spent = own_and_kernel(process)
                     if "start" in instants:
@@ -154,9 +155,10 @@ def graph(bag: Path, length: float, **values: str) -> Watched:
     return watched
 
 
-def node_of(words: str) -> str | None:
-    """Name of the node that a process is, by its command line."""
-    if "idloop_nodes.estimation.worker_main" in words:
-        return "estimator's worker"
-    found = re.search(r"-m idloop_nodes (\w+)", words)
+def node_of(process: int) -> str | None:
+    """Name of the node that a process is."""
+    with contextlib.suppress(OSError):
+        if Path(f"/proc/{process}/comm").read_text(encoding="utf-8").strip() == "estimator work":
+            return "estimator's worker"
+    found = re.search(r"-m idloop_nodes (\w+)", command_line(process))
     return found.group(1) if found else None

@@ -10,7 +10,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop.errors import InputError
 from idloop_nodes.codec import LadderSummary, MissingSummary, StepSummary
-from idloop_nodes.estimation.coordinator import MOST_EXPERIMENTS, Autopilot, Desk
+from idloop_nodes.estimation.coordinator import MOST_EXPERIMENTS, Autopilot, Coordinator
 from idloop_nodes.estimation.diagnosis_jobs import (
     ADD_BEST,
     DIAGNOSE,
@@ -27,30 +27,32 @@ LADDER = LadderSummary("m", (StepSummary(), StepSummary()))
 
 
 class Office:
-    """A desk whose worker and excitation are played by the test."""
+    """A coordinator whose worker and excitation are played by the test."""
 
     def __init__(self, *pilot, data=True):
         self.orders, self.log, self.experiments = [], [], []
         self.asked = 0
         self.data = data
         self.pilot = Autopilot(*pilot)
-        self.desk = Desk(self.submit, self.experiments.append, self.ask, lambda: self.pilot, self.log.append)
+        self.coordinator = Coordinator(
+            self.submit, self.experiments.append, self.ask, lambda: self.pilot, self.log.append
+        )
 
-    def submit(self, verb, notebook, **more):
+    def submit(self, verb, state, **more):
         if not self.data:
             raise InputError("too few samples yet")
-        self.orders.append((verb, notebook, more))
+        self.orders.append((verb, state, more))
         return f"{verb} on 30 s"
 
     def ask(self):
         self.asked += 1
 
     def answer(self, verb=None, **more):
-        verb = verb or self.desk.ordered
-        answer = DiagnosisAnswer(1, verb, 5, **({"notebook": verb.encode()} | more))
-        taken = self.desk.take(answer)
+        verb = verb or self.coordinator.ordered
+        answer = DiagnosisAnswer(1, verb, 5, **({"state": verb.encode()} | more))
+        taken = self.coordinator.take(answer)
         if taken is not None:
-            self.desk.go_on(taken)
+            self.coordinator.go_on(taken)
         return taken
 
     def found(self, verdict, effects=()):
@@ -63,53 +65,53 @@ class Office:
 
 def test_one_order_at_a_time():
     office = Office()
-    assert office.desk.order(DIAGNOSE) == "diagnose on 30 s"
-    assert office.desk.busy
+    assert office.coordinator.order(DIAGNOSE) == "diagnose on 30 s"
+    assert office.coordinator.busy
     for verb in (DIAGNOSE, ADD_BEST, UNDO, SUGGEST):
         with pytest.raises(InputError, match="diagnose is under way"):
-            office.desk.order(verb)
+            office.coordinator.order(verb)
     office.found("adequate")
-    assert not office.desk.busy
-    assert office.desk.order(DIAGNOSE)
+    assert not office.coordinator.busy
+    assert office.coordinator.order(DIAGNOSE)
 
 
 def test_orders_without_their_grounds_are_refused():
     office = Office()
     for verb, said in ((ADD_BEST, "diagnose first"), (UNDO, "no step"), (SUGGEST, "diagnose first")):
         with pytest.raises(InputError, match=said):
-            office.desk.order(verb)
+            office.coordinator.order(verb)
     assert not office.orders
     with pytest.raises(InputError, match="too few samples"):
-        Office(data=False).desk.order(DIAGNOSE)
+        Office(data=False).coordinator.order(DIAGNOSE)
 
 
 def test_without_autopilot_nothing_follows():
     office = Office()
-    office.desk.order(DIAGNOSE)
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
     assert office.verbs == [DIAGNOSE]
     assert not office.asked
-    office.desk.order(ADD_BEST)
-    assert office.orders[-1][1] == b"diagnose", "the notebook of the last answer goes with the next order"
+    office.coordinator.order(ADD_BEST)
+    assert office.orders[-1][1] == b"diagnose", "the state of the last answer goes with the next order"
     office.answer(ladder=LADDER)
     assert office.verbs == [DIAGNOSE, ADD_BEST]
     with pytest.raises(InputError, match="diagnose first"):
-        office.desk.order(ADD_BEST)
-    office.desk.order(UNDO)
+        office.coordinator.order(ADD_BEST)
+    office.coordinator.order(UNDO)
     office.answer(ladder=LADDER)
     assert office.verbs[-1] == UNDO
 
 
 def test_the_autopilot_climbs_until_nothing_is_left():
     office = Office(True, True, False)
-    office.desk.order(DIAGNOSE)
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
     office.answer(ladder=LADDER)
     office.found("missing", TIE[:1])
     office.answer(ladder=LADDER)
     office.found("adequate")
     assert office.verbs == [DIAGNOSE, ADD_BEST, DIAGNOSE, ADD_BEST, DIAGNOSE]
-    assert not office.desk.busy
+    assert not office.coordinator.busy
 
 
 def suggestion():
@@ -118,30 +120,30 @@ def suggestion():
 
 def test_what_ties_is_settled_by_an_experiment_first():
     office = Office(True, True, True)
-    office.desk.order(DIAGNOSE)
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
     assert office.asked == 1
-    assert office.desk.busy, "simulated time waits for the excitation too"
-    office.desk.limits_known(MotionLimits(amplitude=2.0))
+    assert office.coordinator.busy, "simulated time waits for the excitation too"
+    office.coordinator.limits_known(MotionLimits(amplitude=2.0))
     assert office.orders[-1][0] == SUGGEST
     assert office.orders[-1][2]["limits"].amplitude == 2.0
     office.answer(ladder=suggestion())
     assert json.loads(office.experiments[0]) == {"adds_to": "command"}
-    office.desk.handed_over("experiment from 1 s to 2 s")
-    assert not office.desk.busy
-    office.desk.order(DIAGNOSE)
+    office.coordinator.handed_over("experiment from 1 s to 2 s")
+    assert not office.coordinator.busy
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE[:1])
     assert office.verbs == [DIAGNOSE, SUGGEST, DIAGNOSE, ADD_BEST]
 
 
 def test_an_experiment_that_settled_nothing_is_not_repeated():
     office = Office(True, True, True)
-    office.desk.order(DIAGNOSE)
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
-    office.desk.limits_known(MotionLimits())
+    office.coordinator.limits_known(MotionLimits())
     office.answer(ladder=suggestion())
-    office.desk.handed_over("")
-    office.desk.order(DIAGNOSE)
+    office.coordinator.handed_over("")
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
     assert office.verbs == [DIAGNOSE, SUGGEST, DIAGNOSE, ADD_BEST]
 
@@ -149,76 +151,76 @@ def test_an_experiment_that_settled_nothing_is_not_repeated():
 def test_experiments_come_to_an_end():
     office = Office(True, False, True)
     for number in range(MOST_EXPERIMENTS + 2):
-        office.desk.order(DIAGNOSE)
+        office.coordinator.order(DIAGNOSE)
         office.found("missing", (*TIE, f"effect{number}@motor"))
-        if office.desk.waiting:
-            office.desk.limits_known(MotionLimits())
+        if office.coordinator.waiting:
+            office.coordinator.limits_known(MotionLimits())
             office.answer(ladder=suggestion())
-            office.desk.handed_over("")
+            office.coordinator.handed_over("")
     assert office.verbs.count(SUGGEST) == MOST_EXPERIMENTS
 
 
 @pytest.mark.parametrize("stage", ["limits", "suggestion", "handover"])
 def test_without_the_excitation_the_best_is_added_all_the_same(stage):
     office = Office(True, True, True)
-    office.desk.order(DIAGNOSE)
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
     if stage == "limits":
-        office.desk.refused("nobody answers")
+        office.coordinator.refused("nobody answers")
     else:
-        office.desk.limits_known(MotionLimits())
+        office.coordinator.limits_known(MotionLimits())
         if stage == "suggestion":
-            office.answer(error="no experiment", notebook=b"")
+            office.answer(error="no experiment", state=b"")
         else:
             office.answer(ladder=suggestion())
-            office.desk.refused("beyond the limits")
-            assert office.desk.ladder.error == "beyond the limits"
+            office.coordinator.refused("beyond the limits")
+            assert office.coordinator.ladder.error == "beyond the limits"
     assert office.verbs[-1] == ADD_BEST
     assert office.log
 
 
 def test_the_users_effects_overtake_what_is_under_way():
     office = Office(True, True, True)
-    office.desk.order(DIAGNOSE)
-    office.desk.set_effects(("dead_zone@input",))
-    office.desk.set_effects(("slip@motor",))
+    office.coordinator.order(DIAGNOSE)
+    office.coordinator.set_effects(("dead_zone@input",))
+    office.coordinator.set_effects(("slip@motor",))
     assert office.verbs == [DIAGNOSE]
     assert office.found("missing", TIE) is None
     assert office.orders[-1][0] == EFFECTS
     assert office.orders[-1][2] == {"effects": ("slip@motor",)}
     assert office.answer(ladder=LADDER).ladder is LADDER
-    assert not office.desk.busy
+    assert not office.coordinator.busy
 
 
 def test_effects_set_while_the_excitation_is_asked():
     office = Office(True, True, True)
-    office.desk.order(DIAGNOSE)
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
-    office.desk.set_effects(("slip@motor",))
-    office.desk.limits_known(MotionLimits())
+    office.coordinator.set_effects(("slip@motor",))
+    office.coordinator.limits_known(MotionLimits())
     assert office.verbs == [DIAGNOSE, EFFECTS]
 
 
 def test_what_was_ordered_for_another_model_is_in_vain():
     office = Office(True, True, True)
-    office.desk.order(DIAGNOSE)
-    office.desk.forget()
+    office.coordinator.order(DIAGNOSE)
+    office.coordinator.forget()
     assert office.answer(DIAGNOSE, missing=MissingSummary("m", verdict="missing", set=TIE)) is None
-    assert office.desk.missing is None
-    assert office.desk.notebook == b""
-    assert not office.desk.busy
+    assert office.coordinator.missing is None
+    assert office.coordinator.state == b""
+    assert not office.coordinator.busy
 
 
 def test_an_order_that_failed_leaves_what_was_known():
     office = Office()
-    office.desk.order(DIAGNOSE)
+    office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE)
-    office.desk.order(ADD_BEST)
-    taken = office.answer(error="the worker process ended", notebook=b"")
+    office.coordinator.order(ADD_BEST)
+    taken = office.answer(error="the worker process ended", state=b"")
     assert taken.ladder.error == "the worker process ended"
     assert taken.ladder.steps == LADDER.steps
-    assert office.desk.notebook == b"diagnose"
-    assert office.desk.order(ADD_BEST)
+    assert office.coordinator.state == b"diagnose"
+    assert office.coordinator.order(ADD_BEST)
 
 
 def test_a_reference_stays_within_its_amplitude_and_the_position_range():

@@ -27,7 +27,7 @@ from idloop_nodes.codec import (
     recursion_from_statuses,
     recursion_to_statuses,
 )
-from idloop_nodes.tables import tables
+from idloop_nodes.descriptions import describe
 
 STEP = 10_000_000
 COUNT = 600
@@ -56,7 +56,7 @@ def test_a_message_of_something_else_is_refused(values):
 
 
 def test_the_parameter_knows_every_recursive_method():
-    (spec,) = (one for one in tables()["estimator"] if one.name == "recursion")
+    (spec,) = (one for one in describe("estimator").parameters() if one.name == "recursion")
     assert set(spec.choices) == {"none", *RECURSIVE_METHODS}
 
 
@@ -86,7 +86,7 @@ class Followed:
         commands, states = self.bench.talk("joint_command"), self.bench.talk("joint_states")
         self.bench.matched(commands, states)
         for name in ("innovation", "coefficients"):
-            self.bench.until(self.bench.node._publishers_by_topic[f"estimator/{name}"].get_subscription_count)
+            self.bench.until(self.bench.node.publishers_by_topic[f"estimator/{name}"].get_subscription_count)
         self.stamps = [10**9 + k * STEP for k in range(len(command)) if k not in lost]
         for k, (u, (position, velocity)) in enumerate(zip(command.tolist(), measured.tolist(), strict=True)):
             stamp = 10**9 + k * STEP
@@ -94,7 +94,7 @@ class Followed:
             if k not in lost:
                 states.publish(encode_joint_state(JointSample(stamp, ("motor",), (position,), (velocity,))))
             if k % 50 == 49:
-                self.bench.until(lambda stamp=stamp: self.bench.node._last == stamp)
+                self.bench.until(lambda stamp=stamp: self.bench.node.estimator.input.last == stamp)
 
     def innovations(self):
         got = self.bench.got["estimator/innovation"]

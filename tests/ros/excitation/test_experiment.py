@@ -170,11 +170,11 @@ def test_a_stop_holds_the_reference_that_is_in_force():
 
 def test_progress_knows_the_experiment():
     progress = Progress()
-    progress.hear(5, "excitation/handed_back")
+    progress.update(5, "excitation/handed_back")
     assert progress.experiment is None
-    progress.hear(10, "excitation/experiment")
-    progress.hear(20, "excitation/handed_back")
-    progress.hear(15, "excitation/handed_back")
+    progress.update(10, "excitation/experiment")
+    progress.update(20, "excitation/handed_back")
+    progress.update(15, "excitation/handed_back")
     assert progress.experiment == (10, 15)
 
 
@@ -191,7 +191,7 @@ class ExcitationBench:
         self.bench.listen("progress")
         self.clock = self.bench.talk("/clock")
         self.bench.matched(self.clock)
-        self.bench.until(self.bench.node._publishers_by_topic[self.topic].get_subscription_count)
+        self.bench.until(self.bench.node.publishers_by_topic[self.topic].get_subscription_count)
         self.now = 10**9
 
     def go_on(self, samples):

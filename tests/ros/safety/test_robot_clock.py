@@ -18,7 +18,7 @@ MS = 1_000_000
 def test_a_robot_without_stamps_or_before_its_first_has_our_clock():
     clock = RobotClock()
     assert clock.stamp(NOW) == NOW
-    clock.hear(0, NOW + 5)
+    clock.update(0, NOW + 5)
     assert clock.stamp(NOW + 10) == NOW + 10
 
 
@@ -26,7 +26,7 @@ def test_a_robot_without_stamps_or_before_its_first_has_our_clock():
 def test_one_that_stamps_with_our_clock_leaves_ours_as_it_is(delays):
     clock = RobotClock()
     for k, delay in enumerate(delays):
-        clock.hear(NOW + k * 10 * MS - delay, NOW + k * 10 * MS)
+        clock.update(NOW + k * 10 * MS - delay, NOW + k * 10 * MS)
     assert clock.is_ours
     assert clock.stamp(NOW + 10**9) == NOW + 10**9
 
@@ -39,7 +39,7 @@ def test_a_command_lies_in_the_robots_clock_up_to_the_least_delay(offset, delays
     clock = RobotClock()
     for k, delay in enumerate(delays):
         now = NOW + k * 10 * MS
-        clock.hear(now - offset - delay, now)
+        clock.update(now - offset - delay, now)
     now = NOW + len(delays) * 10 * MS
     robots = now - offset
     assert robots - clock.stamp(now) == min(delays)
@@ -50,7 +50,7 @@ def test_stamps_never_go_back_while_the_estimate_changes(delays):
     clock, said = RobotClock(), 0
     for k, delay in enumerate(delays):
         now = NOW + k * MS
-        clock.hear(now - 10**10 - delay, now)
+        clock.update(now - 10**10 - delay, now)
         stamp = clock.stamp(now)
         assert stamp > said
         said = stamp
@@ -60,7 +60,7 @@ def test_a_clock_that_drifts_is_followed_and_one_that_was_set_at_once():
     clock = RobotClock()
     for k in range(60):
         now = NOW + k * STRETCH_NS // 2
-        clock.hear(now - 10**11 - k * MS, now)
+        clock.update(now - 10**11 - k * MS, now)
     assert clock.behind >= 10**11 + 55 * MS
-    clock.hear(NOW + 10**13 - 7 * JUMP_NS, NOW + 10**13)
+    clock.update(NOW + 10**13 - 7 * JUMP_NS, NOW + 10**13)
     assert clock.behind == 7 * JUMP_NS

@@ -11,7 +11,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from idloop_nodes.excitation.experiment import Limits
 from idloop_nodes.safety.command_limiter import CommandLimits
 from idloop_nodes.safety.gate_settings import GateSettings
-from idloop_nodes.safety.safety_gate import CREDIBLE, FAREWELL_NS, SafetyGate
+from idloop_nodes.safety.safety_gate import AFTER_END_NS, CREDIBLE, SafetyGate
 from idloop_nodes.streams.stream_watch import JUMP_NS
 
 MS = 1_000_000
@@ -333,32 +333,32 @@ def test_a_reset_is_refused_while_the_breach_holds():
 
 
 def test_an_inactive_gate_says_neutral_for_its_farewell_and_then_nothing():
-    assert FAREWELL_NS == SECOND // 2
+    assert AFTER_END_NS == SECOND // 2
     one = Driver(active=False)
     assert (one.gate.active, one.gate.reason, one.gate.faults, one.gate.limited) == (False, "inactive", 0, 0)
     assert one.tick() is None
-    assert one.gate.farewell(one.now) is None, "it never had the motor"
+    assert one.gate.neutral_command(one.now) is None, "it never had the motor"
     assert one.gate.deactivate(one.now) is None
     one.gate.activate()
     one.driving()
-    assert one.gate.farewell(one.now) == 0.0
+    assert one.gate.neutral_command(one.now) == 0.0
     left = one.now
     assert one.gate.deactivate(left) == 0.0
     assert one.gate.faults == 0, "an order is no fault"
     assert one.gate.deactivate(left + MS) == 0.0
     one.now = left
-    assert one.tick(FAREWELL_NS) == 0.0
-    assert one.gate.farewell(one.now) == 0.0
+    assert one.tick(AFTER_END_NS) == 0.0
+    assert one.gate.neutral_command(one.now) == 0.0
     assert one.tick(1) is None
-    assert one.gate.farewell(one.now) is None
+    assert one.gate.neutral_command(one.now) is None
 
 
 def test_a_second_farewell_does_not_begin_anew():
     one = Driver().driving()
     left = one.now
     one.gate.deactivate(left)
-    one.gate.deactivate(left + FAREWELL_NS)
-    assert one.gate.farewell(left + FAREWELL_NS + 1) is None
+    one.gate.deactivate(left + AFTER_END_NS)
+    assert one.gate.neutral_command(left + AFTER_END_NS + 1) is None
 
 
 def test_activation_waits_for_the_next_command():
@@ -419,13 +419,13 @@ def test_what_was_sent_is_put_to_the_account():
 def test_a_position_is_held_where_the_axis_was_when_the_fault_came():
     one = Driver(**POSITION)
     assert one.tick() is None, "nobody knows where it is"
-    assert one.gate.farewell(one.now) is None
+    assert one.gate.neutral_command(one.now) is None
     one.driving(1.0, position=0.5)
-    assert one.gate.farewell(one.now) == 0.5
+    assert one.gate.neutral_command(one.now) == 0.5
     assert one.gate.stop(one.now) == 0.5
     one.measure(0.8)
     assert one.tick() == 0.5, "it does not give way"
-    assert one.gate.farewell(one.now) == 0.5
+    assert one.gate.neutral_command(one.now) == 0.5
     one.gate.reset()
     one.driving(1.0, position=0.9)
     assert one.gate.stop(one.now) == 0.9

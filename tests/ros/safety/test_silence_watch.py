@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.safety.silence_watch import FAREWELL_NS, SilenceWatch
+from idloop_nodes.safety.silence_watch import AFTER_END_NS, SilenceWatch
 
 MS = 1_000_000
 SILENCE = 30 * MS
@@ -16,8 +16,8 @@ SILENCE = 30 * MS
 
 def test_without_a_bridge_it_says_nothing():
     watch = SilenceWatch(SILENCE)
-    assert FAREWELL_NS == 500 * MS
-    assert (watch.speaks, watch.interventions, watch.longest_ns) == (False, 0, 0)
+    assert AFTER_END_NS == 500 * MS
+    assert (watch.intervening, watch.interventions, watch.longest_ns) == (False, 0, 0)
     assert watch.tick(0) == b""
     assert watch.tick(10_000 * MS) == b""
 
@@ -28,7 +28,7 @@ def test_a_silent_bridge_is_spoken_for_until_it_speaks(late):
     watch.beat(0, b"zero")
     assert watch.tick(SILENCE) == b""
     assert watch.tick(SILENCE + late) == b"zero"
-    assert watch.speaks
+    assert watch.intervening
     watch.beat(SILENCE + late + MS, b"zero")
     assert watch.tick(SILENCE + late + 2 * MS) == b""
     assert watch.interventions == 1
@@ -40,8 +40,8 @@ def test_a_bridge_that_has_gone_is_spoken_for_at_once_and_for_a_while():
     watch.beat(0, b"zero")
     watch.gone(MS)
     assert watch.tick(MS) == b"zero"
-    assert watch.tick(MS + FAREWELL_NS) == b"zero"
-    assert watch.tick(MS + FAREWELL_NS + 1) == b""
+    assert watch.tick(MS + AFTER_END_NS) == b"zero"
+    assert watch.tick(MS + AFTER_END_NS + 1) == b""
     assert watch.interventions == 1
 
 
@@ -89,6 +89,6 @@ def test_what_is_sent_is_the_newest_message_of_a_bridge_that_is_silent_or_gone(e
             begin, what = spoken[-1]
             beats = [what for _, what in spoken if what != "gone"]
             neutral = b"zero" if beats and beats[-1] == "beat" else b""
-            due = now - begin <= FAREWELL_NS if what == "gone" else now - begin > SILENCE
+            due = now - begin <= AFTER_END_NS if what == "gone" else now - begin > SILENCE
             expected = neutral if due else b""
         assert watch.tick(now) == expected

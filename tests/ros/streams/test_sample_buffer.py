@@ -8,15 +8,15 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop.physics import load_model
-from idloop_nodes.streams.sample_buffer import SECOND, DataBook, DiagnosisData
+from idloop_nodes.streams.sample_buffer import SECOND, DiagnosisData, SampleBuffer
 
 MODEL = load_model("dc_motor")
 STEP = SECOND // 100
 START = 5 * SECOND
 
 
-def book(seconds, reference=False):
-    one = DataBook(2)
+def buffer(seconds, reference=False):
+    one = SampleBuffer(2)
     one.first = START
     for index in range(round(seconds * 100)):
         stamp = START + index * STEP
@@ -32,7 +32,7 @@ def spans(data):
 
 
 def test_a_record_has_its_own_time_and_the_command_that_holds():
-    record = book(4).record(MODEL, START + SECOND // 2, START + SECOND)
+    record = buffer(4).record(MODEL, START + SECOND // 2, START + SECOND)
     assert record.time[0] == 0.0
     assert record.time.size == 50
     assert record.start_ns == START + SECOND // 2
@@ -41,7 +41,7 @@ def test_a_record_has_its_own_time_and_the_command_that_holds():
 
 
 def test_a_record_holds_the_reference_as_announced_last():
-    one = book(4, reference=True)
+    one = buffer(4, reference=True)
     for index in range(80, 120):
         one.announce(START + index * STEP, (-1.0, 0.0))
     record = one.record(MODEL, START, START + SECOND)
@@ -52,7 +52,7 @@ def test_a_record_holds_the_reference_as_announced_last():
 
 def test_a_diagnosis_rests_on_the_newest_stretch_and_is_judged_on_its_end():
     data = DiagnosisData()
-    assert data.renew(book(60), MODEL, START + 60 * SECOND, 40 * SECOND, 0.25, 20)
+    assert data.renew(buffer(60), MODEL, START + 60 * SECOND, 40 * SECOND, 0.25, 20)
     assert spans(data) == [(20.0, 60.0)]
     assert data.records[0].time.size == 3000
     assert data.validation[0].time.size == 1000
@@ -60,7 +60,7 @@ def test_a_diagnosis_rests_on_the_newest_stretch_and_is_judged_on_its_end():
 
 
 def test_experiments_come_beside_the_stretch_before_them():
-    one, data = book(100), DiagnosisData()
+    one, data = buffer(100), DiagnosisData()
     data.renew(one, MODEL, START + 40 * SECOND, 40 * SECOND, 0.25, 20)
     assert data.add_experiment(one, MODEL, (START + 45 * SECOND, START + 55 * SECOND), 0.25, 20)
     data.renew(one, MODEL, START + 55 * SECOND, 40 * SECOND, 0.25, 20)
@@ -72,15 +72,15 @@ def test_experiments_come_beside_the_stretch_before_them():
 
 
 def test_only_the_newest_experiments_are_kept():
-    one, data = book(100), DiagnosisData()
+    one, data = buffer(100), DiagnosisData()
     for start in range(0, 60, 10):
         data.add_experiment(one, MODEL, (START + start * SECOND, START + (start + 5) * SECOND), 0.25, 20)
     assert spans(data) == [(20.0, 25.0), (30.0, 35.0), (40.0, 45.0), (50.0, 55.0)]
 
 
 def test_too_little_data_is_no_data():
-    one, data = book(1), DiagnosisData()
-    assert not data.renew(DataBook(2), MODEL, START, SECOND, 0.25, 20)
+    one, data = buffer(1), DiagnosisData()
+    assert not data.renew(SampleBuffer(2), MODEL, START, SECOND, 0.25, 20)
     assert not data.renew(one, MODEL, START + SECOND // 10, SECOND, 0.25, 20)
     assert not data.add_experiment(one, MODEL, (START, START + SECOND // 10), 0.25, 20)
     assert not data.add_experiment(one, MODEL, (START + 9 * SECOND, START + 8 * SECOND), 0.25, 20)
@@ -93,7 +93,7 @@ def test_too_little_data_is_no_data():
 def test_a_velocity_once_seen_to_be_computed_stays_so_in_windows_that_cannot_show_it():
     random = np.random.default_rng(0)
     position = np.round(np.cumsum(np.repeat(random.normal(size=40), 20)), 1)
-    one = DataBook(2)
+    one = SampleBuffer(2)
     one.first = START
     for index, (here, before) in enumerate(zip(position, [0.0, *position[:-1]], strict=True)):
         stamp = START + index * STEP

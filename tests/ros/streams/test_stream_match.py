@@ -41,21 +41,21 @@ def test_strangers_do_not_stand_in_for_the_nodes_of_the_graph(bench):
     for _ in range(3):
         bench.listen("excitation")
         bench.listen("reference")
-    publishers = bench.node._publishers_by_topic.values()
+    publishers = bench.node.publishers_by_topic.values()
     bench.until(lambda: all(one.get_subscription_count() == 3 for one in publishers))
-    assert bench.node.apart()
+    assert bench.node.start.unconnected()
 
     import rclpy
 
-    from idloop_nodes.base import topic_qos, topic_type
+    from idloop_nodes.qos import topic_qos, topic_type
 
     nodes = [rclpy.create_node(name) for name in ("controller", "recorder")]
     try:
         for node in nodes:
             for topic in ("excitation", "reference"):
                 node.create_subscription(topic_type(topic), topic, print, topic_qos(topic))
-        bench.until(lambda: not bench.node.apart())
-        assert bench.node.matched()
+        bench.until(lambda: not bench.node.start.unconnected())
+        assert bench.node.start.connected()
         assert all(one.get_subscription_count() == 5 for one in publishers)
     finally:
         for node in nodes:

@@ -16,7 +16,7 @@ START = 5 * SECOND
 
 def watch():
     one = StreamWatch(TIMEOUT)
-    assert one.hear(MS, START) is Arrival.FRESH
+    assert one.update(MS, START) is Arrival.FRESH
     return one
 
 
@@ -24,10 +24,10 @@ def test_a_new_stream_is_silent_and_unheard():
     one = StreamWatch(TIMEOUT)
     assert JUMP_NS == SECOND
     assert one.silent(0)
-    assert not one.heard
+    assert not one.begun
     assert (one.jumps, one.stale) == (0, 0)
-    one.hear(0, 0)
-    assert one.heard
+    one.update(0, 0)
+    assert one.begun
 
 
 @pytest.mark.parametrize(("late", "silent"), [(TIMEOUT, False), (TIMEOUT + 1, True)])
@@ -49,15 +49,15 @@ def test_silence_begins_after_the_timeout(late, silent):
 )
 def test_how_far_a_stamp_may_be_from_the_last(step, arrival):
     one = watch()
-    assert one.hear(2 * MS, START + step) is arrival
+    assert one.update(2 * MS, START + step) is arrival
     assert (one.jumps, one.stale) == (arrival is Arrival.JUMP, arrival is Arrival.STALE)
 
 
 def test_what_is_stale_is_no_sign_of_life():
     one = watch()
-    one.hear(20 * MS, START)
+    one.update(20 * MS, START)
     assert one.silent(MS + TIMEOUT + 1)
-    one.hear(20 * MS, START + 1)
+    one.update(20 * MS, START + 1)
     assert not one.silent(MS + TIMEOUT + 1)
 
 
@@ -65,23 +65,23 @@ def test_what_is_stale_is_no_sign_of_life():
 def test_after_a_silence_any_other_stamp_is_a_new_beginning(step):
     one = watch()
     later = MS + TIMEOUT + 1
-    assert one.hear(later, START + step) is Arrival.FRESH
+    assert one.update(later, START + step) is Arrival.FRESH
     assert not one.silent(later + TIMEOUT)
-    assert one.hear(later + MS, START + step) is Arrival.STALE, "compared with the new one"
+    assert one.update(later + MS, START + step) is Arrival.STALE, "compared with the new one"
 
 
 def test_the_same_stamp_is_stale_after_a_silence_too():
-    assert watch().hear(MS + TIMEOUT + 1, START) is Arrival.STALE
+    assert watch().update(MS + TIMEOUT + 1, START) is Arrival.STALE
 
 
 def test_a_message_without_a_stamp_is_fresh_and_leaves_the_last_stamp():
     one = watch()
-    assert one.hear(2 * MS, 0) is Arrival.FRESH
-    assert one.hear(3 * MS, START) is Arrival.STALE
-    assert one.hear(4 * MS, START + MS) is Arrival.FRESH
+    assert one.update(2 * MS, 0) is Arrival.FRESH
+    assert one.update(3 * MS, START) is Arrival.STALE
+    assert one.update(4 * MS, START + MS) is Arrival.FRESH
 
 
 def test_a_stream_without_stamps_never_jumps():
     one = StreamWatch(TIMEOUT)
-    assert [one.hear(k * MS, 0) for k in range(1, 4)] == [Arrival.FRESH] * 3
-    assert one.hear(4 * MS, START) is Arrival.FRESH, "the first stamp is compared with none"
+    assert [one.update(k * MS, 0) for k in range(1, 4)] == [Arrival.FRESH] * 3
+    assert one.update(4 * MS, START) is Arrival.FRESH, "the first stamp is compared with none"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 
+from idloop_nodes.descriptions import KINDS
 from idloop_nodes.runtime import WRONG_USE, run
-from idloop_nodes.wiring import NODES
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-        sys.stderr.write(f"usage: python -m idloop_nodes {{{','.join(NODES)}}} [--ros-args ...]\n")
+    if len(sys.argv) < 2 or sys.argv[1] not in KINDS:
+        sys.stderr.write(f"usage: python -m idloop_nodes {{{','.join(KINDS)}}} [--ros-args ...]\n")
         sys.exit(WRONG_USE)
     sys.exit(run(sys.argv[1], sys.argv[1:]))

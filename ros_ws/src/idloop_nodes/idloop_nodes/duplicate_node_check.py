@@ -1,55 +1,55 @@
-"""Which of two nodes of one name came second: that one ends, for two graphs in one domain would mix up."""
+"""Which of two nodes of one name came second: that one ends, because two graphs in one domain would mix up."""
 
 from __future__ import annotations
 
-NEW = 1.0  # seconds before which a node that meets another of its name is the one that has come to it
-LOOK_AROUND = 1.0  # seconds after its start in which a node hears of whoever is there: two announcements of theirs
+NEW = 1.0  # seconds after its announcement in which a node that meets another of its name counts as the second
+DISCOVERY_TIME = 1.0  # seconds after its start in which a node discovers the others: two of their announcements
 
 
-class TwinWatch:
+class DuplicateNodeCheck:
     """What a node knows of others of its name.
 
     Parameters
     ----------
     now : float
-        When the node was made, of a clock that never jumps [s].
-    look_around : float
-        How long it waits from then on for others to become known [s].
+        Time at which the node was made, of a clock that never jumps [s].
+    discovery_time : float
+        Time from then on in which others may still be discovered [s].
     """
 
-    def __init__(self, now: float, look_around: float) -> None:
-        self._looks_until = now + look_around
-        self._ready: float | None = None
-        self._heard = 0
+    def __init__(self, now: float, discovery_time: float) -> None:
+        self._discovered_at = now + discovery_time
+        self._announced: float | None = None
+        self._announcements = 0
         self._known: float | None = None
 
-    def alone(self, namesakes: int, now: float) -> bool:
-        """Whether no other can be there that would still speak up.
+    def is_unique(self, count: int, now: float) -> bool:
+        """Whether no other node of this name will announce itself.
 
         Parameters
         ----------
-        namesakes : int
-            How many nodes of this name are known, this one among them. A dead one is known for a while.
+        count : int
+            Known nodes of this name, this one included. A dead node stays known for a while.
         now : float
             [s].
         """
-        if now < self._looks_until:
+        if now < self._discovered_at:
             return False
-        if namesakes < 2:
+        if count < 2:
             return True
         self._known = now if self._known is None else self._known
         return now - self._known >= NEW
 
-    def ready(self, now: float) -> None:
-        """Remember that this node says now that it is ready."""
-        self._ready = now
+    def announced(self, now: float) -> None:
+        """Remember that this node announces itself now."""
+        self._announced = now
 
-    def second(self, now: float) -> bool:
-        """Take in that a node of this name has said that it is ready; return whether this one has come to it.
+    def is_second(self, now: float) -> bool:
+        """Take in an announcement of a node of this name; return whether this node is the second one.
 
-        Who is there for longer goes on. What a dead one has said nobody hears.
+        The node that has run for longer goes on. The announcements of a dead node are not delivered any more.
         """
-        self._heard += 1
-        if self._ready is None:
+        self._announcements += 1
+        if self._announced is None:
             return True
-        return self._heard > 1 and now - self._ready < NEW
+        return self._announcements > 1 and now - self._announced < NEW

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from idloop.errors import InputError
@@ -33,6 +33,11 @@ class NodeParameter(ParameterSpec):
 
 
 Table = Sequence[NodeParameter]
+
+
+def fixed(*rows: NodeParameter) -> Table:
+    """Return rows whose values cannot change while the node runs."""
+    return tuple(replace(row, read_only=True) for row in rows)
 
 
 def accept(spec: NodeParameter, value: object) -> Any:

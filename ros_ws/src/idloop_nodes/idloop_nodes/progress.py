@@ -1,26 +1,28 @@
-"""How far everybody has come: start barrier, back-pressure and end of a run over one topic.
+"""How far each node has come: start barrier, back-pressure and end of a run over one topic.
 
-Messages on `progress` are headers. The frame says who speaks and what about:
+Messages on `progress` are headers. The frame holds the sender and an event:
 
-- ``name/ready``: my streams are matched with those of all my peers,
-- ``name``: I have dealt with everything up to this stamp,
+- ``name/ready``: its streams are connected to those of all its peers,
+- ``name``: it has processed everything up to this stamp,
 - ``name/end``: there is nothing after this stamp,
-- ``name/done``: I have dealt with everything, queued work included,
-- ``name/experiment``: from this stamp on I play an experiment,
-- ``name/handed_back``: from this stamp on I play the normal signal again, or nothing.
+- ``name/done``: it has processed everything, queued work included,
+- ``name/experiment``: from this stamp on it plays an experiment,
+- ``name/handed_back``: from this stamp on it plays the normal signal again, or nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-REPORT_EVERY = 100  # samples after which a listener tells anew how far it is; the first one it tells at once
+from idloop.errors import IdloopError
+
+REPORT_EVERY = 100  # samples after which a listener reports again; it reports its first sample at once
 READY, END, DONE = "ready", "end", "done"
 EXPERIMENT, HANDED_BACK = "experiment", "handed_back"
 
 
 class Progress:
-    """What has been said on `progress` so far."""
+    """The messages on `progress` so far."""
 
     def __init__(self) -> None:
         self.ready: set[str] = set()
@@ -29,29 +31,29 @@ class Progress:
         self.experiment: tuple[int, int | None] | None = None  # stamps of the newest one: start, end once it is known
         self.reached: dict[str, int] = {}
 
-    def hear(self, stamp: int, frame: str) -> None:
+    def update(self, stamp: int, frame: str) -> None:
         """Take in one message."""
-        name, _, word = frame.partition("/")
-        if word == READY:
+        name, _, event = frame.partition("/")
+        if event == READY:
             self.ready.add(name)
-        elif word == DONE:
+        elif event == DONE:
             self.done.add(name)
             self.reached[name] = max(stamp, self.reached.get(name, stamp))
-        elif word == END:
+        elif event == END:
             self.end = stamp
-        elif word == EXPERIMENT:
+        elif event == EXPERIMENT:
             self.experiment = stamp, None
-        elif word == HANDED_BACK:
+        elif event == HANDED_BACK:
             if self.experiment is not None:
                 self.experiment = self.experiment[0], stamp
         else:
             self.reached[name] = max(stamp, self.reached.get(name, stamp))
 
 
-def due(told: int | None, reached: int, period_ns: int) -> bool:
-    """Whether a listener that has told of the stamp `told` tells of the one that it has reached now."""
-    # A stamp before the told one belongs to another run.
-    return told is None or not told <= reached < told + REPORT_EVERY * period_ns
+def due(reported: int | None, reached: int, period_ns: int) -> bool:
+    """Whether a listener that has reported the stamp `reported` is to report the one that it has reached now."""
+    # A stamp before the reported one belongs to another run.
+    return reported is None or not reported <= reached < reported + REPORT_EVERY * period_ns
 
 
 class BackPressure:
@@ -64,8 +66,8 @@ class BackPressure:
     window_ns : int
         How far behind they may be.
     first_alone : bool
-        Nothing follows the first sample before all of them have told that they have it: whoever cannot hear the sender
-        yet misses nothing.
+        Nothing follows the first sample before all of them have confirmed it: a listener that is not connected yet
+        misses nothing.
     """
 
     def __init__(self, listeners: Iterable[str], window_ns: int, *, first_alone: bool = False) -> None:
@@ -80,7 +82,7 @@ class BackPressure:
         """Whether `stamp` may be sent in a run that began at `start`."""
         if not self.listeners or stamp <= self._limit:
             return True
-        if self.first_alone and self.unheard():
+        if self.first_alone and self.unconfirmed():
             return stamp <= start
         reached = self.progress.reached
         slowest = min(reached.get(name, start) for name in self.listeners)
@@ -90,18 +92,40 @@ class BackPressure:
     def slow(self, stamp: int, start: int) -> list[str]:
         """Listeners that hold `stamp` back in a run that began at `start`."""
         reached = self.progress.reached
-        if self.first_alone and self.unheard():
-            return self.unheard()
+        if self.first_alone and self.unconfirmed():
+            return self.unconfirmed()
         return [name for name in self.listeners if stamp > reached.get(name, start) + self.window_ns]
 
-    def unheard(self) -> list[str]:
-        """Listeners that have not told of any sample."""
+    def unconfirmed(self) -> list[str]:
+        """Listeners that have not confirmed any sample."""
         return [name for name in self.listeners if name not in self.progress.reached]
 
     def finished(self) -> bool:
-        """Whether every listener has said that it is done."""
+        """Whether every listener is done."""
         return self.progress.done.issuperset(self.listeners)
 
     def missing(self) -> list[str]:
-        """Listeners that have not said so."""
+        """Listeners that are not done."""
         return [name for name in self.listeners if name not in self.progress.done]
+
+    def finished_by(self, limit: float, now: float, timeout: float) -> bool:
+        """Whether every listener is done after the end of a run.
+
+        Parameters
+        ----------
+        limit, now : float
+            Latest time, and the present time [s].
+        timeout : float
+            Parameter ``drain_timeout``, for the error line [s].
+
+        Raises
+        ------
+        IdloopError
+            The time is over.
+        """
+        if self.finished():
+            return True
+        if now > limit:
+            missing = ", ".join(self.missing())
+            raise IdloopError(f"{missing} did not finish within {timeout:g} s after the end; raise drain_timeout")
+        return False

@@ -19,15 +19,15 @@ from types import FrameType
 from typing import Any
 
 from idloop_nodes.safety.standstill import StandstillWatch
-from idloop_nodes.scheduling import become_patient, become_preferred
+from idloop_nodes.scheduling import use_scheduling
 from idloop_nodes.sockets_only import use_sockets_only
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-PATIENCE = 10  # seconds, whole, after which a further signal ends a process that still has not ended
+END_LIMIT = 10  # seconds, whole, after which a further signal ends a process that has not ended yet
 LEAVE = 10.0  # seconds in which the middleware takes leave, before the process ends without it
-LOOK_PERIOD = 0.05  # seconds between two looks whether the node should still be there: too dear for every message
+CHECK_PERIOD = 0.05  # seconds between two checks whether the node is to go on: too expensive for every message
 
 
 def run(kind: str, arguments: list[str] | None = None) -> int:
@@ -146,7 +146,7 @@ def _spin(kind: str, arguments: list[str]) -> bool:
         # A handler of Python's can be interrupted by its own signal, time and again: what comes next goes nowhere.
         _answer_signals_by(signal.SIG_IGN)
         stop.set()
-        signal.alarm(PATIENCE)
+        signal.alarm(END_LIMIT)
 
     # rclpy's own handlers end the context at once; a controller must still publish its zero command. They stay to the
     # very end of the process: one Ctrl-C comes from the terminal and once more from `ros2 launch`.
@@ -173,11 +173,8 @@ def _spin(kind: str, arguments: list[str]) -> bool:
         # What is there now stays: looking through it again and again would hold samples up.
         gc.collect()
         gc.freeze()
-        if node.patient:
-            become_patient()
-        elif node.preferred:
-            become_preferred()
-        next_look = 0.0
+        use_scheduling(node.scheduling)
+        next_check = 0.0
         while not (stop.is_set() or node.finished or forgotten):
             # `spin` of the events executor in the PyPI wheels calls nothing; `spin_once` does.
             executor.spin_once(timeout_sec=node.poll_period)
@@ -185,8 +182,8 @@ def _spin(kind: str, arguments: list[str]) -> bool:
             if node.broken is not None:
                 raise node.broken
             now = time.monotonic()
-            if now >= next_look:
-                next_look = now + LOOK_PERIOD
+            if now >= next_check:
+                next_check = now + CHECK_PERIOD
                 if not rclpy.ok() or orphaned():
                     break
                 forgotten = standstill.forgotten(now, time.process_time())

@@ -1,4 +1,4 @@
-"""Which processes let others finish before they take their turn, and which are let through."""
+"""How the operating system schedules a node's process."""
 
 from __future__ import annotations
 
@@ -6,13 +6,24 @@ import contextlib
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
+
+Scheduling = Literal["normal", "batch", "preferred"]
 
 THREADS = Path("/proc/self/task")
 GROUP = Path("/proc/self/autogroup")
 PREFERENCE = -10  # niceness: ten times the share of an ordinary process where there is not enough for all, never all
 
 
-def become_patient() -> None:
+def use_scheduling(kind: Scheduling) -> None:
+    """Schedule the threads of this process, and those they start."""
+    if kind == "batch":
+        use_batch_scheduling()
+    elif kind == "preferred":
+        raise_share()
+
+
+def use_batch_scheduling() -> None:
     """Let the threads of this process, and those they start, wake up without pushing another aside.
 
     For listeners that may lag behind. A message wakes a thread; where that one at once takes the place of the sender,
@@ -23,7 +34,7 @@ def become_patient() -> None:
         _for_all_threads(lambda thread: os.sched_setscheduler(thread, os.SCHED_BATCH, os.sched_param(0)))
 
 
-def become_preferred() -> None:
+def raise_share() -> None:
     """Ask for a larger share for the threads of this process, and those they start.
 
     For listeners that must keep up with the clock on a machine that others use as well. Unlike a real-time schedule

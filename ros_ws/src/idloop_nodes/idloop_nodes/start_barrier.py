@@ -1,4 +1,4 @@
-"""How long a node waits for the others at the start, and what it says about them."""
+"""How long a node waits for the others at the start, and what it reports about them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Collection, Sequence
 
 from idloop.errors import IdloopError
 
-# A node that is there already may need minutes before it is ready: on the first start it compiles.
-LONGER_FOR_THOSE_THERE = 20.0
-NOTICE = 10.0  # seconds after which a node says for whom it waits; then whenever that has changed
+# A running peer may need minutes before it is ready: on the first start it compiles.
+RUNNING_PEER_FACTOR = 20.0
+NOTICE = 10.0  # seconds after which a node reports for whom it waits; then whenever that has changed
 
 
 class StartBarrier:
@@ -19,7 +19,7 @@ class StartBarrier:
     peers : sequence of str
         Their names.
     limit : float
-        Longest wait for one that does not appear [s]; one that is there has `LONGER_FOR_THOSE_THERE` times as long.
+        Longest wait for one that does not appear [s]; a running one has `RUNNING_PEER_FACTOR` times as long.
     born : float
         Beginning of the wait, of a clock that never jumps [s].
     """
@@ -28,28 +28,28 @@ class StartBarrier:
         self._peers = tuple(peers)
         self._limit = limit
         self._born = born
-        self._told = ""
+        self._reported = ""
 
-    def notice(self, ready: Collection[str], there: Collection[str], apart: Sequence[str], now: float) -> str:
-        """Return for whom the node waits, where that is news and worth a line; else nothing.
+    def notice(self, ready: Collection[str], running: Collection[str], unconnected: Sequence[str], now: float) -> str:
+        """Return for whom the node waits when that has changed; else nothing.
 
         Parameters
         ----------
-        ready, there : collection of str
-            Names of the nodes that have said that they are ready, and of those that run.
-        apart : sequence of str
-            Streams of this node that have not met all of their partners.
+        ready, running : collection of str
+            Names of the nodes that are ready, and of those that run.
+        unconnected : sequence of str
+            Streams of this node that are not connected to all of their partners.
         now : float
             Time [s].
 
         Raises
         ------
         IdloopError
-            When the others have had their time.
+            The time limit is over.
         """
         late = [name for name in self._peers if name not in ready]
-        absent = [name for name in late if name not in there]
-        slow = [name for name in late if name in there]
+        absent = [name for name in late if name not in running]
+        compiling = [name for name in late if name in running]
         waited = now - self._born
         if absent and waited > self._limit:
             raise IdloopError(
@@ -60,15 +60,15 @@ class StartBarrier:
             f"{', '.join(names)} {state}"
             for names, state in (
                 (absent, "not there yet"),
-                (slow, "there, not ready (a first start compiles)"),
-                ([] if late else apart, "not connected with all who are there"),
+                (compiling, "there, not ready (a first start compiles)"),
+                ([] if late else unconnected, "not connected with all who are there"),
             )
             if names
         )
-        longest = LONGER_FOR_THOSE_THERE * self._limit
+        longest = RUNNING_PEER_FACTOR * self._limit
         if waited > longest:
             raise IdloopError(f"gave up after {longest:g} s (20 times start_timeout): {what or 'nobody is ready'}")
-        if waited < NOTICE or what in ("", self._told):
+        if waited < NOTICE or what in ("", self._reported):
             return ""
-        self._told = what
+        self._reported = what
         return f"waits: {what}"

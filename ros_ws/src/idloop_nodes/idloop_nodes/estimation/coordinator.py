@@ -36,13 +36,13 @@ class Autopilot:
 
 
 @dataclass
-class Desk:
+class Coordinator:
     """What has been ordered and what is known.
 
     Parameters
     ----------
     submit : callable
-        ``submit(verb, notebook, **more)`` builds a job from the newest data and gives it to the worker;
+        ``submit(verb, state, **more)`` builds a job from the newest data and gives it to the worker;
         raises InputError when there is no data.
     hand_over : callable
         ``hand_over(experiment)`` gives an experiment to the excitation; `handed_over` or `refused` follows.
@@ -67,8 +67,8 @@ class Desk:
     hand_over: Callable[[str], None]
     ask_limits: Callable[[], None]
     autopilot: Callable[[], Autopilot]
-    log: Callable[[str], None]
-    notebook: bytes = b""
+    log: Callable[[str], object]
+    state: bytes = b""
     missing: MissingSummary | None = None
     ladder: LadderSummary | None = None
     ordered: str = ""
@@ -110,7 +110,7 @@ class Desk:
         return self._submit(verb, **more)
 
     def _submit(self, verb: str, **more: Any) -> str:
-        text = self.submit(verb, self.notebook, **more)
+        text = self.submit(verb, self.state, **more)
         self.ordered = verb
         return text
 
@@ -127,7 +127,7 @@ class Desk:
 
     def forget(self) -> None:
         """Forget what was found: another model, or a new run of the clock. An order under way is in vain."""
-        self.notebook, self.missing, self.ladder, self.span = b"", None, None, None
+        self.state, self.missing, self.ladder, self.span = b"", None, None, None
         self._queued_effects = None
         self._alone, self._asked = 0, None
         if self.ordered:
@@ -143,7 +143,7 @@ class Desk:
         if answer.error:
             self.log(f"{answer.verb}: {answer.error}")
         else:
-            self.notebook = answer.notebook
+            self.state = answer.state
         if answer.missing is not None:
             self.missing = answer.missing
         elif answer.verb in (ADD_BEST, UNDO, EFFECTS) and not answer.error:

@@ -1,6 +1,6 @@
-"""What the estimator orders from its worker to weigh effects on the newest samples, and what comes back.
+"""The estimator's job to score effects on the newest samples, and its answer.
 
-The tallies stay with the worker's side: the estimator keeps them as a pickle that it hands back with the next order.
+The scores stay with the worker: the estimator keeps them as a pickle that it sends with the next job.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ import pickle
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from idloop.worker_process import Report
 from idloop_nodes.codec import EffectEvidence, EvidenceSummary
-from idloop_nodes.estimation.worker import Report
 
 if TYPE_CHECKING:
     from idloop.diagnosis.evidence.live_evidence import LiveEvidence
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EvidenceAnswer:
-    """What came of a look.
+    """Result of a job.
 
     Attributes
     ----------
     number : int
         Of the job.
     state : bytes
-        Pickle of the evidence; empty before the first look.
+        Pickle of the evidence; empty before the first job.
     summary : EvidenceSummary
         Without the estimates.
     """
@@ -47,16 +47,16 @@ class EvidenceJob:
     stamp : int
         Of the end of the stretch [ns].
     model : Model
-        Against which effects are weighed.
+        Against which effects are scored.
     state : bytes
         Pickle of the evidence so far; empty at the start.
     earlier, new : Record
         Samples that are fitted, and the stretch after them.
     known : EvidenceSummary
-        What was known before.
+        Newest result before it.
     level, minimum_improvement : float
     catalogue : tuple of str
-        Effects that are looked for; all when empty.
+        Candidate effects; the whole catalogue when empty.
     """
 
     number: int
@@ -81,12 +81,12 @@ class EvidenceJob:
         return EvidenceAnswer(self.number, pickle.dumps(evidence), summarise_evidence(evidence, self.stamp))
 
     def failed(self, reason: str) -> EvidenceAnswer:
-        """Return the answer when the stretch could not be scored; what was known stays known."""
+        """Return the answer of a stretch that could not be scored; earlier results stay."""
         return EvidenceAnswer(self.number, self.state, replace(self.known, stamp=self.stamp, error=reason))
 
 
 def summarise_evidence(evidence: LiveEvidence, stamp: int) -> EvidenceSummary:
-    """Return what ``estimator/evidence`` says of a look, without the estimates."""
+    """Return what ``estimator/evidence`` says, without the estimates."""
     decided = evidence.decided
     candidates = []
     for name, log_e in evidence.logs.items():

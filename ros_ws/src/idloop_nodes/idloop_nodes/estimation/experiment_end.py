@@ -1,13 +1,13 @@
-"""How the estimator ends an experiment: the services by which a user stops the graph, nothing of our own."""
+"""How the estimator ends an experiment: by the services with which a user stops the graph."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from idloop_nodes.workbench_page.workbench_calls import Calls
+from idloop_nodes.service_calls import ServiceCalls
 
-PATIENCE = 10.0  # seconds within which a node has to answer
+TIMEOUT = 10.0  # seconds within which a node has to answer
 
 
 class ExperimentEnd:
@@ -15,7 +15,7 @@ class ExperimentEnd:
 
     Parameters
     ----------
-    calls : Calls
+    calls : ServiceCalls
     guards : sequence of str
         Nodes with the service ``~/emergency_stop``, the nearest to the motor first.
     excitation : str
@@ -24,7 +24,9 @@ class ExperimentEnd:
         Receives one line when a node refuses or does not answer.
     """
 
-    def __init__(self, calls: Calls, guards: Sequence[str], excitation: str, warn: Callable[[str], object]) -> None:
+    def __init__(
+        self, calls: ServiceCalls, guards: Sequence[str], excitation: str, warn: Callable[[str], object]
+    ) -> None:
         self._calls, self._warn = calls, warn
         self._services = (*(f"{guard}/emergency_stop" for guard in guards), f"{excitation}/stop")
         self._waiting: set[str] = set()
@@ -35,10 +37,10 @@ class ExperimentEnd:
         return bool(self._waiting)
 
     def end(self) -> None:
-        """Tell all of them at once."""
+        """Call all of them at once."""
         self._waiting = set(self._services)
         for service in self._services:
-            self._calls.trigger(service, partial(self._answered, service), PATIENCE)
+            self._calls.trigger(service, partial(self._answered, service), TIMEOUT)
 
     def poll(self) -> None:
         """Send what had to wait for its server, give up on what is not answered."""

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from idloop.worker_process import Report
 from idloop_nodes.codec import FitSummary, ParameterSummary
-from idloop_nodes.estimation.worker import Report
 
 if TYPE_CHECKING:
     from idloop.physics import Model

@@ -1,4 +1,4 @@
-"""What the worker knows of a model: its ladder, and what the newest diagnosis would add. Calls the library, no more."""
+"""The worker's state of a model: its ladder, and what the newest diagnosis would add."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from idloop.diagnosis.model_errors import model_errors
 from idloop.errors import InputError
 from idloop.physics import parse_effect
 from idloop.validation import compare
-from idloop_nodes.estimation.diagnosis_orders import DiagnosisAnswer, DiagnosisOrder
+from idloop.worker_process import Report
+from idloop_nodes.estimation.diagnosis_jobs import DiagnosisAnswer, DiagnosisJob
 from idloop_nodes.estimation.summaries import summarise_diagnosis, summarise_ladder
-from idloop_nodes.estimation.worker import Report
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Notebook:
+class LadderState:
     """Ladder and newest findings; every method carries out one order.
 
     Attributes
@@ -39,18 +39,9 @@ class Notebook:
     diagnosis: Diagnosis | None = None
     suggested: dict[str, Any] | None = None
 
-    def diagnose(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+    def diagnose(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
         """Find out what is missing."""
-        found = diagnose(
-            job.model,
-            job.records,
-            level=job.level,
-            criterion=job.criterion,
-            minimum_improvement=job.minimum_improvement,
-            effects=job.catalogue or None,
-            seed=job.seed,
-            progress=report,
-        )
+        found = diagnose(job.model, job.records, effects=job.catalogue or None, **_settings(job, report))
         self.diagnosis = found
         self.suggested = None
         if self.ladder is None:
@@ -69,7 +60,7 @@ class Notebook:
         where = compare(self.ladder.model, job.validation[-1]).where.lines() if job.validation else []
         return self._answer(job, missing=summarise_diagnosis(found, where, job.windows))
 
-    def add_best_effect(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+    def add_best_effect(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
         """Add what the newest diagnosis names first: an effect, or both of a pair."""
         best = None if self.diagnosis is None else self.diagnosis.best
         if self.ladder is None or self.diagnosis is None or best is None:
@@ -91,14 +82,10 @@ class Notebook:
                 ladder.model,
                 job.records,
                 job.validation,
-                level=job.level,
-                criterion=job.criterion,
-                minimum_improvement=job.minimum_improvement,
                 effects=[best.name],
-                seed=job.seed,
                 most=len(ladder.added) + 1,
                 ladder=ladder,
-                progress=report,
+                **_settings(job, report),
             )
         if best.name not in ladder.added and best.model is not None:
             ladder = replace(ladder, steps=(*ladder.steps, _step(best.model, job, best)))
@@ -109,13 +96,13 @@ class Notebook:
             last = replace(last, added=added, set=self.diagnosis.set, p_value=best.p_value)
         return self._climb(job, replace(ladder, steps=(*ladder.steps[:-1], last)))
 
-    def undo(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+    def undo(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
         """Take the last step back."""
         if self.ladder is None:
             raise InputError("there is no step to take back")
         return self._climb(job, self.ladder.undo())
 
-    def effects(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+    def effects(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
         """Climb to exactly the effects of the order, from the highest step that has none but these."""
         names = ["@".join(parse_effect(text)[:2]) for text in job.effects]
         ladder = self.ladder
@@ -125,13 +112,9 @@ class Notebook:
                 job.model.without_effects(names),
                 job.records,
                 job.validation,
-                level=job.level,
-                criterion=job.criterion,
-                minimum_improvement=job.minimum_improvement,
                 effects=job.catalogue or None,
-                seed=job.seed,
                 most=0,
-                progress=report,
+                **_settings(job, report),
             )
         own = set(ladder.steps[0].model.effect_names)
         while len(ladder.steps) > 1 and not set(ladder.model.effect_names) - own <= set(names):
@@ -141,7 +124,7 @@ class Notebook:
                 ladder = add_effect(ladder, text, job.records, job.validation, seed=job.seed, progress=report)
         return self._climb(job, ladder)
 
-    def suggest(self, job: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
+    def suggest(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
         """Work out the experiment that settles what the newest diagnosis has left open."""
         from idloop.diagnosis.design.next_experiment import suggest_next
         from idloop.diagnosis.design.suggest import Limits
@@ -170,25 +153,31 @@ class Notebook:
 
     # answers
 
-    def _climb(self, job: DiagnosisOrder, ladder: Ladder) -> DiagnosisAnswer:
+    def _climb(self, job: DiagnosisJob, ladder: Ladder) -> DiagnosisAnswer:
         self.ladder = replace(ladder, candidates=(), suggested_experiment=None)
         self.diagnosis = self.suggested = None
         return self._answer(job, model=ladder.model)
 
-    def _answer(self, job: DiagnosisOrder, **more: Any) -> DiagnosisAnswer:
+    def _answer(self, job: DiagnosisJob, **more: Any) -> DiagnosisAnswer:
         ladder = None
         if self.ladder is not None:
             ladder = summarise_ladder(self.ladder, self.suggested, job.experiments)
         return DiagnosisAnswer(job.number, job.verb, job.stamp, pickle.dumps(self), ladder=ladder, **more)
 
 
-def _step(model: Model, job: DiagnosisOrder, added: Candidate | None = None) -> Step:
+def _settings(job: DiagnosisJob, report: Report) -> dict[str, Any]:
+    """Arguments that `diagnose` and `refine` share."""
+    names = ("level", "criterion", "minimum_improvement", "seed")
+    return {name: getattr(job, name) for name in names} | {"progress": report}
+
+
+def _step(model: Model, job: DiagnosisJob, added: Candidate | None = None) -> Step:
     return Step(
         added=added, model=model, train=model_errors(model, job.records), validation=model_errors(model, job.validation)
     )
 
 
-def _measured_anew(ladder: Ladder, job: DiagnosisOrder) -> Ladder:
+def _measured_anew(ladder: Ladder, job: DiagnosisJob) -> Ladder:
     """New data may have come in: every step is judged on the same."""
     if len(ladder.steps[-1].train.get("records", {})) == len(job.records):
         return ladder
@@ -199,7 +188,7 @@ def _measured_anew(ladder: Ladder, job: DiagnosisOrder) -> Ladder:
     return replace(ladder, steps=tuple(steps))
 
 
-def _newest_position(job: DiagnosisOrder) -> float | None:
+def _newest_position(job: DiagnosisJob) -> float | None:
     """Position at which the axis is, as far as the data tell."""
     import numpy as np
 
@@ -213,7 +202,7 @@ def _newest_position(job: DiagnosisOrder) -> float | None:
 
 def _for_excitation(signal: Mapping[str, Any], shift: float) -> dict[str, Any]:
     """The signal as the excitation node builds it, on its own period, around where the axis is."""
-    told = {name: value for name, value in signal.items() if name != "sample_time" and value is not None}
+    values = {name: value for name, value in signal.items() if name != "sample_time" and value is not None}
     if shift:
-        told["offset"] = told.get("offset", 0.0) + shift
-    return told
+        values["offset"] = values.get("offset", 0.0) + shift
+    return values

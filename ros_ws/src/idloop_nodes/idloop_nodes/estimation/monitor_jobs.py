@@ -1,17 +1,17 @@
-"""What the estimator orders from its worker to watch wear: learn what is normal, then look at each stretch of data.
+"""The estimator's jobs about wear: learn what is normal, then check each stretch of data.
 
-The monitor stays with the worker's side: the estimator keeps it as a pickle that it hands back with the next order.
+The monitor stays with the worker: the estimator keeps it as a pickle that it sends with the next job.
 """
 
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from idloop.worker_process import Report
 from idloop_nodes.codec import WatchSummary, WearSummary
-from idloop_nodes.estimation.worker import Report
 
 if TYPE_CHECKING:
     from idloop.monitoring import Baseline, Monitor, WatchState
@@ -23,18 +23,18 @@ USUAL = "usual"  # watch dry friction and what sits in couplings
 
 @dataclass(frozen=True)
 class MonitorAnswer:
-    """What came of an order.
+    """Result of a job.
 
     Attributes
     ----------
     number : int
         Of the job.
     stamp : int
-        After the newest sample that it rests on [ns].
+        After the newest sample that was used [ns].
     state : bytes
-        Pickle of the monitor, for the next order; empty when it could not be built.
+        Pickle of the monitor, for the next job; empty when it could not be built.
     settling : float
-        Time before a stretch that the observer takes to settle [s].
+        Settling time of the observer before a stretch [s].
     summary : WearSummary
         New contents of ``estimator/wear``.
     """
@@ -96,8 +96,8 @@ class LearnJob:
 
 
 @dataclass(frozen=True)
-class LookJob:
-    """Look at a stretch of data.
+class CheckJob:
+    """Check a stretch of data.
 
     Attributes
     ----------
@@ -105,11 +105,11 @@ class LookJob:
     state : bytes
         Pickle of the monitor.
     record : Record
-        Begins early, for the observer to settle.
-    anew : bool
+        Begins early by the settling time of the observer.
+    new_run : bool
         Whether a new run of the clock begins with it.
     known : WearSummary
-        What was known before.
+        Newest result before it.
     settling : float
     """
 
@@ -117,23 +117,21 @@ class LookJob:
     stamp: int
     state: bytes
     record: Record
-    anew: bool
+    new_run: bool
     known: WearSummary
     settling: float
     replaceable: bool = False
 
     def work(self, report: Report) -> MonitorAnswer:
-        """Look."""
+        """Check it."""
         monitor: Monitor = pickle.loads(self.state)  # noqa: S301  (our own estimator's)
-        if self.anew:
+        if self.new_run:
             monitor.begin()
         monitor.follow(self.record)
         return _answer(self.number, self.stamp, monitor)
 
     def failed(self, reason: str) -> MonitorAnswer:
-        """Return the answer when the stretch could not be looked at; what was known stays known."""
-        from dataclasses import replace
-
+        """Return the answer of a stretch that could not be checked; earlier results stay."""
         return MonitorAnswer(self.number, self.stamp, self.state, self.settling, replace(self.known, error=reason))
 
 

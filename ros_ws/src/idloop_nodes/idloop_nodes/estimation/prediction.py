@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.errors import IdloopError
 from idloop.estimation.live_estimator import RecursiveEstimator
+from idloop_nodes.estimation.estimator_context import Publish, Values
+from idloop_nodes.estimation.sample_input import Sample
 from idloop_nodes.streams.joint_layout import OutputPacker
+from idloop_nodes.streams.sample_buffer import SECOND
 
 if TYPE_CHECKING:
     from idloop.physics import Model
-
-SECOND = 1_000_000_000
-
-Sample = tuple[int, tuple[float, ...]]
 
 
 def update_block_length(sample_time: float) -> int:
@@ -32,10 +31,8 @@ class Prediction:
 
     Parameters
     ----------
-    wanted : bool
-        False predicts nothing.
-    sample_time : float
-        Nominal step [s]; every update uses the measured stamps.
+    values : NodeParameters
+        ``recursive`` and ``sample_time`` (nominal step; every update uses the measured stamps).
     packer : OutputPacker
     publish_prediction, publish_residual : callable
 
@@ -46,17 +43,11 @@ class Prediction:
     """
 
     def __init__(
-        self,
-        *,
-        wanted: bool,
-        sample_time: float,
-        packer: OutputPacker,
-        publish_prediction: Callable[[bytes], None],
-        publish_residual: Callable[[bytes], None],
+        self, values: Values, packer: OutputPacker, publish_prediction: Publish, publish_residual: Publish
     ) -> None:
         self.failure = ""
-        self._wanted = wanted
-        self._sample_time = sample_time
+        self._wanted: bool = values["recursive"]
+        self._sample_time: float = values["sample_time"]
         self._packer = packer
         self._publish_prediction = publish_prediction
         self._publish_residual = publish_residual
@@ -64,7 +55,7 @@ class Prediction:
         self._followed = 0  # samples since it last began or learnt
 
     def begin(self, model: Model) -> None:
-        """Begin anew with a model."""
+        """Begin again with a model."""
         self.failure = ""
         if self._wanted:
             block = update_block_length(self._sample_time)
@@ -72,7 +63,7 @@ class Prediction:
             self._followed = 0
 
     def go_on(self, model: Model) -> None:
-        """Go on with another model from where the motion is."""
+        """Continue with another model from the present state of motion."""
         if self._recursive is not None and not self.failure:
             self._recursive.set_model(model)
         else:

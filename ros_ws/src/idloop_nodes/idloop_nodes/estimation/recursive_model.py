@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.errors import IdloopError
 from idloop_nodes.codec import Level, RecursionSummary, Status, encode_diagnostics, recursion_to_statuses
-from idloop_nodes.parameters import Values
+from idloop_nodes.estimation.estimator_context import EstimatorContext, Publish
+from idloop_nodes.estimation.sample_input import Sample
 from idloop_nodes.streams.joint_layout import OutputPacker
+from idloop_nodes.streams.sample_buffer import SECOND
 
 if TYPE_CHECKING:
     from idloop.estimation.recursive import LiveRecursion
     from idloop.physics import Model
-
-SECOND = 1_000_000_000
-
-Sample = tuple[int, tuple[float, ...]]
 
 
 class RecursiveModel:
@@ -26,10 +24,7 @@ class RecursiveModel:
 
     Parameters
     ----------
-    node : str
-        Name of the node.
-    values : dict
-        Parameters of the node; `recursion_period` is read anew each time.
+    context : EstimatorContext
     model : Model
         Whose input and outputs are followed.
     packer : OutputPacker
@@ -43,16 +38,15 @@ class RecursiveModel:
 
     def __init__(
         self,
-        node: str,
-        values: Values,
+        context: EstimatorContext,
         model: Model,
         packer: OutputPacker,
-        publish_innovation: Callable[[bytes], None],
-        publish_coefficients: Callable[[bytes], None],
+        publish_innovation: Publish,
+        publish_coefficients: Publish,
     ) -> None:
         self.failure = ""
-        self._node = node
-        self._values = values
+        self._name = context.name
+        self._values = context.parameters
         self._input = model.input.name
         self._outputs = {output.name: output.unit for output in model.outputs}
         self._packer = packer
@@ -69,7 +63,7 @@ class RecursiveModel:
         return bool(self._values["recursion"] != "none")
 
     def begin(self) -> None:
-        """Begin anew, knowing nothing."""
+        """Begin again without any knowledge."""
         self.failure, self._due = "", None
         if not self.wanted:
             return
@@ -108,7 +102,7 @@ class RecursiveModel:
             return
         period = round(self._values["recursion_period"] * SECOND)
         while block:
-            # Coefficients are told at instants of the data's time: equal data give equal messages.
+            # Coefficients are published at instants of the data's time: equal data give equal messages.
             if self._due is None:
                 self._due = block[0][0] + period
             count = sum(stamp < self._due for stamp, _ in block)
@@ -116,12 +110,12 @@ class RecursiveModel:
             if not self._follow(origin, now, held):
                 return
             if now[-1][0] >= self._due:
-                self.tell(now[-1][0])
+                self.publish_coefficients(now[-1][0])
                 self._due += period * (1 + (now[-1][0] - self._due) // period)
             block, commands = block[len(now) :], commands[len(now) :]
 
     def _follow(self, origin: int, block: Sequence[Sample], commands: Sequence[Sample | None]) -> bool:
-        assert self._recursion is not None  # noqa: S101 - the caller has looked
+        assert self._recursion is not None  # noqa: S101 - the caller has checked
         time = np.array([stamp - origin for stamp, _ in block]) / SECOND
         command = np.array([np.nan if one is None else one[1][0] for one in commands])
         measured = np.array([row for _, row in block])
@@ -134,10 +128,10 @@ class RecursiveModel:
             self._publish_innovation(self._packer.pack(stamp, row))
         return True
 
-    def tell(self, stamp: int) -> None:
+    def publish_coefficients(self, stamp: int) -> None:
         """Publish the present coefficients under a stamp [ns]."""
         if self._recursion is not None and not self.failure:
-            statuses = recursion_to_statuses(self._node, self.summaries())
+            statuses = recursion_to_statuses(self._name, self.summaries())
             self._publish_coefficients(encode_diagnostics(stamp, statuses))
 
     def summaries(self) -> list[RecursionSummary]:

@@ -5,25 +5,24 @@ from __future__ import annotations
 import math
 import threading
 import time
-from typing import Any
 
-from idloop.control import build_controller
-from idloop.control.compensation import Compensation
-from idloop.errors import InputError
-from idloop.parameter_table import read_mapping
-from idloop.physics import Model, load_model
-from idloop_nodes.base import ManagedNode, PolledStream
+from idloop.physics import load_model
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
+from idloop_nodes.control.from_parameters import (
+    compensated_effects,
+    compensation_lines,
+    controller_columns,
+    controller_from_parameters,
+)
+from idloop_nodes.control.loop_inputs import LoopInputs
 from idloop_nodes.deadlines import Deadlines, become_urgent
+from idloop_nodes.managed_node import ManagedNode
 from idloop_nodes.safety.emergency_stop import EmergencyStop
 from idloop_nodes.safety.stall_notice import StallNotice
-from idloop_nodes.streams.held_stream import HeldStream
-from idloop_nodes.streams.joint_layout import output_columns, output_topic
+from idloop_nodes.streams.joint_layout import output_topic
 from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.streams.stream_watch import JUMP_NS
-from idloop_nodes.tables import CONTROLLER
-
-SECOND = 1_000_000_000
 
 
 class ControllerNode(ManagedNode):
@@ -36,20 +35,15 @@ class ControllerNode(ManagedNode):
     poll_period = 0.005
 
     def __init__(self) -> None:
-        super().__init__("controller", CONTROLLER)
+        super().__init__("controller")
         values = self.parameters
         model = load_model(values["model"])
         self._period_ns = round(values["sample_time"] * SECOND)
-        self._controller = build_controller(self._specification(model), compensation=self._compensation())
-        self._say_compensation()
-        known = {f"{joint}.{field}": (joint, field) for joint, field in output_columns(model)}
-        missing = [name for name in self._controller.inputs if name not in known]
-        if missing:
-            raise InputError(f"controller: {missing[0]} is no output of model {model.name} ({', '.join(known)})")
-        self._reader = JointReader([known[name] for name in self._controller.inputs])
+        self._controller = controller_from_parameters(values, model)
+        for line in compensation_lines(self._controller):
+            self.get_logger().info(line)
+        self._reader = JointReader(controller_columns(self._controller, model))
         self._writer = JointWriter([model.input.joint], [model.input.field])
-        self._reference = HeldStream()
-        self._excitation = HeldStream()
         self._lockstep = values["mode"] == "lockstep"
         self._pending: tuple[int, tuple[float, ...]] | None = None
         self._stall = StallNotice()
@@ -64,11 +58,8 @@ class ControllerNode(ManagedNode):
         self._silences = 0
         self._unreadable = 0
         self._publish = self.publisher(model.input.topic)
-        # Both streams are always subscribed, so that the start barrier knows what to expect.
-        self._inputs: tuple[tuple[PolledStream, HeldStream, JointReader, bool], ...] = (
-            self._input("reference", self._reference, ("position", "velocity"), values["use_reference"]),
-            self._input("excitation", self._excitation, ("position", "effort"), values["use_excitation"]),
-        )
+        used = {topic: values[f"use_{topic}"] for topic in ("reference", "excitation")}
+        self._inputs = LoopInputs(self.poll_topic, used, self._period_ns)
         self._deadlines = Deadlines(self._period_ns)
         self._urgent = False
         self._stop = threading.Event()
@@ -84,53 +75,10 @@ class ControllerNode(ManagedNode):
         if self._thread is not None:
             self._thread.start()
 
-    def _specification(self, model: Model) -> dict[str, Any]:
-        text = self.parameters["controller"]
-        section = read_mapping(text, "controller", "{type: pid, kp: 1.0}") if text else model.controller
-        section = section or {"type": "none"}
-        return {"sample_time": self.parameters["sample_time"], **section}
-
-    def _compensation(self) -> Compensation | None:
-        values = self.parameters
-        if not values["compensation"]:
-            return None
-        numbers = {
-            name: values[f"compensation_{name}"]
-            for name in ("limit", "velocity_width", "command_width", "crossing_time")
-        }
-        return Compensation(load_model(values["compensation"]), tuple(values["compensation_effects"]), **numbers)
-
-    def _cancelled(self) -> str:
-        plan = self._controller.plan
-        return ", ".join(one.active.name for one in plan.cancelled) if plan is not None else ""
-
-    def _say_compensation(self) -> None:
-        plan = self._controller.plan
-        if plan is not None:
-            self.get_logger().info(f"cancels {self._cancelled() or 'nothing'}")
-            for name, reason in plan.left.items():
-                self.get_logger().info(f"does not cancel {name}: {reason}")
-
-    def _input(
-        self, topic: str, held: HeldStream, fields: tuple[str, ...], used: bool
-    ) -> tuple[PolledStream, HeldStream, JointReader, bool]:
-        # The joint's name is known from the first message: a reference may name any joint.
-        return self.poll_topic(topic), held, JointReader([("*", field) for field in fields]), used
-
     def _warm_up(self) -> None:
         """Compile before the first deadline."""
         self._controller.step(0.0, 0.0, [0.0] * len(self._controller.inputs))
         self._controller.reset()
-
-    def _take_inputs(self) -> None:
-        for stream, held, reader, used in self._inputs:
-            for data, _ in stream.take():
-                if not used:
-                    continue
-                try:
-                    held.push(*reader.read(data))
-                except CdrError:
-                    self._unreadable += 1
 
     # lock-step
 
@@ -141,7 +89,7 @@ class ControllerNode(ManagedNode):
             self._unreadable += 1
             self._publish(self._writer.pack(peek_stamp(data), (0.0,)))
             return
-        if stamp == self._last:  # said again: the answer did not arrive
+        if stamp == self._last:  # a repetition: the answer did not arrive
             self._publish(self._answer)
             return
         self._pending = (stamp, measured)
@@ -151,29 +99,23 @@ class ControllerNode(ManagedNode):
         if self._pending is None:
             return
         stamp, measured = self._pending
-        if not self._covered(stamp):
-            self._take_inputs()
-            if not self._covered(stamp):
+        if self._inputs.missing(stamp):
+            self._inputs.take()
+            if self._inputs.missing(stamp):
                 return
         self._pending = None
         self._answer = self._writer.pack(stamp, (self._compute(stamp, measured),))
         self._publish(self._answer)
-
-    def _covered(self, stamp: int) -> bool:
-        return all(held.covers(stamp) for _, held, _, used in self._inputs if used)
 
     def poll(self) -> None:
         """Answer a measurement that had to wait for its reference."""
         super().poll()
         if self._lockstep:
             self._answer_pending()
-            self._tell_stall()
-
-    def _tell_stall(self) -> None:
-        if self._stall.due(self._pending, time.monotonic()) and self._pending is not None:
-            stamp = self._pending[0]
-            missing = [stream.topic for stream, held, _, used in self._inputs if used and not held.covers(stamp)]
-            self.get_logger().warning(f"waits for {' and '.join(missing)} of {stamp / SECOND:.3f} s")
+            if self._stall.due(self._pending, time.monotonic()) and self._pending is not None:
+                stamp = self._pending[0]
+                missing = " and ".join(self._inputs.missing(stamp))
+                self.get_logger().warning(f"waits for {missing} of {stamp / SECOND:.3f} s")
 
     # one sample
 
@@ -189,29 +131,15 @@ class ControllerNode(ManagedNode):
             self._last = stamp
             if not self.active or self._emergency.latched:
                 return 0.0
-            position, velocity, feedforward = self._wanted(stamp)
+            position, velocity, feedforward = self._inputs.at(stamp)
             command = self._controller.step(position, velocity, measured, feedforward)
             self._saturated += self._controller.saturated
             return command if math.isfinite(command) else 0.0
 
-    def _wanted(self, stamp: int) -> tuple[float, float, float]:
-        position = velocity = feedforward = 0.0
-        reference = self._reference.at(stamp)
-        if reference is not None:
-            position, velocity = reference[1]
-            velocity = 0.0 if math.isnan(velocity) else velocity
-        excitation = self._excitation.at(stamp)
-        # A stream that has stopped must not leave its last push on the motor.
-        if excitation is not None and stamp - excitation[0] < 2 * self._period_ns:
-            shift, effort = excitation[1]
-            position += 0.0 if math.isnan(shift) else shift
-            feedforward = 0.0 if math.isnan(effort) else effort
-        return position, velocity, feedforward
-
     # real time
 
     def _send(self, stamp: int, command: float) -> None:
-        """Publish with a stamp that never goes back, whoever sends: loop, watchdog or a service."""
+        """Publish with a stamp that never goes back, for loop, watchdog and services."""
         with self._sending:
             self._sent_stamp = max(stamp, self._sent_stamp + 1)
             self._publish(self._writer.pack(self._sent_stamp, (command,)))
@@ -232,7 +160,7 @@ class ControllerNode(ManagedNode):
                     newest, fresh = self._reader.read(data), True
                 except CdrError:
                     self._unreadable += 1
-            self._take_inputs()
+            self._inputs.take()
             if fresh and newest is not None:
                 if silent:
                     self._controller.reset()
@@ -252,7 +180,7 @@ class ControllerNode(ManagedNode):
         self._publish_zero()
 
     def activated(self) -> None:
-        """Start with no memory of what was before."""
+        """Start without any memory."""
         self._controller.reset()
 
     def _publish_zero(self) -> None:
@@ -265,7 +193,7 @@ class ControllerNode(ManagedNode):
         return ""
 
     def thread_failed(self) -> None:
-        """Leave a zero command behind at once."""
+        """Publish a zero command at once."""
         self._publish_zero()
 
     def close(self) -> None:
@@ -279,6 +207,7 @@ class ControllerNode(ManagedNode):
         """Return loop and safety state."""
         rate = self._answers.rate()
         fault = self._emergency.latched or self._controller.fault or ""
+        unreadable = self._unreadable + self._inputs.unreadable
         loop = {
             "answers": str(self._answers.count),
             "rate": f"{rate:.1f}",
@@ -287,11 +216,10 @@ class ControllerNode(ManagedNode):
             "silences": str(self._silences),
             "real_time_priority": str(self._urgent).lower(),
             "clock_jumps": str(self._jumps),
-            "unreadable": str(self._unreadable),
-            "cancels": self._cancelled(),
+            "unreadable": str(unreadable),
+            "cancels": compensated_effects(self._controller),
         }
-        bad = self._deadlines.missed + self._silences + self._jumps + self._unreadable
-        level = Level.WARN if bad else Level.OK
+        level = Level.WARN if self._deadlines.missed + self._silences + self._jumps + unreadable else Level.OK
         state = fault or ("active" if self.active else "inactive: zero command")
         return [
             Status("loop", f"{rate:.0f} commands/s", level, loop),

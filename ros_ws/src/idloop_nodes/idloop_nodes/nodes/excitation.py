@@ -1,4 +1,4 @@
-"""The excitation: builds the whole signal once and publishes it ahead of the clock; plays experiments in between."""
+"""The excitation: builds the whole signal once and publishes it ahead of the clock; plays experiments between."""
 
 from __future__ import annotations
 
@@ -6,26 +6,23 @@ import time
 from collections import deque
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from idloop.errors import InputError
-from idloop.signals import SIGNALS, build_signal
-from idloop_nodes.base import ManagedNode, PolledStream
-from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
+from idloop.records.bags.cdr import SECOND
+from idloop_nodes.codec import JointWriter, Level, Status, peek_stamp
+from idloop_nodes.excitation.axis_guard import AxisGuard
 from idloop_nodes.excitation.excitation_sequence import ExcitationSequence
-from idloop_nodes.excitation.experiment import Limits, read_experiment
+from idloop_nodes.excitation.experiment import read_experiment
+from idloop_nodes.excitation.from_parameters import LIMITS, experiment_limits, normal_signal, return_time
+from idloop_nodes.managed_node import ManagedNode
 from idloop_nodes.parameters import Values
 from idloop_nodes.progress import EXPERIMENT, HANDED_BACK
 from idloop_nodes.streams.rates import RateCounter
-from idloop_nodes.tables import excitation_table
 
-SECOND = 1_000_000_000
 BURST = 1000  # samples published at most in one go, so that services stay answered
-QUIET = 0.5  # seconds without a sample after which a clock that stands asks for them again
-LIMITS = ("amplitude", "position_min", "position_max", "velocity")
+QUIET = 0.5  # seconds without a sample after which a clock that stands still makes them published again
 # May change while the normal signal runs.
 FOR_EXPERIMENTS = frozenset({"experiment", "handover_time", "rest_time", *(f"limit.{name}" for name in LIMITS)})
 
@@ -34,14 +31,14 @@ class ExcitationNode(ManagedNode):
     """Publishes `reference` or `excitation`, each sample stamped with the time at which it holds."""
 
     def __init__(self) -> None:
-        super().__init__("excitation", excitation_table())
+        super().__init__("excitation")
         values = self.parameters
         self._target = values["target"]
         self._reference = self._target == "reference"
         self._period_ns = round(values["sample_time"] * SECOND)
         self._ahead_ns = values["ahead"] * self._period_ns
         self._lockstep = values["mode"] == "lockstep"
-        self.patient = self._lockstep
+        self.scheduling = "batch" if self._lockstep else "normal"
         self.poll_period = 0.2 if self._lockstep else min(0.005, 0.25 * values["ahead"] * values["sample_time"])
         fields = ("position", "velocity") if self._reference else (self._target,)
         self._writer = JointWriter([values["joint"]], fields)
@@ -50,22 +47,21 @@ class ExcitationNode(ManagedNode):
         self._now: int | None = None
         self._next: int | None = None
         self._recent: deque[bytes] = deque(maxlen=values["ahead"] + 1)  # what holds from now on
-        self._said = 0.0
+        self._published_at = 0.0
         self._sent = RateCounter()
         self._experiments = 0
-        self._told: tuple[int, int] | None = None
+        self._reported_span: tuple[int, int] | None = None
         self._breach = ""
         self._own_limit: float | None = None
         self._sequence = ExcitationSequence(
-            *self._build(values.values),
+            *normal_signal(values.values),
             self._period_ns,
             keeps=self._reference,
             ahead=values["ahead"],
-            repeats=self._handover_back(values.values),
+            repeats=return_time(values.values),
         )
-        self._measurements: PolledStream | None = None
-        self._measured = JointReader([(values["joint"], "position"), (values["joint"], "velocity")])
-        self._watch_axis()
+        self._axis = AxisGuard(self.poll_topic, values["joint"])
+        self._axis.prepare(experiment_limits(values.values))
         values.check = self._check
         values.apply = self._apply
         self._choose_limit()
@@ -79,27 +75,8 @@ class ExcitationNode(ManagedNode):
 
     # parameters
 
-    def _build(self, values: Values) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return value and rate of the whole signal, each (n,)."""
-        kind = values["signal"]
-        own = {spec.name: values[f"{kind}.{spec.name}"] for spec in SIGNALS[kind].parameters}
-        common = {name: values[name] for name in ("sample_time", "duration", "amplitude", "offset", "seed", "ramp_in")}
-        given = {name: value for name, value in (own | common).items() if value is not None}
-        signal = build_signal(kind, **given)
-        rate = np.zeros_like(signal.value) if signal.rate is None else signal.rate
-        return signal.value, rate
-
-    @staticmethod
-    def _handover_back(values: Values) -> float | None:
-        """Return the time of the way back to the beginning of a signal that repeats [s]; None where it ends."""
-        return float(values["handover_time"]) if values["repeat"] else None
-
-    @staticmethod
-    def _limits(values: Values) -> Limits:
-        return Limits(**{name: values[f"limit.{name}"] for name in LIMITS})
-
     def _choose_limit(self) -> None:
-        """Without a limit of the user's own, an experiment stays within the normal signal; the parameter says so."""
+        """Without a limit of the user, an experiment stays within the normal signal; the parameter shows it."""
         if self.parameters["limit.amplitude"] in (None, self._own_limit):
             self._own_limit = self._sequence.peak
             self.set_parameters([Parameter("limit.amplitude", value=self._own_limit)])
@@ -111,22 +88,17 @@ class ExcitationNode(ManagedNode):
         if changed - FOR_EXPERIMENTS:
             if self.active:
                 raise InputError("the signal cannot change while it runs: call ~/stop (or deactivate) first")
-            self._build(values)
+            normal_signal(values)
         if "experiment" in changed and values["experiment"]:
             experiment = read_experiment(values["experiment"], self._target, values["sample_time"])
-            self._limits(values).refuse(experiment)
+            experiment_limits(values).refuse(experiment)
 
     def _apply(self, names: set[str]) -> None:
         if names - FOR_EXPERIMENTS:
-            self._sequence.load(*self._build(self.parameters.values))
-            self._sequence.repeats = self._handover_back(self.parameters.values)
+            self._sequence.load(*normal_signal(self.parameters.values))
+            self._sequence.repeats = return_time(self.parameters.values)
             self._choose_limit()
-        self._watch_axis()
-
-    def _watch_axis(self) -> None:
-        """Listen to the axis as soon as a limit asks for it."""
-        if self._limits(self.parameters.values).watched and self._measurements is None:
-            self._measurements = self.poll_topic("joint_states")
+        self._axis.prepare(experiment_limits(self.parameters.values))
 
     # lifecycle and services
 
@@ -159,8 +131,7 @@ class ExcitationNode(ManagedNode):
 
     def _on_run_experiment(self, request: Any, response: Any) -> Any:
         try:
-            response.message = self._begin_experiment()
-            response.success = True
+            response.success, response.message = True, self._begin_experiment()
         except InputError as error:
             response.success, response.message = False, str(error)
         return response
@@ -174,11 +145,11 @@ class ExcitationNode(ManagedNode):
         if not self.active or self._next is None:
             raise InputError("an experiment needs an active excitation and a running graph: call ~/start first")
         experiment = read_experiment(values["experiment"], self._target, values["sample_time"])
-        self._limits(values.values).refuse(experiment)
+        experiment_limits(values.values).refuse(experiment)
         start, end = self._sequence.begin(experiment, values["handover_time"], values["rest_time"], self._next)
         self._experiments += 1
         self._breach = ""
-        self._tell_span()
+        self._report_span()
         text = f"experiment from {start / SECOND:.3f} s to {end / SECOND:.3f} s"
         self.get_logger().info(text)
         return text
@@ -192,47 +163,37 @@ class ExcitationNode(ManagedNode):
         response.success, response.message = True, "stopped: back to the normal signal from the next sample on"
         return response
 
-    def _tell_span(self) -> None:
-        """Say from when to when an experiment runs, again when a stop or a pause has moved that."""
+    def _report_span(self) -> None:
+        """Publish from when to when an experiment runs, again when a stop or a pause has moved that."""
         span = self._sequence.span
-        if span is None or span == self._told:
+        if span is None or span == self._reported_span:
             return
-        if self._told is None or span[0] != self._told[0]:
+        if self._reported_span is None or span[0] != self._reported_span[0]:
             self.tell_progress(span[0], EXPERIMENT)
         self.tell_progress(span[1], HANDED_BACK)
-        self._told = span
+        self._reported_span = span
 
     def _guard(self) -> None:
-        """Stop when the axis leaves the limits during an experiment."""
-        if self._measurements is None:
-            return
-        limits = self._limits(self.parameters.values)
-        for data, _ in self._measurements.take():
-            span = self._sequence.span
-            if span is None or not self.active:
-                continue
-            try:
-                stamp, (position, velocity) = self._measured.read(data)
-            except CdrError:
-                continue
-            breach = limits.breach(position, velocity) if span[0] <= stamp < span[1] else ""
-            if breach:
-                self._breach = f"experiment stopped: {breach}"
-                self.get_logger().error(self._breach)
-                self.trigger_deactivate()
+        """Stop when the axis exceeds a limit during an experiment."""
+        span = self._sequence.span if self.active else None
+        breach = self._axis.breach(experiment_limits(self.parameters.values), span)
+        if breach:
+            self._breach = f"experiment stopped: {breach}"
+            self.get_logger().error(self._breach)
+            self.trigger_deactivate()
 
     # time
 
     def _on_clock(self, data: bytes) -> None:
         now = peek_stamp(data)
-        # A time that is said again after a while: nobody goes on, somebody lacks what was published then. A simulator
-        # that pauses repeats its clock at once.
-        if now == self._now and time.monotonic() - self._said > QUIET:
+        # A clock that repeats its time after a while: the graph stands still because a node lacks what was published
+        # then. A simulator that pauses repeats its clock at once.
+        if now == self._now and time.monotonic() - self._published_at > QUIET:
             self._publish_again()
         self._follow(now)
 
     def _publish_again(self) -> None:
-        self._said = time.monotonic()
+        self._published_at = time.monotonic()
         for message in self._recent:
             self._publish(message)
 
@@ -243,8 +204,8 @@ class ExcitationNode(ManagedNode):
             self._follow(time.time_ns() // self._period_ns * self._period_ns)
 
     def _follow(self, now: int) -> None:
-        if self.waiting:
-            return  # what would be published ahead now nobody would get
+        if self.start.waiting:
+            return  # no other node would receive what is published ahead now
         self._publish_ahead(now)
         self._guard()
 
@@ -261,10 +222,10 @@ class ExcitationNode(ManagedNode):
             message = self._sample(self._next)
             self._publish(message)
             self._recent.append(message)
-            self._said = time.monotonic()
+            self._published_at = time.monotonic()
             self._next += self._period_ns
             self._sent.count += 1
-        self._tell_span()
+        self._report_span()
 
     def _sample(self, stamp: int) -> bytes:
         position, velocity = self._sequence.next(stamp, self.active)
@@ -273,7 +234,7 @@ class ExcitationNode(ManagedNode):
         return self._writer.pack(stamp, (position,))
 
     def health(self) -> list[Status]:
-        """Return where the signal stands."""
+        """Return how far the signal is."""
         done, length = self._sequence.index, self._sequence.length
         values = {
             "signal": self.parameters["signal"],

@@ -9,7 +9,6 @@ from idloop.physics import load_model
 from idloop.physics.mjcf_plant import MjcfPlant
 from idloop_nodes.nodes.plant import PlantNode
 from idloop_nodes.parameters import NodeParameters
-from idloop_nodes.tables import MUJOCO_PLANT
 
 
 def machine(values: NodeParameters) -> MjcfPlant:
@@ -34,4 +33,4 @@ def machine(values: NodeParameters) -> MjcfPlant:
 
 def make() -> PlantNode:
     """Build the node."""
-    return PlantNode(MUJOCO_PLANT, machine)
+    return PlantNode("mujoco_plant", machine)

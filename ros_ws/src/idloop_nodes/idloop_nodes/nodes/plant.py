@@ -6,23 +6,23 @@ import threading
 import time
 from collections.abc import Callable
 
-from idloop.errors import IdloopError, InputError
+from idloop.errors import IdloopError
 from idloop.physics import Machine, Plant, load_model
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
 from idloop_nodes.deadlines import Deadlines, become_urgent
+from idloop_nodes.descriptions import describe
 from idloop_nodes.pace import Pace
-from idloop_nodes.parameters import NodeParameters, Table
+from idloop_nodes.parameters import NodeParameters
 from idloop_nodes.progress import DONE, END, BackPressure
-from idloop_nodes.safety.stall_notice import FIRST, PATIENCE, StallNotice
-from idloop_nodes.start_barrier import LONGER_FOR_THOSE_THERE
+from idloop_nodes.safety.stall_notice import FIRST_TIMEOUT, TIMEOUT, StallNotice
+from idloop_nodes.start_barrier import RUNNING_PEER_FACTOR
+from idloop_nodes.streams.effective_time import effective_time
 from idloop_nodes.streams.joint_layout import OutputPacker, output_columns, output_topic
 from idloop_nodes.streams.rates import RateCounter
-from idloop_nodes.streams.stream_watch import JUMP_NS
-from idloop_nodes.tables import PLANT
 
-SECOND = 1_000_000_000
-REPEAT = 1.0  # seconds without an answer, in lock-step, after which a measurement is said again
+REPEAT = 1.0  # seconds without an answer, in lock-step, after which a measurement is published again
 
 
 def simulated(values: NodeParameters) -> Plant:
@@ -36,42 +36,21 @@ def simulated(values: NodeParameters) -> Plant:
     )
 
 
-def effective(stamp: int, received: int, now: int) -> int:
-    """Return when a command takes effect: at its stamp, or on arrival when it is late.
-
-    Parameters
-    ----------
-    stamp, received : int
-        Of the command, by the clock of the system [ns].
-    now : int
-        The plant's own time, which goes on evenly when that clock is set [ns].
-
-    Raises
-    ------
-    InputError
-        It would hold up all that follow: a stranger's, or from a clock that was set.
-    """
-    if abs(received - now) >= JUMP_NS:
-        received = now
-    if stamp - received >= JUMP_NS:
-        raise InputError(f"a command for {(stamp - received) / SECOND:.0f} s ahead")
-    return max(stamp, received)
-
-
 class PlantNode(StreamNode):
     """Steps a machine: when the command arrives (lock-step) or by the clock (real time).
 
     Parameters
     ----------
-    table : sequence of NodeParameter
+    kind : str
+        Executable, whose parameters are declared.
     build : callable
-        Makes the machine of the parameters.
+        Makes the machine from the parameters.
     """
 
     poll_period = 0.005
 
-    def __init__(self, table: Table = PLANT, build: Callable[[NodeParameters], Machine] = simulated) -> None:
-        super().__init__("plant", table)
+    def __init__(self, kind: str, build: Callable[[NodeParameters], Machine]) -> None:
+        super().__init__("plant", describe(kind).parameters())
         values = self.parameters
         self._plant = build(values)
         model = self._plant.model
@@ -113,50 +92,51 @@ class PlantNode(StreamNode):
     # lock-step
 
     def poll(self) -> None:
-        """Start when everybody is there, go on when slow listeners have caught up, end when they are done."""
+        """Start when all peers are ready, continue when slow listeners have caught up, end when they are done."""
         if not self._running:
             if self._drain_until is not None:
-                self._finish_when_drained(self._drain_until)
-            elif self.peers_ready() and self._partners():
-                self._start()
+                timeout = self.parameters["drain_timeout"]
+                if self._window.finished_by(self._drain_until, time.monotonic(), timeout):
+                    self.tell_progress(self._stamp() - self._period_ns, DONE)
+                    self.finished = True
+            elif self.start.peers_ready() and self._partners():
+                self._begin()
         elif self._lockstep:
             if self._held_back is not None:
                 self._send(self._held_back)
-            unanswered = self._held_back is None or self._window.unheard()
+            unanswered = self._held_back is None or self._window.unconfirmed()
             if unanswered and time.monotonic() - self._sent > REPEAT:
-                self._repeat()
-            self._tell_stall()
+                self._repeat_measurement()
+            self._report_stall()
 
-    def _repeat(self) -> None:
-        """Say the newest measurement again: a node that was not yet reached by it would hold everybody up for ever."""
+    def _repeat_measurement(self) -> None:
+        """Publish the newest measurement again: a node that has not received it would hold up the graph for ever."""
         self._sent = time.monotonic()
         self._publish_clock(encode_time(self._stamp()))
         self._publish(self._newest)
 
-    def _tell_stall(self) -> None:
+    def _report_stall(self) -> None:
         held = self._held_back is not None
-        unheard = self._window.unheard() if held else []
-        if self._stall.due((self._index, held), time.monotonic(), FIRST if unheard else PATIENCE):
+        unconfirmed = self._window.unconfirmed() if held else []
+        if self._stall.due((self._index, held), time.monotonic(), FIRST_TIMEOUT if unconfirmed else TIMEOUT):
             who = ", ".join(self._window.slow(self._stamp(), self._start_ns)) if held else "the controller"
-            first = ", which confirmed no sample yet" if unheard else ""
+            first = ", which confirmed no sample yet" if unconfirmed else ""
             self.get_logger().warning(f"waits for {who} at {self._index * self._period:.3f} s of simulated time{first}")
-        limit = LONGER_FOR_THOSE_THERE * self.parameters["start_timeout"]
-        if unheard and time.monotonic() - self._started > limit:
-            raise IdloopError(f"{', '.join(unheard)} confirmed no sample within {limit:g} s; start the graph again")
+        limit = RUNNING_PEER_FACTOR * self.parameters["start_timeout"]
+        if unconfirmed and time.monotonic() - self._started > limit:
+            raise IdloopError(f"{', '.join(unconfirmed)} confirmed no sample within {limit:g} s; start the graph again")
 
     def _partners(self) -> bool:
-        """Without named peers: whether somebody listens and somebody commands."""
+        """Without named peers: whether there is a reader of the measurements and a sender of commands."""
         if self.others:
             return True
-        topics = [*self._publishers_by_topic.values()]
-        commands = self._subscriptions_by_topic.values()
-        return topics[0].get_subscription_count() > 0 and any(
-            one.topic_name.endswith("joint_command") and one.get_publisher_count() > 0 for one in commands
-        )
+        model = self._plant.model
+        readers = self.publishers_by_topic[output_topic(model)].get_subscription_count()
+        return bool(readers and self.subscriptions_by_topic[model.input.topic].get_publisher_count())
 
-    def _start(self) -> None:
+    def _begin(self) -> None:
         self._running, self._started = True, time.monotonic()
-        self.tell_progress(self._start_ns)  # whoever hears this and no measurement does not hear right
+        self.tell_progress(self._start_ns)  # a listener that receives this and no measurement subscribes again
         self.get_logger().info(f"start: {self._plant.model.name}, {1.0 / self._period:g} Hz, {self.parameters['mode']}")
         if self._lockstep:
             self._measure()
@@ -202,16 +182,6 @@ class PlantNode(StreamNode):
         self._running = False  # only now: in real time `poll` runs beside this, and would start the run again
         self.get_logger().info(f"end: {self._index} samples, waited {self._window.waits} times for listeners")
 
-    def _finish_when_drained(self, limit: float) -> None:
-        if self._window.finished():
-            self.tell_progress(self._stamp() - self._period_ns, DONE)
-            self.finished = True
-        elif time.monotonic() > limit:
-            raise IdloopError(
-                f"plant: {', '.join(self._window.missing())} did not finish within "
-                f"{self.parameters['drain_timeout']:g} s after the end; raise drain_timeout"
-            )
-
     # real time
 
     def _run_by_clock(self) -> None:
@@ -226,7 +196,7 @@ class PlantNode(StreamNode):
             for data, information in self._commands.take():
                 try:
                     stamp, (command,) = self._reader.read(data)
-                    when = effective(stamp, information.get("received_timestamp") or now, now)
+                    when = effective_time(stamp, information.get("received_timestamp") or now, now)
                     self._plant.schedule((when - self._start_ns) / SECOND, command)
                 except (CdrError, IdloopError):
                     self._bad_commands += 1
@@ -275,4 +245,4 @@ class PlantNode(StreamNode):
 
 def make() -> PlantNode:
     """Build the node."""
-    return PlantNode()
+    return PlantNode("plant", simulated)

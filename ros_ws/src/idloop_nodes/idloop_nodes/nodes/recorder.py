@@ -6,25 +6,25 @@ import queue
 import time
 
 from idloop.errors import IdloopError
-from idloop_nodes.base import PolledStream, StreamNode
+from idloop.records.bags.cdr import SECOND
+from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status, peek_stamp
 from idloop_nodes.distribution import ros_distribution
 from idloop_nodes.progress import DONE, due
 from idloop_nodes.streams.arrival_times import ArrivalTimes
 from idloop_nodes.streams.bag_writer import BagWriter, choose_folder
 from idloop_nodes.streams.canonical_order import CanonicalOrder, rank_topics
+from idloop_nodes.streams.polled_stream import PolledStream
 from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.streams.sequence_check import SequenceCheck
-from idloop_nodes.tables import RECORDER
-from idloop_nodes.wiring import JOINT_STATE, TOPICS
+from idloop_nodes.topics import JOINT_STATE, TOPICS
 
-SECOND = 1_000_000_000
 SLACK = 1200  # samples by which streams may run apart before they are written in order
 DRAIN_QUIET = 0.1  # seconds without a message after which nothing more is expected at the end
 DRAIN_LIMIT = 3.0
 # Streams with a message for every sample of a lock-step run, and how long a silent one is waited for [s].
 TO_THE_END = ("joint_states", "joint_command", "estimator/prediction", "estimator/residual")
-PATIENCE = 5.0
+SILENCE_LIMIT = 5.0
 
 Batch = list[tuple[str, int, bytes]]  # topic, log time, payload
 
@@ -33,17 +33,17 @@ class RecorderNode(StreamNode):
     """Polls raw subscriptions and hands batches to a writer thread; a slow disk never holds a subscription up.
 
     Lock-step: log time is the message's stamp and the order is canonical, so that equal runs give equal bags.
-    Real time: log time is the time of arrival. Nothing is written before this node knows that the graph it hears is its
-    own, and where it finds out later that it is not, the bag goes again.
+    Real time: log time is the time of arrival. Nothing is written before this node is connected to its own
+    graph; when it turns out to be the second of its name, the bag is removed.
     """
 
     poll_period = 0.02
 
     def __init__(self) -> None:
-        super().__init__("recorder", RECORDER)
+        super().__init__("recorder")
         values = self.parameters
         self._lockstep = values["mode"] == "lockstep"
-        self.patient, self.preferred = self._lockstep, not self._lockstep
+        self.scheduling = "batch" if self._lockstep else "preferred"
         self._period_ns = round(values["sample_time"] * SECOND)
         self._topics = list(dict.fromkeys(values["topics"]))
         self._ranks = rank_topics(self._topics)
@@ -72,7 +72,7 @@ class RecorderNode(StreamNode):
         self._waiting = 0
         self._overflow = 0
         self._written = RateCounter()
-        self._told: int | None = None
+        self._reported: int | None = None
         self._done = False
         self._failure = ""
         self._thread = self.thread(self._write, "writer")
@@ -80,10 +80,10 @@ class RecorderNode(StreamNode):
         self.get_logger().info(f"recording {len(self._topics)} topics to {folder}")
 
     def poll(self) -> None:
-        """Empty the subscriptions, pass on what is due, tell how far everything is."""
+        """Empty the subscriptions, write what is due, report how far this node has come."""
         super().poll()
         if "joint_states" in self._streams:
-            self.subscribe_again_if_deaf(["joint_states"])
+            self.subscribe_silent_again(["joint_states"])
         if self._failure:
             raise IdloopError(self._failure)
         # Long bursts cost less than short ones; an event such as somebody's progress must not cut them short.
@@ -128,8 +128,8 @@ class RecorderNode(StreamNode):
         if self._waiting + len(self._early) + len(batch) > self.parameters["queue_limit"]:
             self._overflow += len(batch)
             batch = []
-        if self.waiting:
-            # It may be another graph that is heard: not a word of it belongs into this bag.
+        if self.start.waiting:
+            # The messages may be those of another graph, which do not belong into this bag.
             self._early += batch
             return
         batch, self._early = self._early + batch, []
@@ -140,8 +140,8 @@ class RecorderNode(StreamNode):
 
     def _report(self) -> None:
         # Back-pressure asks what has been received: the rest is in this process and cannot be overrun.
-        if self._watermark >= 0 and due(self._told, self._watermark, self._period_ns):
-            self._told = self._watermark
+        if self._watermark >= 0 and due(self._reported, self._watermark, self._period_ns):
+            self._reported = self._watermark
             self.tell_progress(self._watermark)
         end = self.progress.end
         if end is not None and not self._done and self._complete(end):
@@ -156,7 +156,7 @@ class RecorderNode(StreamNode):
         if self._watermark < end:
             return False
         late = [topic for topic in TO_THE_END if 0 <= self._newest.get(topic, -1) < end]
-        return not late or time.monotonic() - self._last_arrival > PATIENCE
+        return not late or time.monotonic() - self._last_arrival > SILENCE_LIMIT
 
     def _write(self) -> None:
         """Run in the writer thread: disk pauses of milliseconds stay here."""
@@ -187,7 +187,7 @@ class RecorderNode(StreamNode):
         quiet_since = started = time.monotonic()
         while (now := time.monotonic()) - quiet_since < DRAIN_QUIET and now - started < DRAIN_LIMIT:
             if self._failure:
-                break  # nobody would write it
+                break  # it would not be written
             if self._collect():
                 quiet_since = now
             time.sleep(0.005)

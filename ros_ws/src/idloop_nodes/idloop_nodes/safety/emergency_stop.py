@@ -23,9 +23,9 @@ class EmergencyStop:
     stop : callable
         Stops the motor at once.
     reset : callable
-        Forgets what was before; returns why that cannot be, empty when it could.
+        Clears stop and faults; returns why that cannot be done, empty when it was.
     done : str
-        What a reset has done, in words.
+        Message of a successful reset.
 
     Attributes
     ----------

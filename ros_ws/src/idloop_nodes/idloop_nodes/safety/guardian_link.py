@@ -1,7 +1,7 @@
-"""The link between a bridge and its guardian: a Unix socket over which each shows the other that it is alive.
+"""The link between a bridge and its guardian: a Unix socket over which each tells the other that it is alive.
 
-The kernel closes it when a process ends, however that happens, so that a death is known at once; a hang is known by
-the silence. It carries no ROS message: it works when the middleware does not.
+The kernel closes it when a process ends, however that happens, so that the end of a process is known at once, and a
+process that hangs by its silence. It works without the middleware.
 """
 
 from __future__ import annotations
@@ -91,27 +91,27 @@ class BridgeEnd:
         Address from `address`.
     hello : Hello
         What the guardian has to know.
-    patience_ns : int
+    timeout_ns : int
         Silence after which the guardian counts as hung [ns].
 
     Attributes
     ----------
     guardian : str
-        Fully qualified name of the guardian's node, empty while none has spoken.
+        Fully qualified name of the guardian's node, empty before its first record.
     """
 
-    def __init__(self, where: str, hello: Hello, patience_ns: int) -> None:
+    def __init__(self, where: str, hello: Hello, timeout_ns: int) -> None:
         self.guardian = ""
         self._where = where
         self._hello = HELLO + json.dumps(asdict(hello)).encode()
-        self._patience_ns = patience_ns
+        self._timeout_ns = timeout_ns
         self._connection: socket.socket | None = None
-        self._heard: int | None = None  # None until the guardian has spoken on this connection
+        self._heard: int | None = None  # None before the guardian's first record on this connection
         self._state = WAITS
         self._lost = ""
 
     def listen(self, now_ns: int) -> str:
-        """Take in what the guardian says; never waits.
+        """Take in what the guardian has sent; never waits.
 
         Parameters
         ----------
@@ -126,14 +126,14 @@ class BridgeEnd:
         stopped = self._take(now_ns)
         if self._connection is None or self._heard is None:
             return self._lost or "no guardian watches the bridge (start idloop_nodes guardian)"
-        if now_ns - self._heard > self._patience_ns:
+        if now_ns - self._heard > self._timeout_ns:
             return "the guardian is silent"
         if stopped:
             return "the guardian stopped the motor because the bridge was silent"
         return "" if self._state == WATCHES else "the guardian has not met the robot yet"
 
     def beat(self, neutral: bytes) -> None:
-        """Show that the bridge is alive; never waits.
+        """Tell that the bridge is alive; never waits.
 
         Parameters
         ----------

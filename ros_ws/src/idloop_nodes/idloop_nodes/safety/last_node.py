@@ -1,4 +1,4 @@
-"""What the last two processes before a motor share, the bridge and its guardian: their pace, and that they keep it."""
+"""What the last two processes before a motor share, the bridge and its guardian: period and priority."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from std_msgs.msg import Float64, Float64MultiArray
 from idloop_nodes.deadlines import become_urgent
 
 PRIORITY = 40  # above that of the other nodes' loops, 20
-TICK = 0.005  # seconds between looks at the watchdog, and between two beats
+TICK = 0.005  # seconds between checks of the watchdog, and between two beats
 MESSAGES = {"float64_multi_array": Float64MultiArray, "float64": Float64, "joint_state": JointState}
 
 
 def prepare() -> None:
-    """See to it that nothing keeps this process from its watchdog: no other process, no busy machine, no terminal.
+    """Keep other processes, a busy machine and the terminal from delaying the watchdog of this process.
 
     Every thread becomes urgent, for the watchdog needs the interpreter, and the others hold it now and then. What has
     been imported is taken from the garbage collector, which would stop everything to look through it. Ctrl-Z ends the

@@ -1,7 +1,7 @@
-"""The clock that a robot stamps its measurements with, as it is seen from here.
+"""The clock with which a robot stamps its measurements, as seen from the local one.
 
-What the robot is told is stamped here and what it measures over there. Where its clock is another one, the command has
-to be stamped in it, or motion and command would lie apart by the difference of two clocks.
+Commands are stamped by the local clock, measurements by the robot's. Where the two differ, a command has to be stamped
+in the clock of the robot, or motion and command would be apart by the difference.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ JUMP_NS = 1_000_000_000
 
 
 class RobotClock:
-    """Turns our time into that of the robot's stamps."""
+    """Converts local time into the time of the robot's stamps."""
 
     def __init__(self) -> None:
         self._least: int | None = None
         self._before: int | None = None
         self._until = 0
-        self._said = 0
+        self._newest = 0
 
-    def hear(self, stamp_ns: int, now_ns: int) -> None:
-        """Take in the stamp of a measurement, 0 where it has none, and when it came."""
+    def update(self, stamp_ns: int, now_ns: int) -> None:
+        """Take in the stamp of a measurement, 0 where it has none, and its arrival."""
         if not stamp_ns:
             return
         behind = now_ns - stamp_ns
         if self._least is None or abs(behind - self.behind) >= JUMP_NS:
-            self._least, self._before, self._until, self._said = behind, None, now_ns + STRETCH_NS, 0
+            self._least, self._before, self._until, self._newest = behind, None, now_ns + STRETCH_NS, 0
         elif now_ns >= self._until:
             self._least, self._before, self._until = behind, self._least, now_ns + STRETCH_NS
         else:
@@ -49,7 +49,7 @@ class RobotClock:
     def stamp(self, now_ns: int) -> int:
         """Return our time in the robot's clock, never back by the little that an estimate changes [ns]."""
         stamp = now_ns if self.is_ours else now_ns - self.behind
-        if 0 <= self._said - stamp < JUMP_NS:
-            stamp = self._said + 1
-        self._said = stamp
+        if 0 <= self._newest - stamp < JUMP_NS:
+            stamp = self._newest + 1
+        self._newest = stamp
         return stamp

@@ -2,7 +2,7 @@
 
 What the bridge decides itself (command, its rate, rms, soft start) is held within its limits; what the machine does
 (position, velocity, work) is watched, and a breach stops the motor until somebody resets it. Whatever comes in, what
-goes out is finite and within the limits. No ROS and no clock in here: every call is told the time.
+goes out is finite and within the limits. No ROS and no clock in here: every call receives the time.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import math
 
 from idloop_nodes.safety.command_limiter import SECOND, CommandLimiter
 from idloop_nodes.safety.gate_settings import GateSettings
-from idloop_nodes.safety.velocity_estimator import Speedometer
+from idloop_nodes.safety.velocity_estimator import VelocityEstimator
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
 CREDIBLE = 1e100  # a larger measurement is none, and its products would overflow
-FAREWELL_NS = SECOND // 2  # for so long the neutral command is repeated after deactivation; then others may speak
+AFTER_END_NS = SECOND // 2  # time for which the neutral command is repeated after deactivation; then others may send
 
 
 class SafetyGate:
@@ -51,7 +51,7 @@ class SafetyGate:
         self.measurements = StreamWatch(round(settings.watchdog * SECOND))
         self._settings = settings
         self._follows_position = settings.neutral != "zero"
-        self._speedometer = Speedometer()
+        self._velocity_estimator = VelocityEstimator()
         self._position: float | None = None
         self._held: float | None = None
         self._output: float | None = None
@@ -65,15 +65,15 @@ class SafetyGate:
 
     def measure(self, now_ns: int, stamp_ns: int, position: float | None, velocity: float | None) -> float | None:
         """Take in a measurement, None for what the robot does not measure; return what has to be sent at once."""
-        arrival = self.measurements.hear(now_ns, stamp_ns)
+        arrival = self.measurements.update(now_ns, stamp_ns)
         if arrival is Arrival.STALE:
             return None
         self._bad_measurement = _unusable(arrival, "measurement", CREDIBLE, position=position, velocity=velocity)
         if arrival is Arrival.JUMP:
-            self._speedometer.clear()
+            self._velocity_estimator.clear()
         if not self._bad_measurement:
             if position is not None and velocity is None:
-                velocity = self._speedometer.take(stamp_ns or now_ns, position)
+                velocity = self._velocity_estimator.take(stamp_ns or now_ns, position)
             self._position = position
             self._watch(now_ns, math.nan if position is None else position, math.nan if velocity is None else velocity)
         passed = not self.reason
@@ -81,7 +81,7 @@ class SafetyGate:
 
     def command(self, now_ns: int, stamp_ns: int, value: float) -> float | None:
         """Take in a command; return what has to be sent."""
-        arrival = self.commands.hear(now_ns, stamp_ns)
+        arrival = self.commands.update(now_ns, stamp_ns)
         if arrival is Arrival.STALE:
             return None
         self._bad_command = _unusable(arrival, "command", math.inf, command=value)
@@ -90,7 +90,7 @@ class SafetyGate:
         return self._decide(now_ns)
 
     def tick(self, now_ns: int) -> float | None:
-        """Look at the time; return what has to be sent: the neutral command again, or what the limits now give."""
+        """Advance the time; return what has to be sent: the neutral command again, or what the limits now give."""
         before = self._output
         output = self._decide(now_ns)
         return output if self.reason or output != before else None
@@ -98,12 +98,12 @@ class SafetyGate:
     # orders
 
     def forbid(self, source: str, reason: str) -> None:
-        """Let nobody's command pass for a reason that the gate cannot see; an empty one lets them pass again.
+        """Let no command pass for a reason that the gate cannot see; an empty reason lets them pass again.
 
         Parameters
         ----------
         source : str
-            Who says so: each source has one reason at a time.
+            Origin of the reason: each has one at a time.
         reason : str
         """
         self._forbidden[source] = reason
@@ -144,7 +144,7 @@ class SafetyGate:
     # decisions
 
     def _watch(self, now_ns: int, position: float, velocity: float) -> None:
-        """Hold what the machine does against its limits."""
+        """Compare the motion of the machine with its limits."""
         settings = self._settings
         self.limiter.move(now_ns, velocity, self._base)
         self._breach = settings.motion.breach(position, velocity)
@@ -168,13 +168,13 @@ class SafetyGate:
             self._latched = lost
         if lost:
             return lost
-        missing = [name for name, watch in self._streams() if not watch.heard]
+        missing = [name for name, watch in self._streams() if not watch.begun]
         return f"no {missing[0]} yet" if missing else ""
 
     def _lost(self, now_ns: int) -> str:
-        """Return what the watchdog says of streams that have spoken."""
+        """Return what the watchdog finds of streams that have begun."""
         for name, watch in self._streams():
-            if watch.heard and watch.silent(now_ns):
+            if watch.begun and watch.silent(now_ns):
                 return f"no {name} for {self._settings.watchdog:g} s"
         return self._bad_measurement or self._bad_command
 
@@ -199,12 +199,12 @@ class SafetyGate:
         self.limiter.sent(now_ns, output, self._base)
         return output
 
-    def farewell(self, now_ns: int) -> float | None:
+    def neutral_command(self, now_ns: int) -> float | None:
         """Return what has to be sent if no further call comes; None where the motor is not this gate's."""
         return self._resting() if self.active or self._leaving(now_ns) else None
 
     def _leaving(self, now_ns: int) -> bool:
-        return self._left_at is not None and now_ns - self._left_at <= FAREWELL_NS
+        return self._left_at is not None and now_ns - self._left_at <= AFTER_END_NS
 
     @property
     def _base(self) -> float:

@@ -1,8 +1,8 @@
-"""When a guardian speaks for its bridge: as soon as that one is silent or gone. No ROS and no clock in here."""
+"""When a guardian sends in place of its bridge: when that is silent or gone. No ROS and no clock in here."""
 
 from __future__ import annotations
 
-FAREWELL_NS = 500_000_000  # for so long it speaks for a bridge that has gone; then others may speak
+AFTER_END_NS = 500_000_000  # time for which it sends in place of a bridge that has ended; then others may send
 
 
 class SilenceWatch:
@@ -16,7 +16,7 @@ class SilenceWatch:
     Attributes
     ----------
     interventions : int
-        How often it spoke for the bridge.
+        How often it sent in place of the bridge.
     longest_ns : int
         Longest time between two beats [ns].
     """
@@ -28,19 +28,19 @@ class SilenceWatch:
         self._neutral = b""
         self._heard: int | None = None  # None without a bridge
         self._gone_at: int | None = None
-        self._speaks = False
+        self._intervening = False
 
     @property
-    def speaks(self) -> bool:
+    def intervening(self) -> bool:
         """Whether it sends in place of the bridge."""
-        return self._speaks
+        return self._intervening
 
     def beat(self, now_ns: int, neutral: bytes) -> None:
         """Take in a beat and the message that stops the motor; empty when nothing is to be sent."""
         if self._heard is not None:
             self.longest_ns = max(self.longest_ns, now_ns - self._heard)
         self._heard, self._neutral = now_ns, neutral
-        self._gone_at, self._speaks = None, False
+        self._gone_at, self._intervening = None, False
 
     def gone(self, now_ns: int) -> None:
         """Take in that the bridge has ended."""
@@ -49,8 +49,8 @@ class SilenceWatch:
     def tick(self, now_ns: int) -> bytes:
         """Return what has to be sent now, empty for nothing."""
         hung = self._heard is not None and now_ns - self._heard > self._silence_ns
-        leaving = self._gone_at is not None and now_ns - self._gone_at <= FAREWELL_NS
-        speaks = bool(self._neutral) and (hung or leaving)
-        self.interventions += speaks and not self._speaks
-        self._speaks = speaks
-        return self._neutral if speaks else b""
+        leaving = self._gone_at is not None and now_ns - self._gone_at <= AFTER_END_NS
+        intervening = bool(self._neutral) and (hung or leaving)
+        self.interventions += intervening and not self._intervening
+        self._intervening = intervening
+        return self._neutral if intervening else b""

@@ -1,11 +1,11 @@
-"""When to say that a loop has come to a stand, and once only."""
+"""When to report that a loop stands still, and once only."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
 
-PATIENCE = 20.0  # seconds without a step; a fit of everybody's data may take as long
-FIRST = 5.0  # seconds without a sign that the first sample has arrived
+TIMEOUT = 20.0  # seconds without a step; a fit of all data may take as long
+FIRST_TIMEOUT = 5.0  # seconds without a confirmation of the first sample
 
 
 class StallNotice:
@@ -14,23 +14,23 @@ class StallNotice:
     def __init__(self) -> None:
         self._what: Hashable = None
         self._since = 0.0
-        self._told = False
+        self._reported = False
 
-    def due(self, what: Hashable, now: float, patience: float = PATIENCE) -> bool:
-        """Whether it is time to say that the node waits, which it has not said yet.
+    def due(self, what: Hashable, now: float, timeout: float | None = None) -> bool:
+        """Whether it is time to report a wait that was not reported yet.
 
         Parameters
         ----------
         what : hashable
-            What it waits for; another one begins a new wait, None ends it.
+            What the node waits for; another one begins a new wait, None ends it.
         now : float
             Of a clock that never jumps [s].
-        patience : float
-            How long a wait is not worth a word [s].
+        timeout : float, optional
+            Length of a wait that is not reported [s]; default `TIMEOUT`.
         """
         if what != self._what:
-            self._what, self._since, self._told = what, now, False
-        if what is None or self._told or now - self._since < patience:
+            self._what, self._since, self._reported = what, now, False
+        if what is None or self._reported or now - self._since < (TIMEOUT if timeout is None else timeout):
             return False
-        self._told = True
+        self._reported = True
         return True

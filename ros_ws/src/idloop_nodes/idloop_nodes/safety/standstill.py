@@ -1,4 +1,4 @@
-"""A process that stood still until the others have forgotten its participant. No ROS and no clock in here."""
+"""A process that was stopped until the others have removed its participant. No ROS and no clock in here."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from __future__ import annotations
 LEASE = 10.0
 # The newest announcement may have been under way for a while when the process was stopped.
 MARGIN = 1.0
-# A process that computes for a long time still speaks: its middleware has threads of its own.
+# A process that computes for a long time still announces itself: its middleware has threads of its own.
 IDLE_SHARE = 0.2
 
 

@@ -8,7 +8,7 @@ from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec.joints import NAN
 
 
-class Speedometer:
+class VelocityEstimator:
     """Slope of the positions over a short window.
 
     Parameters

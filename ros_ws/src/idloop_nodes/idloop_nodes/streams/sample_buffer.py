@@ -17,7 +17,7 @@ Row = tuple[float, ...]
 Span = tuple[int, int]
 
 
-class DataBook:
+class SampleBuffer:
     """Commands, measurements and references by stamp.
 
     Parameters
@@ -143,12 +143,12 @@ class DiagnosisData:
         """Stamps of the stretches [ns]."""
         return tuple(one[2] for one in self._all)
 
-    def renew(self, book: DataBook, model: Model, end: int, length: int, share: float, shortest: int) -> bool:
+    def renew(self, buffer: SampleBuffer, model: Model, end: int, length: int, share: float, shortest: int) -> bool:
         """Take the newest normal stretch, if there is a new one that is long enough.
 
         Parameters
         ----------
-        book : DataBook
+        buffer : SampleBuffer
         model : Model
         end : int
             Stamp after the newest sample [ns].
@@ -164,17 +164,17 @@ class DiagnosisData:
         bool
             Whether there is any data now.
         """
-        if book.first is None:
+        if buffer.first is None:
             return False
-        start = max([book.first, end - length, *(span[1] for _, _, span in self._experiments)])
+        start = max([buffer.first, end - length, *(span[1] for _, _, span in self._experiments)])
         # After an experiment the normal stretch before it serves until the new one is as good.
         if self._base is None or end - start >= 0.75 * (self._base[2][1] - self._base[2][0]):
-            self._base = self._split(book, model, (start, end), share, shortest) or self._base
+            self._base = self._split(buffer, model, (start, end), share, shortest) or self._base
         return bool(self._all)
 
-    def add_experiment(self, book: DataBook, model: Model, span: Span, share: float, shortest: int) -> bool:
+    def add_experiment(self, buffer: SampleBuffer, model: Model, span: Span, share: float, shortest: int) -> bool:
         """Take in an experiment; return whether there was enough of it."""
-        one = self._split(book, model, span, share, shortest)
+        one = self._split(buffer, model, span, share, shortest)
         if one is None:
             return False
         self._experiments = [*self._experiments, one][-self.MOST_EXPERIMENTS :]
@@ -182,11 +182,11 @@ class DiagnosisData:
 
     @staticmethod
     def _split(
-        book: DataBook, model: Model, span: Span, share: float, shortest: int
+        buffer: SampleBuffer, model: Model, span: Span, share: float, shortest: int
     ) -> tuple[Record, Record, Span] | None:
         start, stop = span
         cut = stop - round((stop - start) * share)
-        train, judge = book.split(model, start, cut, stop)
+        train, judge = buffer.split(model, start, cut, stop)
         if min(train.time.size, judge.time.size) < shortest or not (train.input.size and judge.input.size):
             return None
         return train, judge, span

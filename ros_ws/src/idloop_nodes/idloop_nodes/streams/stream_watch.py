@@ -1,4 +1,4 @@
-"""Whether a stream still speaks, judged by a steady clock, and whether the clock of its stamps jumped."""
+"""Whether a stream is alive, judged by a steady clock, and whether the clock of its stamps jumped."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class StreamWatch:
 
     A message without a stamp (0) is fresh whenever it comes. One that repeats a stamp or lies behind the last is stale,
     as after a duplicate or a change of order, and does not count as a sign of life. One that lies a second or more
-    away in either direction, while the stream was not silent, says that a clock was set. After a silence any other
+    away in either direction, while the stream was not silent, shows that a clock was set. After a silence any other
     stamp is a new beginning.
 
     Parameters
@@ -38,10 +38,10 @@ class StreamWatch:
         self.timeout_ns = timeout_ns
         self.jumps = 0
         self.stale = 0
-        self._heard: int | None = None
+        self._arrived: int | None = None
         self._stamp = 0
 
-    def hear(self, now_ns: int, stamp_ns: int) -> Arrival:
+    def update(self, now_ns: int, stamp_ns: int) -> Arrival:
         """Take in one message: the steady time of its arrival, and its stamp (0 when it has none)."""
         step = stamp_ns - self._stamp
         stamped = stamp_ns != 0 and self._stamp != 0
@@ -49,7 +49,7 @@ class StreamWatch:
         if (comparable and -JUMP_NS < step < 0) or (stamped and step == 0):
             self.stale += 1
             return Arrival.STALE
-        self._heard = now_ns
+        self._arrived = now_ns
         self._stamp = stamp_ns or self._stamp
         if comparable and abs(step) >= JUMP_NS:
             self.jumps += 1
@@ -58,9 +58,9 @@ class StreamWatch:
 
     def silent(self, now_ns: int) -> bool:
         """Whether nothing fresh has come for longer than the timeout."""
-        return self._heard is None or now_ns - self._heard > self.timeout_ns
+        return self._arrived is None or now_ns - self._arrived > self.timeout_ns
 
     @property
-    def heard(self) -> bool:
-        """Whether anything has come at all."""
-        return self._heard is not None
+    def begun(self) -> bool:
+        """Whether any message has arrived."""
+        return self._arrived is not None

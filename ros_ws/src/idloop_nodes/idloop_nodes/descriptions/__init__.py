@@ -1,0 +1,30 @@
+"""One file for each kind of node, named like its executable and like its module in nodes/.
+
+Nothing in here imports ROS: the start barrier, the documentation and the command line read it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+from pathlib import Path
+
+from idloop_nodes.descriptions.node_description import NodeDescription
+
+# The files of nodes/ are the one list of executables; setup.py reads the same folder.
+KINDS = tuple(sorted(one.stem for one in Path(__file__).parents[1].glob("nodes/[a-z]*.py")))
+
+
+@cache
+def describe(kind: str) -> NodeDescription:
+    """Return the description of a kind of node.
+
+    Raises
+    ------
+    KeyError
+        No such kind.
+    """
+    if kind not in KINDS:
+        raise KeyError(kind)
+    description: NodeDescription = importlib.import_module(f"idloop_nodes.descriptions.{kind}").DESCRIPTION
+    return description

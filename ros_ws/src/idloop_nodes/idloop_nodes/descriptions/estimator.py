@@ -1,0 +1,177 @@
+"""What the node `estimator` does, its streams, services and parameters."""
+
+from __future__ import annotations
+
+from idloop_nodes.descriptions.common import COMMON, EFFECTS, MODEL
+from idloop_nodes.descriptions.node_description import NodeDescription
+from idloop_nodes.parameters import NodeParameter as P
+from idloop_nodes.parameters import Table
+from idloop_nodes.topics import RESULTS
+
+PARAMETERS: Table = (
+    *COMMON,
+    MODEL,
+    P(
+        EFFECTS.name,
+        "strs",
+        (),
+        EFFECTS.description + " Setting it refits with exactly these beside the model file's own.",
+    ),
+    P("window", "float", 20.0, "Length of the data a fit uses.", unit="s", minimum=0.05),
+    P("validation", "float", 10.0, "Length of the data after it on which the fit is judged.", unit="s", minimum=0.05),
+    P("fit_period", "float", 10.0, "Time between fits; 0 fits on request only.", unit="s", minimum=0.0),
+    P("criterion", "str", "auto", "What a fit minimises.", choices=("auto", "prediction", "simulation", "force")),
+    P("recursive", "bool", True, "Predict every sample while parameters and state are estimated.", read_only=True),
+    P(
+        "recursion",
+        "str",
+        "none",
+        "Black-box model that is estimated sample by sample beside the prediction; its innovations are published.",
+        choices=("none", "rarx", "kalman", "ekf", "rarmax", "roe", "rbj", "rpem", "rplr"),
+        read_only=True,
+    ),
+    P("recursion_order", "int", 2, "Degree of its polynomials.", minimum=1, maximum=20, read_only=True),
+    P(
+        "recursion_delay",
+        "int",
+        1,
+        "Samples until a command shows in a measurement; 1 is none beyond that of sampling.",
+        minimum=0,
+        maximum=1000,
+        read_only=True,
+    ),
+    P(
+        "recursion_memory",
+        "float",
+        0.0,
+        "Time constant with which it forgets old data; 0 keeps all.",
+        unit="s",
+        minimum=0.0,
+        read_only=True,
+    ),
+    P("recursion_period", "float", 0.5, "Time between its published coefficients.", unit="s", minimum=1e-3),
+    P("auto_diagnose", "bool", True, "Diagnose when the residual of the fits stops being white."),
+    P("auto_add", "bool", False, "Add what a diagnosis finds missing, and diagnose again until nothing is left."),
+    P("auto_experiment", "bool", False, "Let the excitation run the suggested experiment where effects tie."),
+    P(
+        "diagnose_window",
+        "float",
+        30.0,
+        "Length of the newest data that a diagnosis uses; as for a fit, it is judged on the data after it.",
+        unit="s",
+        minimum=0.5,
+    ),
+    P("level", "float", 0.01, "Family-wise rate of false effects.", minimum=1e-6, maximum=0.5),
+    P(
+        "minimum_improvement",
+        "float",
+        0.01,
+        "Part by which an effect must make the errors on unseen samples smaller to be named.",
+        minimum=0.0,
+        maximum=0.99,
+    ),
+    P("catalogue", "strs", (), "Effects that are looked for: name or name@site; none: the whole catalogue."),
+    P(
+        "evidence_period",
+        "float",
+        10.0,
+        "Time between two looks at the evidence for effects that may be missing; each scores the samples since the one "
+        "before. 0 never looks.",
+        unit="s",
+        minimum=0.0,
+    ),
+    P(
+        "end_when_decided",
+        "bool",
+        False,
+        "End the experiment (stop the excitation, emergency stop of bridge and controller) as soon as an effect is "
+        "decided, or every estimate may be trusted; with auto_add or auto_experiment only when every estimate may be.",
+    ),
+    P(
+        "trusted_stderr",
+        "float",
+        0.05,
+        "Largest standard error of an estimate that may be trusted, as part of its value.",
+        minimum=1e-6,
+        maximum=1.0,
+    ),
+    P(
+        "trusted_error",
+        "float",
+        2.0,
+        "Largest rms error of the free run on unseen samples with which estimates may be trusted, in units of the "
+        "sensor's noise.",
+        minimum=1.0,
+    ),
+    P("seed", "int", 0, "Seed of the bootstrap; equal seeds give equal answers.", minimum=0, maximum=2**53),
+    P("excitation_node", "str", "excitation", "Node that runs the suggested experiment.", read_only=True),
+    P("controller_node", "str", "controller", "Node that is told to stop when the experiment ends.", read_only=True),
+    P(
+        "bridge_node",
+        "str",
+        "",
+        "Bridge to a robot's motor, which is told to stop first; empty for none.",
+        read_only=True,
+    ),
+    P(
+        "monitor",
+        "strs",
+        (),
+        "What is watched for wear: effect@site, with .parameter and =growth (=20%, =0.01) if wanted; "
+        "usual: dry friction and what sits in couplings; none: nothing is watched.",
+        read_only=True,
+    ),
+    P(
+        "monitor_reference",
+        "strs",
+        (),
+        "Recordings of the healthy machine; none: this run is healthy at its start.",
+        read_only=True,
+    ),
+    P(
+        "monitor_learn",
+        "float",
+        600.0,
+        "How long this run is taken for healthy, without monitor_reference.",
+        unit="s",
+        minimum=10.0,
+        read_only=True,
+    ),
+    P("monitor_period", "float", 10.0, "Time between two looks for wear.", unit="s", minimum=1.0),
+    P(
+        "monitor_false_alarms",
+        "str",
+        "per 1000 h",
+        "One false alarm of all that is watched in so much time of running (s, min, h, days, weeks, years).",
+        read_only=True,
+    ),
+    P(
+        "monitor_vary",
+        "strs",
+        (),
+        "Parameters that may change without being wear, beside viscous friction.",
+        read_only=True,
+    ),
+)
+
+DESCRIPTION = NodeDescription(
+    about="Predicts every sample, fits a sliding window in a worker process, judges the fit on the samples after the "
+    "window. Diagnoses in the same worker process when told to, after an experiment, and by itself when the free-"
+    "run residual of successive fits stops being white; in lock-step simulated time waits for it. With "
+    "`recursion` a black-box model of each output follows every sample beside the prediction: measurements that "
+    "are NaN, and samples that never came, are predicted and teach nothing; a bag gives the same in `idloop "
+    "identify`. With `monitor` it watches wear: an alarm is an error on `/diagnostics` and on `estimator/wear`, "
+    "at the rate of false ones that is asked for. [How it decides](how-to/monitor.md).",
+    parameters=lambda: PARAMETERS,
+    publishes=("estimator/prediction", "estimator/residual", "estimator/innovation", *RESULTS),
+    subscribes=("joint_states", "joint_command", "reference"),
+    services={
+        "~/refit": "fit the newest window now",
+        "~/diagnose": "find out what is missing, on the newest data and all experiments",
+        "~/add_best_effect": "add what the newest diagnosis names first, and refit",
+        "~/undo": "take the last step of the ladder back; `auto_add` and `auto_experiment` are then switched off",
+        "~/run_suggested_experiment": "design and run an experiment that separates the tied effects, then diagnose again",
+    },
+    example="-p model:=torsion -p window:=10.0",
+    uses_applied_command=True,
+)

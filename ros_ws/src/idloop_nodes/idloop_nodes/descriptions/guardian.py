@@ -1,0 +1,32 @@
+"""What the node `guardian` does, its streams, services and parameters."""
+
+from __future__ import annotations
+
+from idloop_nodes.descriptions.common import PEERS, START_TIMEOUT
+from idloop_nodes.descriptions.node_description import NodeDescription
+from idloop_nodes.parameters import NodeParameter as P
+from idloop_nodes.parameters import Table
+
+PARAMETERS: Table = (
+    PEERS,
+    START_TIMEOUT,
+    P("bridge", "str", "bridge", "Name of the bridge's node that is watched.", read_only=True),
+    P(
+        "silence",
+        "float",
+        0.03,
+        "Time without a sign of life from the bridge after which the motor is told to stop; it gives one every 5 ms.",
+        unit="s",
+        minimum=0.01,
+        maximum=1.0,
+        read_only=True,
+    ),
+)
+
+DESCRIPTION = NodeDescription(
+    about="Watches the process of the bridge through a Unix socket. When the bridge ends, whatever ends it, or gives no"
+    " sign of life, the guardian sends the robot the message that stops the motor, which the bridge has told it "
+    "before. When the guardian ends or hangs, the bridge stops the motor. It runs on the machine of the bridge.",
+    parameters=lambda: PARAMETERS,
+    example="-r __ns:=/axis",
+)

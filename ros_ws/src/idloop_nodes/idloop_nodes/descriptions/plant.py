@@ -1,0 +1,41 @@
+"""What the node `plant` does, its streams, services and parameters."""
+
+from __future__ import annotations
+
+from idloop_nodes.descriptions.common import COMMON, EFFECTS, MACHINE, MODEL
+from idloop_nodes.descriptions.node_description import NodeDescription
+from idloop_nodes.parameters import NodeParameter as P
+from idloop_nodes.parameters import Table
+
+PARAMETERS: Table = (
+    *COMMON,
+    P(MODEL.name, "str", MODEL.default, MODEL.description, read_only=True),
+    P(EFFECTS.name, "strs", (), "Hidden effects: " + EFFECTS.description, read_only=True),
+    P(
+        "disturbance_std",
+        "float",
+        0.0,
+        "Standard deviation of the disturbance torque on the driven body, in the drive's unit.",
+        minimum=0.0,
+        read_only=True,
+    ),
+    P(
+        "disturbance_time_constant",
+        "float",
+        1.0,
+        "Correlation time of the disturbance.",
+        unit="s",
+        minimum=1e-3,
+        read_only=True,
+    ),
+    *MACHINE,
+)
+
+DESCRIPTION = NodeDescription(
+    about="Simulates the machine. In lock-step it steps when the command arrives and waits for slow listeners; in real "
+    "time it measures at absolute deadlines.",
+    parameters=lambda: PARAMETERS,
+    publishes=("joint_states", "/clock"),
+    subscribes=("joint_command",),
+    example="-p model:=torsion -p duration:=10.0 -p effects:=\"['coulomb_friction@motor(level=0.01)']\"",
+)

@@ -1,0 +1,236 @@
+"""When new samples are scored for missing effects, what is published of it, and when the experiment may end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from idloop_nodes.codec import (
+    EvidenceSummary,
+    FitSummary,
+    Level,
+    MissingSummary,
+    ParameterSummary,
+    Status,
+    encode_diagnostics,
+    evidence_to_statuses,
+    parameters_to_statuses,
+)
+from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext, Publish
+from idloop_nodes.estimation.evidence_jobs import EvidenceAnswer, EvidenceJob
+from idloop_nodes.estimation.experiment_end import ExperimentEnd
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+
+MINIMUM_LOOKS = 2  # before which no estimate may be trusted
+
+
+class EvidenceSchedule:
+    """Scores every stretch of new samples once, judges the estimates, and ends the experiment if asked.
+
+    Parameters
+    ----------
+    context : EstimatorContext
+    model : Model
+    missing : callable
+        Returns the newest diagnosis of the present model, or None.
+    diagnose : callable
+        Orders a diagnosis, with the reason for it.
+    end : ExperimentEnd
+    publish_evidence, publish_parameters : callable
+        Of ``estimator/evidence`` and ``estimator/parameters``.
+    """
+
+    def __init__(
+        self,
+        context: EstimatorContext,
+        model: Model,
+        missing: Callable[[], MissingSummary | None],
+        diagnose: Callable[[str], None],
+        end: ExperimentEnd,
+        publish_evidence: Publish,
+        publish_parameters: Publish,
+    ) -> None:
+        self._context = context
+        self._missing, self._diagnose, self._end = missing, diagnose, end
+        self._publish_evidence, self._publish_parameters = publish_evidence, publish_parameters
+        self._ordered: int | None = None
+        self._from: int | None = None  # stamp from which on nothing was scored [ns]
+        self._newest: int | None = None  # stamp after the newest sample [ns]
+        self._fit: FitSummary | None = None
+        self._estimates: tuple[ParameterSummary, ...] = ()
+        self.begin(model)
+
+    @property
+    def _span(self) -> int:
+        return self._context.nanoseconds("evidence_period")
+
+    @property
+    def _wanted(self) -> bool:
+        return self._span > 0 and not self.summary.ended
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job, or the end of the experiment, is under way."""
+        return self._ordered is not None or self._end.busy
+
+    @property
+    def ending(self) -> bool:
+        """Whether the end of the experiment is under way."""
+        return self._end.busy
+
+    def poll(self) -> None:
+        """Go on with the end of the experiment."""
+        self._end.poll()
+
+    @property
+    def due(self) -> int | None:
+        """Stamp after the last sample of the next stretch; None when nothing is scored."""
+        return self._from + self._span if self._wanted and self._from is not None else None
+
+    @property
+    def oldest(self) -> int | None:
+        """Stamp from which on samples are still needed [ns]."""
+        return self._from - self._memory if self._wanted and self._from is not None else None
+
+    @property
+    def _memory(self) -> int:
+        return self._context.nanoseconds("diagnose_window")
+
+    def begin(self, model: Model) -> None:
+        """Score effects against another model, from the newest sample on."""
+        self._model, self._state, self._ordered = model, b"", None
+        self._fit, self._estimates = None, ()
+        self.summary = EvidenceSummary(model.name, tuple(model.effect_names))
+        self._from = self._newest
+
+    def restart(self) -> None:
+        """A new run of the clock."""
+        self._newest = None
+        self.begin(self._model)
+
+    def follow(self, last: int) -> None:
+        """Order what is due after the sample `last` [ns]."""
+        if self._context.buffer.first is None:
+            return
+        self._newest = last + self._context.period_ns
+        if self._from is None or not self._wanted:
+            # The first samples are fitted, not scored.
+            self._from = self._newest if self.summary.looks else self._context.buffer.first + self._span
+        self._next()
+
+    def _next(self) -> None:
+        due, newest, first = self.due, self._newest, self._context.buffer.first
+        if due is None or newest is None or first is None or self._ordered is not None:
+            return
+        if newest + self._context.period_ns // 2 < due or (self._context.jobs.busy and not self._context.lockstep):
+            return
+        start, stop = due - self._span, due if self._context.lockstep else newest
+        self._from = stop
+        earlier, new = self._context.buffer.split(self._model, max(first, start - self._memory), start, stop)
+        if min(earlier.time.size, new.time.size) < SHORTEST or not (earlier.input.size and new.input.size):
+            return
+        values = self._context.parameters
+        self._ordered = self._context.next_number()
+        self._context.jobs.submit(
+            EvidenceJob(
+                self._ordered,
+                stop,
+                self._model,
+                self._state,
+                earlier,
+                new,
+                self.summary,
+                values["level"],
+                values["minimum_improvement"],
+                values["catalogue"],
+            )
+        )
+
+    def take(self, answer: EvidenceAnswer) -> None:
+        """Publish the newest evidence; end the experiment where that is asked for."""
+        if answer.number != self._ordered:
+            return
+        self._ordered = None
+        before, self._state = self.summary, answer.state
+        self.summary = replace(answer.summary, ended=before.ended)
+        self._judge()
+        found = [name for name in self.summary.decided if name not in before.decided]
+        if found:
+            self._context.info(f"the evidence has decided: {', '.join(found)}")
+        enough = self._enough()
+        if enough and self._context.parameters["end_when_decided"] and not self.summary.ended:
+            self.summary = replace(self.summary, ended=enough)
+            self._context.info(f"the experiment ends: {enough}")
+            self._end.end()
+            if self.summary.decided:
+                self._diagnose("the evidence has decided")
+        self._publish(self.summary.stamp)
+        self._next()
+
+    def take_fit(self, summary: FitSummary, estimates: Sequence[ParameterSummary], stamp: int) -> None:
+        """Take in the newest estimates and publish them with whether they may be trusted."""
+        if summary.effects == tuple(self._model.effect_names):
+            self._fit, self._estimates = summary, tuple(estimates)
+            self._judge()
+            estimates = self._estimates
+        self._publish_parameters(encode_diagnostics(stamp, parameters_to_statuses(self._context.name, estimates)))
+
+    def _publish(self, stamp: int) -> None:
+        self._publish_evidence(encode_diagnostics(stamp, evidence_to_statuses(self._context.name, self.summary)))
+        if self._estimates:
+            self._publish_parameters(
+                encode_diagnostics(stamp, parameters_to_statuses(self._context.name, self._estimates))
+            )
+
+    def _judge(self) -> None:
+        """Judge whether each estimate may be trusted."""
+        from idloop.validation.trust import ModelValidation, trust
+
+        missing, found = self._missing(), self.summary
+        diagnosed = () if missing is None or missing.verdict != "missing" else (*missing.set, *missing.pair)
+        standing = ModelValidation(
+            {} if self._fit is None else self._fit.missed,
+            tuple(dict.fromkeys((*found.decided, *diagnosed))),
+            found.doubtful,
+            found.seconds if found.looks >= MINIMUM_LOOKS else 0.0,
+            missing is not None and missing.verdict == "unknown_structure",
+        )
+        values, judged = self._context.parameters, []
+        for one in self._estimates:
+            answer = trust(
+                one.value,
+                one.stderr,
+                standing,
+                at_bound=one.at_bound,
+                largest_stderr=values["trusted_stderr"],
+                largest_error=values["trusted_error"],
+            )
+            judged.append(replace(one, trusted=answer.trusted, why=answer.why))
+        self._estimates = tuple(judged)
+        self.summary = replace(found, parameters=self._estimates)
+
+    def _enough(self) -> str:
+        """Why no more samples are needed; empty while they are."""
+        values = self._context.parameters
+        if self.summary.decided and not (values["auto_add"] or values["auto_experiment"]):
+            return f"decided: {', '.join(self.summary.decided)}"
+        if self._estimates and all(one.trusted for one in self._estimates):
+            return "every estimate may be trusted"
+        return ""
+
+    def health(self) -> list[Status]:
+        """Return the newest evidence; nothing when none is scored."""
+        if not self._span:
+            return []
+        found = self.summary
+        values = {
+            "looks": str(found.looks),
+            "samples": str(found.samples),
+            "trusted": " ".join(one.name for one in self._estimates if one.trusted),
+            "ended": found.ended,
+        }
+        text = found.line if found.looks or found.error else "no data scored yet"
+        return [Status("evidence", f"experiment ended: {found.ended}" if found.ended else text, Level.OK, values)]

@@ -1,0 +1,67 @@
+"""Other nodes that command the robot, or that publish the command which the bridge forwards."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from idloop.errors import InputError
+
+
+def refuse_loops(node: Any) -> None:
+    """Refuse topics of the robot that are topics of the bridge itself.
+
+    Parameters
+    ----------
+    node : BridgeNode
+
+    Raises
+    ------
+    InputError
+        The bridge would read or forward its own messages.
+    """
+    for parameter, ours in (("robot_states", "joint_states"), ("robot_commands", "joint_command")):
+        topic = node.resolve_topic_name(node.parameters[parameter])
+        if topic == node.resolve_topic_name(ours):
+            raise InputError(
+                f"bridge: {parameter} is {topic}, which is our own {ours}; start the graph in a namespace "
+                "(-r __ns:=/axis) or give the robot's topic another name"
+            )
+
+
+def competing_publishers(node: Any, topic: str, known: Collection[str]) -> str:
+    """Return why the motor must not be driven because of other publishers to the robot; empty when there are none.
+
+    What they publish passes every limit. A second process under a known name counts as well.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    topic : str
+        Topic on which the robot takes commands.
+    known : collection of str
+        Fully qualified names of the nodes that may publish there.
+    """
+    publishers = [_name(one) for one in node.get_publishers_info_by_topic(topic)]
+    others = {one for one in publishers if one not in known or publishers.count(one) > 1}
+    return f"others publish on {topic}, past all limits: {', '.join(sorted(others))}" if others else ""
+
+
+def several_commanders(node: Any, count: int) -> str:
+    """Return why no command may pass because several nodes publish `joint_command`; empty when at most one does.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    count : int
+        Publishers that are connected.
+    """
+    if count <= 1:
+        return ""
+    names = ", ".join(sorted(_name(one) for one in node.get_publishers_info_by_topic("joint_command")))
+    return f"{count} nodes publish joint_command ({names}): end all but one, or set allow_other_commanders"
+
+
+def _name(endpoint: Any) -> str:
+    """Fully qualified name of the node that an endpoint belongs to."""
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
