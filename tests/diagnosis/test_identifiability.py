@@ -13,7 +13,7 @@ from idloop.estimation.dataset import prepare
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.physics import load_model
 from idloop.records import Record
-from idloop.validation.operating_state import doing_of, since_reversal
+from idloop.validation.operating_state import operating_state, since_reversal
 
 from .conftest import record_of
 
@@ -37,7 +37,7 @@ def test_reversals_are_counted_as_a_comparison_counts_them(hidden: int | None, s
     units = tuple(one.unit for one in model.outputs)
     record = Record("r", TIME, np.sin(TIME), TIME, output, model.input.name, "V", model.output_names, units)
     (data,) = prepare(model, [record])
-    direction = doing_of(model, data, "motor").direction
+    direction = operating_state(model, data, "motor").direction
     assert direction is not None
     counted = len(since_reversal(data.time, direction)[1])
     assert _reversals(model, data) == counted
