@@ -1,15 +1,12 @@
-"""What is missing, as diagnostic statuses and back, without loss: one status for the verdict, one for each effect."""
+"""Missing effects as diagnostic statuses and back: one status for the verdict, one for each effect."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from idloop.documents import read_json
-from idloop.errors import InputError
-from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
+from idloop_nodes.codec.key_values import from_values, reading, to_values
 from idloop_nodes.codec.numbers import number_or_none, plus_minus, text_or_empty
 
 LEVELS = {"adequate": Level.OK, "missing": Level.WARN}
@@ -65,7 +62,7 @@ class EffectSummary:
     replaces: str = ""
     why: str = ""
     text: str = ""
-    fitted_model: str = ""
+    fitted_model: str = field(default="", metadata={"added": True})
 
     @property
     def name(self) -> str:
@@ -135,15 +132,15 @@ class MissingSummary:
     candidates: tuple[EffectSummary, ...] = ()
     set: tuple[str, ...] = ()
     untestable: tuple[str, ...] = ()
-    findings: tuple[str, ...] = ()
-    where: tuple[str, ...] = ()
+    findings: tuple[str, ...] = field(default=(), metadata={"lines": True})
+    where: tuple[str, ...] = field(default=(), metadata={"lines": True})
     unknown: UnknownSummary | None = None
     criterion: str = ""
     level: float = 0.01
     windows: tuple[tuple[int, int], ...] = ()
     document: str = ""
     error: str = ""
-    pair: tuple[str, ...] = ()
+    pair: tuple[str, ...] = field(default=(), metadata={"added": True})
 
     @property
     def line(self) -> str:
@@ -168,81 +165,31 @@ class MissingSummary:
 
 def missing_to_statuses(node: str, summary: MissingSummary) -> list[Status]:
     """Return the statuses of ``estimator/missing_effects``."""
-    values = {
-        "verdict": summary.verdict,
-        "model": summary.model,
-        "effects": " ".join(summary.effects),
-        "set": " ".join(summary.set),
-        "pair": " ".join(summary.pair),
-        "untestable": " ".join(summary.untestable),
-        "criterion": summary.criterion,
-        "level": repr(float(summary.level)),
-        "windows": " ".join(f"{start}-{stop}" for start, stop in summary.windows),
-        "findings": lines_to_text(summary.findings),
-        "where": lines_to_text(summary.where),
-        "document": summary.document,
-        "error": summary.error,
-    }
+    values = to_values(summary)
     if summary.unknown is not None:
-        values |= _unknown_values(summary.unknown)
+        values |= to_values(summary.unknown, "unknown/")
     level = Level.WARN if summary.error else LEVELS.get(summary.verdict, Level.WARN)
     head = Status(f"{node}: missing effects", summary.line, level, values, summary.model)
-    return [head, *(effect_to_status(node, one, tied=one.name in summary.set) for one in summary.candidates)]
+    return [head, *(_effect_to_status(node, one, tied=one.name in summary.set) for one in summary.candidates)]
 
 
 def missing_from_statuses(statuses: Sequence[Status]) -> MissingSummary:
-    """Return the summary that `missing_to_statuses` wrote.
-
-    Raises
-    ------
-    CdrError
-        When a value is missing or no number.
-    """
-    if not statuses:
-        raise CdrError("estimator/missing_effects holds no status")
-    values = statuses[0].values
-    try:
-        return MissingSummary(
-            model=values["model"],
-            effects=tuple(values["effects"].split()),
-            verdict=values["verdict"],
-            candidates=tuple(effect_from_values(one.values) for one in statuses[1:]),
-            set=tuple(values["set"].split()),
-            pair=tuple(values.get("pair", "").split()),
-            untestable=tuple(values["untestable"].split()),
-            findings=lines_from_text(values["findings"]),
-            where=lines_from_text(values["where"]),
-            unknown=_unknown_from_values(values),
-            criterion=values["criterion"],
-            level=float(values["level"]),
-            windows=tuple(_window(one) for one in values["windows"].split()),
-            document=values["document"],
-            error=values["error"],
-        )
-    except (KeyError, ValueError, TypeError, InputError) as error:
-        raise CdrError(f"estimator/missing_effects cannot be read: {error}") from error
+    """Return the summary that `missing_to_statuses` wrote; CdrError when it cannot be read."""
+    with reading("estimator/missing_effects", statuses) as values:
+        known = "unknown/variable" in values
+        unknown = from_values(UnknownSummary, values, "unknown/") if known else None
+        candidates = tuple(effect_from_values(one.values) for one in statuses[1:])
+        return from_values(MissingSummary, values, candidates=candidates, unknown=unknown)
 
 
-def effect_to_status(node: str, one: EffectSummary, *, tied: bool) -> Status:
-    """Return the status of one effect."""
+def _effect_to_status(node: str, one: EffectSummary, *, tied: bool) -> Status:
     level = Level.WARN if tied else Level.OK
     return Status(f"{node}: {one.name}", one.line, level, effect_to_values(one), one.name)
 
 
 def effect_to_values(one: EffectSummary) -> dict[str, str]:
     """Return the key values of one effect."""
-    values = {
-        "effect": one.effect,
-        "at": one.at,
-        "testable": one.testable,
-        "p_value": text_or_empty(one.p_value),
-        "explains": repr(float(one.explains)),
-        "gain": text_or_empty(one.gain),
-        "replaces": one.replaces,
-        "why": one.why,
-        "text": one.text,
-        "fitted_model": one.fitted_model,
-    }
+    values = to_values(one)
     for name, estimate in one.parameters.items():
         values[f"parameter/{name}"] = repr(float(estimate.value))
         values[f"stderr/{name}"] = text_or_empty(estimate.stderr)
@@ -253,64 +200,10 @@ def effect_to_values(one: EffectSummary) -> dict[str, str]:
 def effect_from_values(values: dict[str, str]) -> EffectSummary:
     """Return the effect that `effect_to_values` wrote; KeyError or ValueError when it did not."""
     names = [key.removeprefix("parameter/") for key in values if key.startswith("parameter/")]
-    return EffectSummary(
-        effect=values["effect"],
-        at=values["at"],
-        testable=values["testable"],
-        p_value=number_or_none(values["p_value"]),
-        explains=float(values["explains"]),
-        gain=number_or_none(values["gain"]),
-        parameters={
-            name: Estimate(
-                float(values[f"parameter/{name}"]),
-                number_or_none(values[f"stderr/{name}"]),
-                values[f"unit/{name}"],
-            )
-            for name in names
-        },
-        replaces=values["replaces"],
-        why=values["why"],
-        text=values["text"],
-        fitted_model=values.get("fitted_model", ""),
-    )
-
-
-def lines_to_text(lines: Sequence[str]) -> str:
-    """Return lines of text as one value."""
-    return json.dumps(list(lines), ensure_ascii=False)
-
-
-def lines_from_text(text: str) -> tuple[str, ...]:
-    """Return the lines that `lines_to_text` wrote; ValueError or InputError when it did not."""
-    lines = read_json(text, "lines")
-    if not isinstance(lines, list) or not all(isinstance(one, str) for one in lines):
-        raise ValueError(f"{text[:40]!r} is no list of lines")
-    return tuple(lines)
-
-
-def _window(text: str) -> tuple[int, int]:
-    start, stop = text.split("-")
-    return int(start), int(stop)
-
-
-def _unknown_values(one: UnknownSummary) -> dict[str, str]:
-    values = {name: getattr(one, name) for name in ("variable", "unit", "force_unit", "text")}
-    values["share"] = repr(float(one.share))
-    values |= {name: " ".join(repr(float(x)) for x in getattr(one, name)) for name in ("at", "force", "band")}
-    return {f"unknown/{name}": value for name, value in values.items()}
-
-
-def _unknown_from_values(values: dict[str, str]) -> UnknownSummary | None:
-    if "unknown/variable" not in values:
-        return None
-    at, force, band = (tuple(float(x) for x in values[f"unknown/{name}"].split()) for name in ("at", "force", "band"))
-    return UnknownSummary(
-        variable=values["unknown/variable"],
-        unit=values["unknown/unit"],
-        force_unit=values["unknown/force_unit"],
-        at=at,
-        force=force,
-        band=band,
-        share=float(values["unknown/share"]),
-        text=values["unknown/text"],
-    )
+    parameters = {
+        name: Estimate(
+            float(values[f"parameter/{name}"]), number_or_none(values[f"stderr/{name}"]), values[f"unit/{name}"]
+        )
+        for name in names
+    }
+    return from_values(EffectSummary, values, parameters=parameters)

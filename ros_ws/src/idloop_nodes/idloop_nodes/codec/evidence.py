@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from idloop.documents import read_json
-from idloop.errors import InputError
-from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
+from idloop_nodes.codec.key_values import reading
 from idloop_nodes.codec.numbers import as_json
 from idloop_nodes.codec.results import ParameterSummary
 
@@ -43,7 +42,7 @@ class EffectEvidence:
 
 @dataclass(frozen=True)
 class EvidenceSummary:
-    """What one look has found.
+    """Evidence after one stretch of samples.
 
     Attributes
     ----------
@@ -66,7 +65,7 @@ class EvidenceSummary:
     parameters : tuple of ParameterSummary
         Newest estimates, and whether they may be trusted.
     ended : str
-        Why the experiment has been ended; empty where it has not.
+        Why the experiment was ended; empty where it was not.
     error : str
         Why the newest stretch was not scored; empty when it was.
     """
@@ -102,12 +101,12 @@ class EvidenceSummary:
             best = self.candidates[0]
             found = f"nothing decided; most for {best.name}, log E {best.log_e:.1f} of {self.threshold:.1f}"
         else:
-            found = "no effect promises anything"
+            found = "no candidate effect"
         return f"{found}, after {self.seconds:.4g} s of new samples"
 
 
 def evidence_to_statuses(node: str, summary: EvidenceSummary) -> list[Status]:
-    """Return the statuses of ``estimator/evidence``: one for the look, one for each effect."""
+    """Return the statuses of ``estimator/evidence``: one for all, one for each effect."""
     values = {
         "stamp": str(summary.stamp),
         "threshold": repr(float(summary.threshold)),
@@ -136,17 +135,9 @@ def _status(node: str, one: EffectEvidence, threshold: float) -> Status:
 
 
 def evidence_from_statuses(statuses: Sequence[Status]) -> EvidenceSummary:
-    """Return the summary that `evidence_to_statuses` wrote.
-
-    Raises
-    ------
-    CdrError
-        When a value is missing or no number.
-    """
-    if not statuses:
-        raise CdrError("estimator/evidence holds no status")
-    try:
-        found = read_json(statuses[0].values["document"], "evidence")
+    """Return the summary that `evidence_to_statuses` wrote; CdrError when it cannot be read."""
+    with reading("estimator/evidence", statuses) as values:
+        found = read_json(values["document"], "evidence")
         del found["schema"]
         # JSON has no infinity: before the first look there is no threshold.
         found["threshold"] = math.inf if found["threshold"] is None else found["threshold"]
@@ -154,5 +145,3 @@ def evidence_from_statuses(statuses: Sequence[Status]) -> EvidenceSummary:
         found["parameters"] = tuple(ParameterSummary(**one) for one in found["parameters"])
         found |= {name: tuple(found[name]) for name in ("effects", "doubtful")}
         return EvidenceSummary(**found)
-    except (KeyError, ValueError, TypeError, AttributeError, InputError) as error:
-        raise CdrError(f"estimator/evidence cannot be read: {error}") from error

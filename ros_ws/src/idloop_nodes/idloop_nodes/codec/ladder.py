@@ -1,20 +1,14 @@
-"""The ladder as diagnostic statuses and back, without loss: one status for the whole, one for each step."""
+"""The ladder as diagnostic statuses and back: one status for the whole, one for each step."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from idloop.documents import read_json
-from idloop.errors import InputError
-from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
 from idloop_nodes.codec.effects import EffectSummary, effect_from_values, effect_to_values
-from idloop_nodes.codec.numbers import number_or_none, text_or_empty
-
-MEASURES = ("nrmse", "fit", "rmse")
+from idloop_nodes.codec.key_values import from_values, reading, to_values
 
 
 @dataclass(frozen=True)
@@ -61,7 +55,7 @@ class StepSummary:
 
     added: EffectSummary | None = None
     set: tuple[str, ...] = ()
-    p_value: float | None = None
+    p_value: float | None = field(default=None, metadata={"key": "step_p_value"})
     chosen_by: str = ""
     train: Measures = field(default_factory=Measures)
     validation: Measures = field(default_factory=Measures)
@@ -115,33 +109,13 @@ class LadderSummary:
 
 def ladder_to_statuses(node: str, summary: LadderSummary) -> list[Status]:
     """Return the statuses of ``estimator/ladder``."""
-    suggested = summary.suggested_experiment
-    values = {
-        "model": summary.model,
-        "verdict": summary.verdict,
-        "untestable": " ".join(summary.untestable),
-        "suggested_experiment": "" if suggested is None else json.dumps(suggested, ensure_ascii=False),
-        "experiments": str(summary.experiments),
-        "document": summary.document,
-        "error": summary.error,
-    }
-    head = Status(f"{node}: ladder", summary.line, Level.WARN if summary.error else Level.OK, values, summary.model)
+    level = Level.WARN if summary.error else Level.OK
+    head = Status(f"{node}: ladder", summary.line, level, to_values(summary), summary.model)
     return [head, *(_step_to_status(node, number, step) for number, step in enumerate(summary.steps))]
 
 
 def _step_to_status(node: str, number: int, step: StepSummary) -> Status:
-    values = {
-        "set": " ".join(step.set),
-        "step_p_value": text_or_empty(step.p_value),
-        "chosen_by": step.chosen_by,
-        "model": step.model,
-    }
-    for kind in ("train", "validation"):
-        measures: Measures = getattr(step, kind)
-        values[f"{kind}/force"] = text_or_empty(measures.force)
-        for name in MEASURES:
-            numbers: dict[str, float] = getattr(measures, name)
-            values |= {f"{kind}/{name}/{output}": repr(float(value)) for output, value in numbers.items()}
+    values = to_values(step) | to_values(step.train, "train/") | to_values(step.validation, "validation/")
     name, hardware = "start", ""
     if step.added is not None:
         name, hardware = f"+ {step.added.name}", step.added.name
@@ -151,53 +125,16 @@ def _step_to_status(node: str, number: int, step: StepSummary) -> Status:
 
 
 def ladder_from_statuses(statuses: Sequence[Status]) -> LadderSummary:
-    """Return the summary that `ladder_to_statuses` wrote.
-
-    Raises
-    ------
-    CdrError
-        When a value is missing or no number.
-    """
-    if not statuses:
-        raise CdrError("estimator/ladder holds no status")
-    values = statuses[0].values
-    try:
-        return LadderSummary(
-            model=values["model"],
-            steps=tuple(_step_from_values(one.values) for one in statuses[1:]),
-            verdict=values["verdict"],
-            untestable=tuple(values["untestable"].split()),
-            suggested_experiment=_mapping(values["suggested_experiment"]),
-            experiments=int(values["experiments"]),
-            document=values["document"],
-            error=values["error"],
-        )
-    except (KeyError, ValueError, InputError) as error:
-        raise CdrError(f"estimator/ladder cannot be read: {error}") from error
+    """Return the summary that `ladder_to_statuses` wrote; CdrError when it cannot be read."""
+    with reading("estimator/ladder", statuses) as values:
+        return from_values(LadderSummary, values, steps=tuple(_step_from_values(one.values) for one in statuses[1:]))
 
 
 def _step_from_values(values: dict[str, str]) -> StepSummary:
-    return StepSummary(
+    return from_values(
+        StepSummary,
+        values,
         added=effect_from_values(values) if "effect" in values else None,
-        set=tuple(values["set"].split()),
-        p_value=number_or_none(values["step_p_value"]),
-        chosen_by=values["chosen_by"],
-        train=_measures(values, "train"),
-        validation=_measures(values, "validation"),
-        model=values["model"],
+        train=from_values(Measures, values, "train/"),
+        validation=from_values(Measures, values, "validation/"),
     )
-
-
-def _measures(values: dict[str, str], kind: str) -> Measures:
-    numbers: dict[str, dict[str, float]] = {}
-    for name in MEASURES:
-        prefix = f"{kind}/{name}/"
-        numbers[name] = {key[len(prefix) :]: float(value) for key, value in values.items() if key.startswith(prefix)}
-    return Measures(**numbers, force=number_or_none(values[f"{kind}/force"]))
-
-
-def _mapping(text: str) -> dict[str, Any] | None:
-    document = read_json(text, "document") if text else None
-    if document is not None and not isinstance(document, dict):
-        raise ValueError(f"{text[:40]!r} is no mapping")
-    return document

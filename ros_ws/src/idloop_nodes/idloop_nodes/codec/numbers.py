@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from typing import Any
+
+from idloop.json_values import to_json
 
 # As in every printout and on every page: what stands after ± is the half-width of the 95 % interval.
 _NORMAL_95 = 1.959963984540054
@@ -28,14 +29,4 @@ def plus_minus(stderr: float | None, digits: int = 2) -> str:
 
 def as_json(document: Any) -> str:
     """Return a document as JSON; what is no finite number becomes null."""
-    return json.dumps(_plain(document), ensure_ascii=False, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # an array, or one of its numbers
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return json.dumps(to_json(document), ensure_ascii=False, allow_nan=False)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
+from idloop_nodes.codec.key_values import from_values, reading, to_values
 from idloop_nodes.codec.numbers import plus_minus
 
 
 @dataclass(frozen=True)
 class RecursionSummary:
-    """What a recursive method has made of one output so far.
+    """Estimate of a recursive method for one output.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class RecursionSummary:
     method : str
         As the parameter `recursion` has it.
     samples : int
-        Measurements that it has learnt from.
+        Measurements that were used.
     innovation_std : float
         Standard deviation of the innovations [output unit].
     coefficients : dict of str to tuple of float
@@ -42,13 +42,7 @@ def recursion_to_statuses(node: str, summaries: Sequence[RecursionSummary]) -> l
     """Return the statuses of ``estimator/coefficients``, one for each output."""
     statuses = []
     for one in summaries:
-        values = {
-            "output": one.output,
-            "unit": one.unit,
-            "method": one.method,
-            "samples": str(one.samples),
-            "innovation_std": repr(float(one.innovation_std)),
-        }
+        values = to_values(one)
         for name, (value, stderr) in one.coefficients.items():
             values[f"value/{name}"] = repr(float(value))
             values[f"stderr/{name}"] = repr(float(stderr))
@@ -61,26 +55,14 @@ def recursion_to_statuses(node: str, summaries: Sequence[RecursionSummary]) -> l
 
 
 def recursion_from_statuses(statuses: Sequence[Status]) -> list[RecursionSummary]:
-    """Return the summaries that `recursion_to_statuses` wrote.
-
-    Raises
-    ------
-    CdrError
-        When a value is missing or no number.
-    """
-    try:
+    """Return the summaries that `recursion_to_statuses` wrote; CdrError when one cannot be read."""
+    if not statuses:
+        return []
+    with reading("estimator/coefficients", statuses):
         return [_summary(status.values) for status in statuses]
-    except (KeyError, ValueError) as error:
-        raise CdrError(f"estimator/coefficients cannot be read: {error}") from error
 
 
 def _summary(values: dict[str, str]) -> RecursionSummary:
     names = [key.removeprefix("value/") for key in values if key.startswith("value/")]
-    return RecursionSummary(
-        output=values["output"],
-        unit=values["unit"],
-        method=values["method"],
-        samples=int(values["samples"]),
-        innovation_std=float(values["innovation_std"]),
-        coefficients={name: (float(values[f"value/{name}"]), float(values[f"stderr/{name}"])) for name in names},
-    )
+    coefficients = {name: (float(values[f"value/{name}"]), float(values[f"stderr/{name}"])) for name in names}
+    return from_values(RecursionSummary, values, coefficients=coefficients)

@@ -1,13 +1,12 @@
-"""What is known of wear, as diagnostic statuses and back, without loss: one for the monitor, one for each watch."""
+"""Wear as diagnostic statuses and back: one for the monitor, one for each watched parameter."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from idloop.records.bags.cdr import CdrError
 from idloop_nodes.codec.diagnostics import Level, Status
-from idloop_nodes.codec.numbers import number_or_none, text_or_empty
+from idloop_nodes.codec.key_values import from_values, reading, to_values
 
 LEARNING, ALARM, QUIET, CANNOT_TELL = "learning", "alarm", "quiet", "cannot_tell"
 
@@ -133,75 +132,16 @@ class WearSummary:
 
 def wear_to_statuses(node: str, summary: WearSummary) -> list[Status]:
     """Return the statuses of ``estimator/wear``."""
-    values = {
-        "model": summary.model,
-        "state": summary.state,
-        "false_alarm_hours": repr(float(summary.false_alarm_hours)),
-        "reference": repr(float(summary.reference)),
-        "error": summary.error,
-    }
-    head = Status(f"{node}: wear", summary.line, summary.level, values, summary.model)
-    return [head, *(_status(node, watch) for watch in summary.watches)]
+    head = Status(f"{node}: wear", summary.line, summary.level, to_values(summary), summary.model)
+    watches = [
+        Status(f"{node}: {one.parameter}", one.line, one.level, to_values(one), one.parameter)
+        for one in summary.watches
+    ]
+    return [head, *watches]
 
 
 def wear_from_statuses(statuses: Sequence[Status]) -> WearSummary:
-    """Return the summary that `wear_to_statuses` wrote.
-
-    Raises
-    ------
-    CdrError
-        When a value is missing or no number.
-    """
-    if not statuses:
-        raise CdrError("estimator/wear holds no status")
-    values = statuses[0].values
-    try:
-        return WearSummary(
-            model=values["model"],
-            state=values["state"],
-            false_alarm_hours=float(values["false_alarm_hours"]),
-            reference=float(values["reference"]),
-            watches=tuple(_watch(one.values) for one in statuses[1:]),
-            error=values["error"],
-        )
-    except (KeyError, ValueError) as error:
-        raise CdrError(f"estimator/wear cannot be read: {error}") from error
-
-
-_TEXTS = ("parameter", "unit", "state", "why")
-_NUMBERS = ("value", "watched", "evidence", "threshold", "delay")
-_COUNTS = ("blocks", "telling", "alarms", "first", "newest", "onset")
-_ABSENT = ("growth", "low", "high")
-
-
-def _status(node: str, watch: WatchSummary) -> Status:
-    values = {name: str(getattr(watch, name)) for name in _TEXTS}
-    values |= {name: repr(float(getattr(watch, name))) for name in _NUMBERS}
-    values |= {name: str(getattr(watch, name)) for name in _COUNTS}
-    values |= {name: text_or_empty(getattr(watch, name)) for name in _ABSENT}
-    values["able"] = "true" if watch.able else "false"
-    return Status(f"{node}: {watch.parameter}", watch.line, watch.level, values, watch.parameter)
-
-
-def _watch(values: dict[str, str]) -> WatchSummary:
-    return WatchSummary(
-        parameter=values["parameter"],
-        unit=values["unit"],
-        state=values["state"],
-        why=values["why"],
-        able=values["able"] == "true",
-        value=float(values["value"]),
-        watched=float(values["watched"]),
-        evidence=float(values["evidence"]),
-        threshold=float(values["threshold"]),
-        delay=float(values["delay"]),
-        blocks=int(values["blocks"]),
-        telling=int(values["telling"]),
-        alarms=int(values["alarms"]),
-        first=int(values["first"]),
-        newest=int(values["newest"]),
-        onset=int(values["onset"]),
-        growth=number_or_none(values["growth"]),
-        low=number_or_none(values["low"]),
-        high=number_or_none(values["high"]),
-    )
+    """Return the summary that `wear_to_statuses` wrote; CdrError when it cannot be read."""
+    with reading("estimator/wear", statuses) as values:
+        watches = tuple(from_values(WatchSummary, one.values) for one in statuses[1:])
+        return from_values(WearSummary, values, watches=watches)

@@ -170,7 +170,7 @@ DESCRIPTION = NodeDescription(
         "~/diagnose": "find out what is missing, on the newest data and all experiments",
         "~/add_best_effect": "add what the newest diagnosis names first, and refit",
         "~/undo": "take the last step of the ladder back; `auto_add` and `auto_experiment` are then switched off",
-        "~/run_suggested_experiment": "design and run an experiment that separates the tied effects, then diagnose again",
+        "~/run_suggested_experiment": "run an experiment that separates the tied effects, then diagnose again",
     },
     example="-p model:=torsion -p window:=10.0",
     uses_applied_command=True,
